@@ -1,0 +1,1 @@
+//! Ranks, slabs, halos, migration and exact sums.

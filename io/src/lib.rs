@@ -1,0 +1,1 @@
+//! HDF5, XDMF, series, atomic files and manifests.

@@ -1,0 +1,1 @@
+//! Numbers a user came for: the erosion law, closure of mass and momentum.

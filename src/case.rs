@@ -1,0 +1,1 @@
+//! case.json as written: SI, nothing derived.

@@ -1,0 +1,1 @@
+//! A fluid together with its action on grains.

@@ -1,0 +1,1 @@
+//! Contacts, forces, motion.

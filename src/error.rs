@@ -1,0 +1,79 @@
+//! The errors of a run and the exit code of each.
+//!
+//! A [`Problem`] is one sentence about one field of the case; an [`Error`] ends the program. Exit codes:
+//! 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
+//! 75 stopped early with a good checkpoint (requeue), 101 panic.
+
+use std::fmt;
+
+/// How much a [`Problem`] weighs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// The case is refused.
+    Error,
+    /// The case runs, and the user should know.
+    Warning,
+}
+
+/// One thing that is wrong with a case: where, what, what is allowed and what to do.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Problem {
+    /// JSON path of the value, such as `fluid.lattice_boltzmann.relaxation_time`.
+    pub path: String,
+    /// The value found, as JSON text (`missing` where there is none).
+    pub value: String,
+    /// What is wrong and which range or choice is allowed.
+    pub reason: String,
+    /// The smallest change that would pass.
+    pub remedy: String,
+    /// Refused or only worth knowing.
+    pub severity: Severity,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            path,
+            value,
+            reason,
+            remedy,
+            ..
+        } = self;
+        write!(f, "{path} = {value}: {reason}; {remedy}")
+    }
+}
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The case cannot be run; every problem found is listed.
+    #[error("the case has {} problem(s)", .0.len())]
+    Case(Vec<Problem>),
+    /// The numbers failed: not finite, out of the envelope, a particle lost.
+    #[error("numerical failure: {0}")]
+    Numerical(String),
+    /// A file could not be read or written.
+    #[error("input/output: {0}")]
+    Io(String),
+    /// A broken promise inside the program, or of MPI.
+    #[error("internal error: {0}")]
+    Internal(String),
+    /// Stopped on request with a checkpoint written.
+    #[error("stopped early with a checkpoint: {0}")]
+    Stopped(String),
+}
+
+impl Error {
+    /// The exit code of the process that ends with this error.
+    #[must_use]
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            Self::Case(_) => 3,
+            Self::Numerical(_) => 4,
+            Self::Io(_) => 5,
+            Self::Internal(_) => 6,
+            Self::Stopped(_) => 75,
+        }
+    }
+}

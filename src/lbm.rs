@@ -1,0 +1,1 @@
+//! Populations: collide, stream, moments.

@@ -1,0 +1,1 @@
+//! Which fields and series, when, in SI.

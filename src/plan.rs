@@ -1,0 +1,1 @@
+//! Which models the scene needs, and why.

@@ -1,0 +1,1 @@
+//! The resolved problem, the same on every rank.

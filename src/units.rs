@@ -1,0 +1,1 @@
+//! SI to lattice units and back: the only conversions.
