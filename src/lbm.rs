@@ -1,1 +1,15 @@
-//! Populations: collide, stream, moments.
+//! Lattice Boltzmann: populations, collide, stream, boundaries, moments.
+//!
+//! Everything here is in lattice units: cells, steps, deviations of density from one. A step is one fused
+//! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab, and the boundary rules
+//! ([`boundary`]). Moving bodies are the coupling's business; it meets the lattice through [`populations::Link`].
+
+pub mod boundary;
+pub mod collision;
+pub mod fluid;
+pub mod halo;
+pub mod initial;
+pub mod kernel;
+pub mod lanes;
+pub mod lattice;
+pub mod populations;

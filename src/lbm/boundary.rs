@@ -1,0 +1,390 @@
+//! Boundaries of the domain: a rule for each population that would enter from outside.
+//!
+//! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
+//! that leaves through an edge or a corner belongs to the face with the strongest condition, in the order wall,
+//! velocity, pressure, outflow, free slip; a wall therefore always closes its corners.
+
+pub mod free_slip;
+pub mod outflow;
+pub mod pressure;
+pub mod wall;
+
+use super::lanes::Stored;
+use super::populations::Populations;
+
+/// A value that goes linearly from `start` to `end` during `steps`, then stays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ramp {
+    /// Value at step 0.
+    pub start: f64,
+    /// Value from `steps` on.
+    pub end: f64,
+    /// Length in steps; 0 for a step change.
+    pub steps: f64,
+}
+
+impl Ramp {
+    /// The same value always.
+    #[must_use]
+    pub fn constant(value: f64) -> Self {
+        Self {
+            start: value,
+            end: value,
+            steps: 0.0,
+        }
+    }
+
+    /// Value at a step.
+    #[must_use]
+    pub fn at(&self, step: f64) -> f64 {
+        if step >= self.steps {
+            self.end
+        } else {
+            self.start + (self.end - self.start) * (step / self.steps)
+        }
+    }
+}
+
+/// Velocity on a face as a function of the position in cells (lattice units).
+pub type Profile = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
+
+/// What happens at a patch of a face.
+pub enum Condition {
+    /// The fluid sticks to a wall at rest.
+    NoSlip,
+    /// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
+    Velocity(Profile, Ramp),
+    /// Density deviation δρ = 3 p (pressure above the reference, in lattice units).
+    Pressure(Ramp),
+    /// The fluid leaves with the state it has.
+    Outflow,
+    /// No flow through, no friction along.
+    FreeSlip,
+}
+
+impl Condition {
+    fn strength(&self) -> u8 {
+        match self {
+            Self::NoSlip => 4,
+            Self::Velocity(..) => 3,
+            Self::Pressure(_) => 2,
+            Self::Outflow => 1,
+            Self::FreeSlip => 0,
+        }
+    }
+}
+
+/// A named part of one face.
+pub struct Patch {
+    /// Name in outputs.
+    pub name: String,
+    /// Axis of the face normal.
+    pub axis: usize,
+    /// At the upper end of the axis.
+    pub upper: bool,
+    /// Corners of the part in cells (the components along the axis are not used); later patches win.
+    pub range: [[f64; 2]; 3],
+    /// The rule.
+    pub condition: Condition,
+}
+
+impl Patch {
+    fn holds(&self, position: [f64; 3]) -> bool {
+        (0..3).all(|a| {
+            a == self.axis || (self.range[a][0] <= position[a] && position[a] < self.range[a][1])
+        })
+    }
+}
+
+/// All boundary links of one slab, grouped by rule, ready to be applied without a choice in the loop.
+pub struct Boundaries {
+    patches: Vec<Patch>,
+    walls: Vec<wall::WallLink>,
+    pressures: Vec<pressure::PressureCell>,
+    pressure_links: Vec<pressure::PressureLink>,
+    mirrors: Vec<free_slip::Mirror>,
+    outflows: Vec<outflow::OutflowLink>,
+}
+
+/// Momentum and mass that crossed one patch during a step (exact sums over links).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Flux {
+    /// Force of the fluid on what is behind the patch, in units of 2^-56 lattice units.
+    pub force: [i128; 3],
+    /// Mass leaving the fluid through the patch, same units.
+    pub mass: i128,
+}
+
+/// Quanta in one lattice unit: link values are summed as integers of 2^-56, so that neither the order of links nor the
+/// number of ranks can change a sum. Single values stay below 128; larger ones saturate (the flow guard has fired long before).
+pub const QUANTA: f64 = (1_u64 << 56) as f64;
+
+/// A link value in quanta, rounded toward zero.
+#[inline(always)]
+#[must_use]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "saturation is the documented behaviour"
+)]
+pub fn quanta(g: f64) -> i64 {
+    (g * QUANTA) as i64
+}
+
+/// A sum of quanta in lattice units.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "rounded once, to nearest")]
+pub fn from_quanta(sum: i128) -> f64 {
+    sum as f64 / QUANTA
+}
+
+/// Where a cell lies relative to the whole domain.
+pub struct Frame {
+    /// Cells of the whole domain.
+    pub cells: [usize; 3],
+    /// First cell of the slab.
+    pub start: [usize; 3],
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+}
+
+impl Boundaries {
+    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls.
+    #[must_use]
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        frame: &Frame,
+        patches: Vec<Patch>,
+    ) -> Self {
+        let mut all = Self {
+            patches,
+            walls: Vec::new(),
+            pressures: Vec::new(),
+            pressure_links: Vec::new(),
+            mirrors: Vec::new(),
+            outflows: Vec::new(),
+        };
+        for axis in 0..3 {
+            // Last resort, weakest in the search below because later patches win.
+            for upper in [false, true] {
+                let name = format!(
+                    "{}_{}",
+                    ["x", "y", "z"][axis],
+                    if upper { "max" } else { "min" }
+                );
+                let range = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+                let patch = Patch {
+                    name,
+                    axis,
+                    upper,
+                    range,
+                    condition: Condition::NoSlip,
+                };
+                all.patches.push(patch);
+            }
+        }
+        let defaults = all.patches.len() - 6;
+        let velocities = populations.velocities().clone();
+        let dimension = velocities.dimension;
+        for (local, cell) in populations.interior() {
+            let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
+            let at_face = (0..dimension)
+                .any(|a| !frame.periodic[a] && (at[a] == 0 || at[a] + 1 == frame.cells[a]));
+            if !at_face {
+                continue;
+            }
+            let mut pressure_cell: Option<(usize, usize)> = None;
+            for i in 1..velocities.q() {
+                let c = velocities.c[i];
+                let outside: [bool; 3] = std::array::from_fn(|a| {
+                    a < dimension
+                        && !frame.periodic[a]
+                        && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == frame.cells[a]))
+                });
+                if !outside.contains(&true) {
+                    continue;
+                }
+                // The middle of the link, in cells; the first cell spans 0..1.
+                let middle: [f64; 3] = std::array::from_fn(|a| {
+                    #[expect(
+                        clippy::cast_precision_loss,
+                        reason = "cell counts are far below 2^53"
+                    )]
+                    let x = at[a] as f64;
+                    // Along a face through which the link does not leave, the crossing point; through a face, the face.
+                    x + 0.5 + 0.5 * f64::from(c[a])
+                });
+                let patch = (0..3)
+                    .filter(|&a| outside[a])
+                    .map(|axis| {
+                        let upper = c[axis] > 0;
+                        (0..defaults)
+                            .rev()
+                            .find(|&p| {
+                                let patch = &all.patches[p];
+                                patch.axis == axis && patch.upper == upper && patch.holds(middle)
+                            })
+                            .unwrap_or(defaults + 2 * axis + usize::from(upper))
+                    })
+                    .max_by_key(|&p| all.patches[p].condition.strength())
+                    .unwrap_or(defaults);
+                let link = populations.link(cell, i);
+                let weight = velocities.w[i];
+                match &all.patches[patch].condition {
+                    Condition::NoSlip => {
+                        all.walls.push(wall::WallLink {
+                            link,
+                            patch,
+                            direction: i,
+                            term: 0.0,
+                        });
+                    }
+                    Condition::Velocity(profile, _) => {
+                        let u = profile(middle);
+                        let term = wall::term(weight, c, u);
+                        all.walls.push(wall::WallLink {
+                            link,
+                            patch,
+                            direction: i,
+                            term,
+                        });
+                    }
+                    Condition::Pressure(_) => {
+                        match &mut pressure_cell {
+                            Some((_, n)) => *n += 1,
+                            None => pressure_cell = Some((all.pressure_links.len(), 1)),
+                        }
+                        all.pressure_links.push(pressure::PressureLink {
+                            link,
+                            patch,
+                            direction: i,
+                            weight,
+                            c: c.map(f64::from),
+                        });
+                    }
+                    Condition::Outflow => {
+                        all.outflows.push(outflow::OutflowLink::new(
+                            populations,
+                            cell,
+                            i,
+                            outside,
+                            patch,
+                        ));
+                    }
+                    Condition::FreeSlip => {
+                        all.mirrors.push(free_slip::Mirror::new(
+                            populations,
+                            cell,
+                            i,
+                            outside,
+                            patch,
+                        ));
+                    }
+                }
+            }
+            if let Some((first, count)) = pressure_cell {
+                all.pressures
+                    .push(pressure::PressureCell { cell, first, count });
+            }
+        }
+        all
+    }
+
+    /// Names of the patches, in the order of [`Boundaries::fluxes`].
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.patches.iter().map(|p| p.name.as_str())
+    }
+
+    /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force.
+    pub fn apply<S: Stored>(
+        &self,
+        populations: &mut Populations<S>,
+        step: f64,
+        half_force: [f64; 3],
+    ) {
+        // Pressure reads whole cells, so it goes first; the others touch only their own two numbers.
+        pressure::apply(
+            &self.pressures,
+            &self.pressure_links,
+            |patch| match self.patches[patch].condition {
+                Condition::Pressure(ramp) => ramp.at(step),
+                _ => 0.0,
+            },
+            populations,
+            half_force,
+        );
+        outflow::apply(&self.outflows, populations);
+        free_slip::apply(&self.mirrors, populations);
+        wall::apply(
+            &self.walls,
+            |patch| match &self.patches[patch].condition {
+                Condition::Velocity(_, ramp) => ramp.at(step),
+                _ => 0.0,
+            },
+            populations,
+        );
+    }
+
+    /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over
+    /// the boundary links.
+    #[must_use]
+    pub fn fluxes<S: Stored>(&self, populations: &Populations<S>) -> Vec<Flux> {
+        let mut fluxes = vec![Flux::default(); self.patches.len()];
+        let parity = populations.parity();
+        let numbers = populations.numbers();
+        let velocities = populations.velocities();
+        let mut add = |patch: usize, out: usize, into: usize, i: usize, j: usize| {
+            let (a, b) = (numbers[out].to_f64(), numbers[into].to_f64());
+            let (leaves, enters) = (
+                i128::from(quanta(a + velocities.w[i])),
+                i128::from(quanta(b + velocities.w[j])),
+            );
+            let flux = &mut fluxes[patch];
+            for axis in 0..3 {
+                flux.force[axis] += i128::from(velocities.c[i][axis]) * leaves
+                    - i128::from(velocities.c[j][axis]) * enters;
+            }
+            flux.mass += leaves - enters;
+        };
+        for w in &self.walls {
+            let back = velocities.opposite[w.direction];
+            add(
+                w.patch,
+                w.link.out(parity),
+                w.link.incoming(parity),
+                w.direction,
+                back,
+            );
+        }
+        for p in &self.pressure_links {
+            let back = velocities.opposite[p.direction];
+            add(
+                p.patch,
+                p.link.out(parity),
+                p.link.incoming(parity),
+                p.direction,
+                back,
+            );
+        }
+        for o in &self.outflows {
+            let back = velocities.opposite[o.direction];
+            add(
+                o.patch,
+                o.link.out(parity),
+                o.link.incoming(parity),
+                o.direction,
+                back,
+            );
+        }
+        for m in &self.mirrors {
+            let (from, to) = m.ends(parity);
+            add(m.patch, from, to, m.leaves, m.enters);
+        }
+        fluxes
+    }
+
+    /// Whether any rule needs the cell behind the first (outflow), so that a slab at a face must be two planes thick.
+    #[must_use]
+    pub fn needs_two_planes(&self) -> bool {
+        !self.outflows.is_empty()
+    }
+}

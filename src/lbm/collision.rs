@@ -1,0 +1,95 @@
+//! Collision operators, written over lanes: one file per operator.
+//!
+//! Populations are kept as deviations g_i = f_i - w_i (exact where the fluid rests). With δρ = Σ g and momentum
+//! m = Σ c g + F/2 (Guo et al. 2002; F = 0 without a body force) and u = m/ρ, the equilibrium of E-01 reads
+//!
+//! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
+
+pub mod bgk;
+pub mod trt;
+
+use super::lanes::Lanes;
+use super::lattice::{Lattice, unroll};
+
+/// What happens to the populations of one cell (or of several side by side) in a step.
+pub trait Collision: Copy + Send + Sync {
+    /// Replaces incoming deviations by outgoing ones. Every call sees the same `self` during one step.
+    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(&self, g: &mut [N; Q]);
+}
+
+/// Even and odd sums of each opposite pair with the moments that every operator needs.
+pub(crate) struct Pairs<N> {
+    /// g_i + g_ī of each pair.
+    pub(crate) even: [N; 13],
+    /// g_i - g_ī of each pair.
+    pub(crate) odd: [N; 13],
+    /// Density deviation δρ.
+    pub(crate) drho: N,
+    /// Momentum m = Σ c g + F/2.
+    pub(crate) m: [N; 3],
+    /// Velocity u = m / ρ.
+    pub(crate) u: [N; 3],
+    /// m·u
+    pub(crate) mu: N,
+}
+
+impl<N: Lanes> Pairs<N> {
+    /// Gathers the pairs and moments of a cell; `half_force` is F/2.
+    #[inline(always)]
+    pub(crate) fn of<L: Lattice<Q>, const Q: usize>(g: &[N; Q], half_force: [f64; 3]) -> Self {
+        let zero = N::splat(0.0);
+        let mut even = [zero; 13];
+        let mut odd = [zero; 13];
+        let mut drho = g[0];
+        let mut m = [
+            N::splat(half_force[0]),
+            N::splat(half_force[1]),
+            N::splat(half_force[2]),
+        ];
+        unroll!(pairs K < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[K];
+            even[K] = g[i] + g[j];
+            odd[K] = g[i] - g[j];
+            drho = drho + even[K];
+            let c = L::C[i];
+            unroll!(axes A < L::DIMENSION => {
+                match c[A] {
+                    1 => m[A] = m[A] + odd[K],
+                    -1 => m[A] = m[A] - odd[K],
+                    _ => {}
+                }
+            });
+        });
+        let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
+        let mut u = [zero; 3];
+        let mut mu = zero;
+        unroll!(axes A < L::DIMENSION => {
+            u[A] = m[A] * inverse;
+            mu = m[A].mul_add(u[A], mu);
+        });
+        Self {
+            even,
+            odd,
+            drho,
+            m,
+            u,
+            mu,
+        }
+    }
+}
+
+/// c·v for a constant direction: adds and subtracts components, never multiplies.
+#[inline(always)]
+pub(crate) fn along<N: Lanes>(c: [i8; 3], v: &[N; 3]) -> N {
+    let mut sum: Option<N> = None;
+    unroll!(axes A < 3 => {
+        sum = match (c[A], sum) {
+            (0, s) => s,
+            (1, None) => Some(v[A]),
+            (1, Some(s)) => Some(s + v[A]),
+            (_, None) => Some(N::splat(0.0) - v[A]),
+            (_, Some(s)) => Some(s - v[A]),
+        };
+    });
+    sum.unwrap_or_else(|| N::splat(0.0))
+}

@@ -1,0 +1,197 @@
+//! Exchange of the populations that leave a slab, and their copies round periodic axes within it.
+//!
+//! Only the populations that cross a face travel: 3 of D2Q9, 9 of D3Q27 per cell of the face. In terms of memory: after
+//! an even pass a ghost plane receives the slots that point away from the slab; after an odd pass it gives them back.
+
+use super::lanes::Stored;
+use super::populations::{Parity, Populations};
+use decomposition::{Domain, HaloExchange};
+
+/// The exchange of one slab along the split axis.
+pub struct Halo {
+    exchange: Option<HaloExchange>,
+    /// Directions that point to lower planes, and to higher ones.
+    down: Vec<usize>,
+    up: Vec<usize>,
+    /// Positions in a plane, ghosts included, relative to its cell (0, 0).
+    plane: Vec<isize>,
+    planes: isize,
+}
+
+impl Halo {
+    /// Sets up the exchange for the slab of `populations` in `domain`.
+    pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Self {
+        let [slow, middle, fast] = populations.order();
+        let velocities = populations.velocities();
+        let cells = populations.cells();
+        let leaving = |sign: i8| -> Vec<usize> {
+            (0..velocities.q())
+                .filter(|&i| velocities.c[i][slow] == sign)
+                .collect()
+        };
+        let extent = |axis: usize| {
+            let ghost = isize::from(axis < velocities.dimension);
+            -ghost..cells[axis].cast_signed() + ghost
+        };
+        let zero = populations.cell([0; 3]).cast_signed();
+        let mut plane = Vec::new();
+        for j in extent(middle) {
+            for k in extent(fast) {
+                let mut at = [0; 3];
+                at[middle] = j;
+                at[fast] = k;
+                plane.push(populations.cell(at).cast_signed() - zero);
+            }
+        }
+        let (down, up) = (leaving(-1), leaving(1));
+        let planes = cells[slow].cast_signed();
+        let bytes = plane.len() * down.len() * size_of::<S>();
+        let exchange = (planes > 0).then(|| HaloExchange::new(domain, bytes, bytes));
+        Self {
+            exchange,
+            down,
+            up,
+            plane,
+            planes,
+        }
+    }
+
+    /// Packs what leaves and starts sending; call when the first and the last plane have been updated.
+    pub fn start<S: Stored>(&mut self, populations: &Populations<S>) {
+        let Some(exchange) = &mut self.exchange else {
+            return;
+        };
+        let (to_lower, to_upper) = match populations.parity() {
+            Parity::Reversed => (0, self.planes - 1),
+            Parity::Home => (-1, self.planes),
+        };
+        // After an even pass the neighbour's ghosts want the slots that point away from it, hence towards us.
+        let (lower_slots, upper_slots) = match populations.parity() {
+            Parity::Reversed => (&self.up, &self.down),
+            Parity::Home => (&self.down, &self.up),
+        };
+        let (lower, upper) = exchange.send_buffers_mut::<S>();
+        if let Some(buffer) = lower {
+            copy_out(populations, to_lower, lower_slots, &self.plane, buffer);
+        }
+        if let Some(buffer) = upper {
+            copy_out(populations, to_upper, upper_slots, &self.plane, buffer);
+        }
+        exchange.start();
+    }
+
+    /// Waits for the neighbours and unpacks.
+    pub fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        let Some(exchange) = &mut self.exchange else {
+            return;
+        };
+        exchange.finish();
+        let (from_lower, from_upper) = match populations.parity() {
+            Parity::Reversed => (-1, self.planes),
+            Parity::Home => (0, self.planes - 1),
+        };
+        let (lower_slots, upper_slots) = match populations.parity() {
+            Parity::Reversed => (&self.down, &self.up),
+            Parity::Home => (&self.up, &self.down),
+        };
+        let (lower, upper) = exchange.received::<S>();
+        if let Some(buffer) = lower {
+            copy_in(populations, from_lower, lower_slots, &self.plane, buffer);
+        }
+        if let Some(buffer) = upper {
+            copy_in(populations, from_upper, upper_slots, &self.plane, buffer);
+        }
+    }
+}
+
+fn copy_out<S: Stored>(
+    populations: &Populations<S>,
+    plane: isize,
+    slots: &[usize],
+    cells: &[isize],
+    buffer: &mut [S],
+) {
+    let origin = plane_origin(populations, plane);
+    let numbers = populations.numbers();
+    for (&slot, part) in slots.iter().zip(buffer.chunks_exact_mut(cells.len())) {
+        let base = populations.slot(origin, slot);
+        for (value, &cell) in part.iter_mut().zip(cells) {
+            *value = numbers[base.wrapping_add_signed(cell)];
+        }
+    }
+}
+
+fn copy_in<S: Stored>(
+    populations: &mut Populations<S>,
+    plane: isize,
+    slots: &[usize],
+    cells: &[isize],
+    buffer: &[S],
+) {
+    let origin = plane_origin(populations, plane);
+    for (&slot, part) in slots.iter().zip(buffer.chunks_exact(cells.len())) {
+        let base = populations.slot(origin, slot);
+        let numbers = populations.numbers_mut();
+        for (value, &cell) in part.iter().zip(cells) {
+            numbers[base.wrapping_add_signed(cell)] = *value;
+        }
+    }
+}
+
+fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize {
+    let mut at = [0; 3];
+    at[populations.order()[0]] = plane;
+    populations.cell(at)
+}
+
+/// Copies round the periodic axes that are not split, for some planes of the slab.
+///
+/// After an even pass ghosts are filled (fastest axis first, so that corners follow); after an odd pass they are
+/// delivered, in the opposite order.
+pub fn wrap<S: Stored>(
+    populations: &mut Populations<S>,
+    periodic: [bool; 3],
+    planes: std::ops::Range<usize>,
+) {
+    let [slow, middle, fast] = populations.order();
+    let parity = populations.parity();
+    let dimension = populations.velocities().dimension;
+    let axes = match parity {
+        Parity::Reversed => [(fast, middle), (middle, fast)],
+        Parity::Home => [(middle, fast), (fast, middle)],
+    };
+    for (axis, other) in axes {
+        if axis >= dimension || !periodic[axis] {
+            continue;
+        }
+        let last = populations.cells()[axis].cast_signed() - 1;
+        // With the ghosts of the other axis: beyond a free-slip face they carry populations on their way back.
+        let ghost = isize::from(other < dimension);
+        let across = -ghost..populations.cells()[other].cast_signed() + ghost;
+        for i in 0..populations.velocities().q() {
+            let c = populations.velocities().c[i][axis];
+            let (outside, inside) = match c {
+                -1 => (-1, last),
+                1 => (last + 1, 0),
+                _ => continue,
+            };
+            let (from, to) = match parity {
+                Parity::Reversed => (inside, outside),
+                Parity::Home => (outside, inside),
+            };
+            for plane in planes.clone() {
+                for j in across.clone() {
+                    let mut at = [0; 3];
+                    at[slow] = plane.cast_signed();
+                    at[other] = j;
+                    at[axis] = from;
+                    let source = populations.slot(populations.cell(at), i);
+                    at[axis] = to;
+                    let target = populations.slot(populations.cell(at), i);
+                    let numbers = populations.numbers_mut();
+                    numbers[target] = numbers[source];
+                }
+            }
+        }
+    }
+}

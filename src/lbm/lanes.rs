@@ -1,0 +1,276 @@
+//! Numbers in the cell loop: one `f64`, or several side by side in a vector register.
+//!
+//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane alone and
+//! is correctly rounded, and fused multiply-add is explicit, so all widths give the same bits (design rule 6). The
+//! width is chosen once at start from what the processor offers ([`Level`]).
+
+use std::ops::{Add, Div, Mul, Sub};
+
+/// Several `f64` that go through the same arithmetic.
+pub trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// How many numbers one value holds.
+    const WIDTH: usize;
+    /// The same number in every lane.
+    fn splat(x: f64) -> Self;
+    /// `self * a + b`, rounded once.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// `b - self * a`, rounded once.
+    fn neg_mul_add(self, a: Self, b: Self) -> Self;
+}
+
+/// A number at rest in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
+pub trait Stored: Copy + Send + Sync + Default + bytemuck::Pod {
+    /// Name as written in a case.
+    const NAME: &'static str;
+    /// From working precision, rounded to nearest.
+    fn from_f64(x: f64) -> Self;
+    /// To working precision, exact.
+    fn to_f64(self) -> f64;
+}
+
+impl Stored for f64 {
+    const NAME: &'static str = "f64";
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Stored for f32 {
+    const NAME: &'static str = "f32";
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounding to f32 is what the case asked for"
+    )]
+    fn from_f64(x: f64) -> Self {
+        x as Self
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// Moves `N::WIDTH` neighbouring numbers between memory and lanes.
+pub trait Memory<N: Lanes>: Stored {
+    /// Loads `N::WIDTH` numbers.
+    ///
+    /// # Safety
+    /// `from` must be valid for reading that many elements.
+    unsafe fn load(from: *const Self) -> N;
+    /// Stores `N::WIDTH` numbers.
+    ///
+    /// # Safety
+    /// `to` must be valid for writing that many elements.
+    unsafe fn store(to: *mut Self, value: N);
+}
+
+impl Lanes for f64 {
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        f64::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        f64::mul_add(-self, a, b)
+    }
+}
+
+impl<S: Stored> Memory<f64> for S {
+    #[inline(always)]
+    unsafe fn load(from: *const Self) -> f64 {
+        // SAFETY: the caller promises one readable element.
+        unsafe { from.read() }.to_f64()
+    }
+    #[inline(always)]
+    unsafe fn store(to: *mut Self, value: f64) {
+        // SAFETY: the caller promises one writable element.
+        unsafe { to.write(S::from_f64(value)) }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Add, Div, Lanes, Memory, Mul, Sub};
+    use std::arch::x86_64::*;
+
+    /// Four lanes in an AVX2 register.
+    #[derive(Clone, Copy)]
+    pub struct Avx2(__m256d);
+    /// Eight lanes in an AVX-512 register.
+    #[derive(Clone, Copy)]
+    pub struct Avx512(__m512d);
+
+    macro_rules! operators {
+        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident) => {
+            impl Add for $lanes {
+                type Output = Self;
+                #[inline(always)]
+                fn add(self, b: Self) -> Self {
+                    // SAFETY: a value of this type exists only inside a kernel entered after the processor was asked
+                    // for the instruction set (`Level::best`); the same holds for each operation below.
+                    Self(unsafe { $add(self.0, b.0) })
+                }
+            }
+            impl Sub for $lanes {
+                type Output = Self;
+                #[inline(always)]
+                fn sub(self, b: Self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $sub(self.0, b.0) })
+                }
+            }
+            impl Mul for $lanes {
+                type Output = Self;
+                #[inline(always)]
+                fn mul(self, b: Self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $mul(self.0, b.0) })
+                }
+            }
+            impl Div for $lanes {
+                type Output = Self;
+                #[inline(always)]
+                fn div(self, b: Self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $div(self.0, b.0) })
+                }
+            }
+            impl Lanes for $lanes {
+                const WIDTH: usize = $width;
+                #[inline(always)]
+                fn splat(x: f64) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $set(x) })
+                }
+                #[inline(always)]
+                fn mul_add(self, a: Self, b: Self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $fma(self.0, a.0, b.0) })
+                }
+                #[inline(always)]
+                fn neg_mul_add(self, a: Self, b: Self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $fnma(self.0, a.0, b.0) })
+                }
+            }
+        };
+    }
+    operators!(
+        Avx2,
+        4,
+        _mm256_add_pd,
+        _mm256_sub_pd,
+        _mm256_mul_pd,
+        _mm256_div_pd,
+        _mm256_fmadd_pd,
+        _mm256_fnmadd_pd,
+        _mm256_set1_pd
+    );
+    operators!(
+        Avx512,
+        8,
+        _mm512_add_pd,
+        _mm512_sub_pd,
+        _mm512_mul_pd,
+        _mm512_div_pd,
+        _mm512_fmadd_pd,
+        _mm512_fnmadd_pd,
+        _mm512_set1_pd
+    );
+
+    macro_rules! memory {
+        ($stored:ty, $lanes:ident, |$from:ident| $load:expr, |$to:ident, $value:ident| $store:expr) => {
+            impl Memory<$lanes> for $stored {
+                #[inline(always)]
+                unsafe fn load($from: *const Self) -> $lanes {
+                    // SAFETY: the caller promises WIDTH readable elements; instruction set as for `add`.
+                    $lanes(unsafe { $load })
+                }
+                #[inline(always)]
+                unsafe fn store($to: *mut Self, $value: $lanes) {
+                    // SAFETY: the caller promises WIDTH writable elements; instruction set as for `add`.
+                    unsafe { $store }
+                }
+            }
+        };
+    }
+    memory!(f64, Avx2, |p| _mm256_loadu_pd(p), |p, v| _mm256_storeu_pd(
+        p, v.0
+    ));
+    memory!(
+        f64,
+        Avx512,
+        |p| _mm512_loadu_pd(p),
+        |p, v| _mm512_storeu_pd(p, v.0)
+    );
+    memory!(f32, Avx2, |p| _mm256_cvtps_pd(_mm_loadu_ps(p)), |p, v| {
+        _mm_storeu_ps(p, _mm256_cvtpd_ps(v.0))
+    });
+    memory!(
+        f32,
+        Avx512,
+        |p| _mm512_cvtps_pd(_mm256_loadu_ps(p)),
+        |p, v| _mm256_storeu_ps(p, _mm512_cvtpd_ps(v.0))
+    );
+}
+#[cfg(target_arch = "x86_64")]
+pub use x86::{Avx2, Avx512};
+
+/// Instruction set used by the cell loop. All levels give the same bits; they differ in speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// One number at a time, any processor.
+    Scalar,
+    /// Four lanes, AVX2 with FMA.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// Eight lanes, AVX-512F.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Level {
+    /// The widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and comparisons).
+    #[must_use]
+    pub fn best() -> Self {
+        let wish = std::env::var("SOLVER_LANES").unwrap_or_default();
+        if wish == "scalar" {
+            return Self::Scalar;
+        }
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && wish != "avx2" {
+                return Self::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Self::Avx2;
+            }
+        }
+        Self::Scalar
+    }
+
+    /// Name for the provenance of a run.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => "avx2+fma",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => "avx512f",
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! The one lattice array: populations of one slab, streamed in place.
+//!
+//! # Where a population lies
+//!
+//! Two passes alternate (the AA pattern of Bailey et al. 2009). Slot i of cell x is one number in memory:
+//!
+//! | after the | outgoing f*_i(x), just collided | incoming f_j(x), next to be collided |
+//! |---|---|---|
+//! | even pass | slot ī of x | slot j̄ of x - c_j |
+//! | odd pass | slot i of x + c_i | slot j of x |
+//!
+//! So the two ends of a link, leaving x along i and coming back along ī, are the same two numbers after either pass;
+//! only their roles change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; nobody but
+//! this file asks for parity. Because each number is touched by exactly one cell per pass, the order of cells, threads
+//! and ranks cannot matter (design rule 6).
+//!
+//! # Layout
+//!
+//! One array per population, split axis slowest, unit stride innermost, one ghost cell on every side. Rows are padded
+//! to 64 bytes but not to 4 KiB and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
+//! third of the speed. Memory comes from `mmap` with huge pages advised before the first touch.
+
+use super::lanes::Stored;
+use super::lattice::Velocities;
+use std::marker::PhantomData;
+
+/// Whether the last pass was even or odd: it decides which end of a link is "in".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parity {
+    /// Populations lie in their own cell: the state at start and after an odd pass.
+    Home,
+    /// After an even pass: outgoing populations still lie, reversed, where they were read.
+    Reversed,
+}
+
+/// The two numbers at the ends of a link from cell x along direction i: positions in the whole array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// Slot ī of x.
+    pub near: u32,
+    /// Slot i of x + c_i.
+    pub far: u32,
+}
+
+impl Link {
+    /// Position of the outgoing f*_i(x).
+    #[inline(always)]
+    #[must_use]
+    pub fn out(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.near,
+            Parity::Home => self.far,
+        }) as usize
+    }
+
+    /// Position of the incoming f_ī(x) of the next step.
+    #[inline(always)]
+    #[must_use]
+    pub fn incoming(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.far,
+            Parity::Home => self.near,
+        }) as usize
+    }
+}
+
+/// Populations g_i = f_i - w_i of one slab.
+///
+/// Local cell coordinates run from -1 (ghost) over `0..cells` to `cells` (ghost) along each axis.
+pub struct Populations<S: Stored> {
+    memory: Map<S>,
+    /// Interior cells along x, y, z (z = 1 in 2-D).
+    cells: [usize; 3],
+    /// Distance in elements between neighbours along x, y, z.
+    strides: [usize; 3],
+    /// Distance between the arrays of neighbouring populations.
+    array: usize,
+    /// Position of cell (0, 0, 0) within an array.
+    origin: usize,
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    velocities: Velocities,
+    parity: Parity,
+}
+
+impl<S: Stored> Populations<S> {
+    /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
+    ///
+    /// # Errors
+    /// When the memory cannot be had, or the slab needs more than 2³² numbers.
+    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+        let fast = (0..velocities.dimension).find(|&a| a != split).unwrap_or(0);
+        let middle = 3 - split - fast;
+        let order = [split, middle, fast];
+        // Room for whole vectors beyond the last cell; never a multiple of a page.
+        let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
+        if pitch.is_multiple_of(512) {
+            pitch += 8;
+        }
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
+        let rows = cells[middle] + 2 * ghosts(middle);
+        let planes = cells[split] + 2 * ghosts(split);
+        let mut strides = [0; 3];
+        strides[fast] = 1;
+        strides[middle] = pitch;
+        strides[split] = pitch * rows;
+        let used = strides[split] * planes;
+        let page = 4096 / size_of::<S>();
+        let stagger = 1600 / size_of::<S>();
+        let array = used.next_multiple_of(page) + stagger;
+        let origin = 8 + strides[middle] * ghosts(middle) + strides[split] * ghosts(split);
+        let total = array
+            .checked_mul(velocities.q())
+            .filter(|&n| u32::try_from(n).is_ok())
+            .ok_or_else(|| {
+                format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
+            })?;
+        Ok(Self {
+            memory: Map::new(total)?,
+            cells,
+            strides,
+            array,
+            origin,
+            order,
+            velocities,
+            parity: Parity::Home,
+        })
+    }
+
+    /// Interior cells along x, y, z.
+    #[must_use]
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Axes from slowest (the slab axis) to fastest (unit stride).
+    #[must_use]
+    pub fn order(&self) -> [usize; 3] {
+        self.order
+    }
+
+    /// The velocity set.
+    #[must_use]
+    pub fn velocities(&self) -> &Velocities {
+        &self.velocities
+    }
+
+    /// Which pass ran last.
+    #[must_use]
+    pub fn parity(&self) -> Parity {
+        self.parity
+    }
+
+    /// Bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.memory.len * size_of::<S>()
+    }
+
+    /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
+    #[must_use]
+    pub fn cell_positions(&self) -> usize {
+        self.array
+    }
+
+    /// Position within one array of a cell, ghosts included.
+    #[inline(always)]
+    #[must_use]
+    pub fn cell(&self, at: [isize; 3]) -> usize {
+        self.origin
+            .wrapping_add_signed(at[0] * self.strides[0].cast_signed())
+            .wrapping_add_signed(at[1] * self.strides[1].cast_signed())
+            .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
+    }
+
+    /// Distance in positions from a cell to its neighbour along direction `i`.
+    #[inline(always)]
+    #[must_use]
+    pub fn offset(&self, i: usize) -> isize {
+        let c = self.velocities.c[i];
+        (0..3)
+            .map(|a| isize::from(c[a]) * self.strides[a].cast_signed())
+            .sum()
+    }
+
+    /// The link that leaves the cell at position `cell` along direction `i`.
+    #[inline]
+    #[must_use]
+    pub fn link(&self, cell: usize, i: usize) -> Link {
+        let neighbour = cell.wrapping_add_signed(self.offset(i));
+        Link {
+            near: position(self.velocities.opposite[i] * self.array + cell),
+            far: position(i * self.array + neighbour),
+        }
+    }
+
+    /// Position of slot `i` of a cell, whatever the parity.
+    #[inline(always)]
+    #[must_use]
+    pub fn slot(&self, cell: usize, i: usize) -> usize {
+        i * self.array + cell
+    }
+
+    /// Position of the incoming f_j of a cell.
+    #[inline]
+    #[must_use]
+    pub fn incoming(&self, cell: usize, j: usize) -> usize {
+        match self.parity {
+            Parity::Home => j * self.array + cell,
+            Parity::Reversed => {
+                self.velocities.opposite[j] * self.array + cell.wrapping_add_signed(-self.offset(j))
+            }
+        }
+    }
+
+    /// Position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
+    #[inline]
+    #[must_use]
+    pub fn outgoing(&self, cell: usize, i: usize) -> usize {
+        match self.parity {
+            Parity::Reversed => self.velocities.opposite[i] * self.array + cell,
+            Parity::Home => i * self.array + cell.wrapping_add_signed(self.offset(i)),
+        }
+    }
+
+    /// The whole array.
+    #[must_use]
+    pub fn numbers(&self) -> &[S] {
+        self.memory.slice()
+    }
+
+    /// The whole array, to write.
+    pub fn numbers_mut(&mut self) -> &mut [S] {
+        self.memory.slice_mut()
+    }
+
+    /// Starts over with populations in their own cells (after filling every incoming population).
+    pub fn set_home(&mut self) {
+        self.parity = Parity::Home;
+    }
+
+    /// Every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
+    pub fn interior(&self) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
+        let [s, m, f] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).flat_map(move |j| {
+                (0..cells[f]).map(move |k| {
+                    let mut at = [0; 3];
+                    at[s] = i;
+                    at[m] = j;
+                    at[f] = k;
+                    (at, self.cell(at.map(usize::cast_signed)))
+                })
+            })
+        })
+    }
+
+    pub(crate) fn flip(&mut self) {
+        self.parity = match self.parity {
+            Parity::Home => Parity::Reversed,
+            Parity::Reversed => Parity::Home,
+        };
+    }
+
+    /// For each population, where a row of cells starting at `cell` reads it; the opposite is written there.
+    pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
+        std::array::from_fn(|i| self.incoming(cell, i))
+    }
+
+    pub(crate) fn base(&mut self) -> *mut S {
+        self.memory.start
+    }
+
+    /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
+    #[must_use]
+    pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.incoming(cell, i))
+    }
+
+    /// The same from the outgoing populations: momentum after the collision.
+    #[must_use]
+    pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.outgoing(cell, i))
+    }
+
+    #[inline]
+    fn sums(&self, at: impl Fn(usize) -> usize) -> (f64, [f64; 3]) {
+        let numbers = self.numbers();
+        let mut drho = 0.0;
+        let mut m = [0.0; 3];
+        for (i, c) in self.velocities.c.iter().enumerate() {
+            let g = numbers[at(i)].to_f64();
+            drho += g;
+            for a in 0..3 {
+                m[a] += f64::from(c[a]) * g;
+            }
+        }
+        (drho, m)
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "`Populations::new` refuses slabs with more positions than u32 can number"
+)]
+#[inline(always)]
+fn position(n: usize) -> u32 {
+    n as u32
+}
+
+/// Zeroed memory straight from the operating system.
+struct Map<S> {
+    start: *mut S,
+    len: usize,
+    kind: PhantomData<S>,
+}
+
+// SAFETY: `Map` owns its memory; shared references only read it.
+unsafe impl<S: Send> Send for Map<S> {}
+// SAFETY: as above.
+unsafe impl<S: Sync> Sync for Map<S> {}
+
+impl<S: Stored> Map<S> {
+    fn new(len: usize) -> Result<Self, String> {
+        let bytes = len * size_of::<S>();
+        // SAFETY: an anonymous private mapping of our own; the result is checked.
+        let start = unsafe {
+            libc::mmap(
+                std::ptr::null_mut(),
+                bytes,
+                libc::PROT_READ | libc::PROT_WRITE,
+                libc::MAP_PRIVATE | libc::MAP_ANONYMOUS,
+                -1,
+                0,
+            )
+        };
+        if start == libc::MAP_FAILED {
+            return Err(format!(
+                "no memory for a lattice of {bytes} bytes: {}",
+                std::io::Error::last_os_error()
+            ));
+        }
+        #[cfg(target_os = "linux")]
+        // SAFETY: advice on our own mapping; failing is harmless.
+        unsafe {
+            libc::madvise(start, bytes, libc::MADV_HUGEPAGE);
+        }
+        Ok(Self {
+            start: start.cast(),
+            len,
+            kind: PhantomData,
+        })
+    }
+
+    fn slice(&self) -> &[S] {
+        // SAFETY: the mapping holds `len` initialised (zero) elements and lives as long as `self`.
+        unsafe { std::slice::from_raw_parts(self.start, self.len) }
+    }
+
+    fn slice_mut(&mut self) -> &mut [S] {
+        // SAFETY: as for `slice`, and `self` is borrowed exclusively.
+        unsafe { std::slice::from_raw_parts_mut(self.start, self.len) }
+    }
+}
+
+impl<S> Drop for Map<S> {
+    fn drop(&mut self) {
+        // SAFETY: unmapping the mapping made in `new`, once.
+        unsafe {
+            libc::munmap(self.start.cast(), self.len * size_of::<S>());
+        }
+    }
+}
