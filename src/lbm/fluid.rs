@@ -141,8 +141,8 @@ where
     /// # Errors
     /// When the memory cannot be had.
     pub fn new(setup: Setup, domain: &Domain) -> Result<Self, String> {
-        let split = domain.axis();
-        let planes = domain.planes();
+        let split = domain.axis().index();
+        let planes = domain.range();
         let mut cells = setup.cells;
         cells[split] = planes.len();
         let mut start = [0; 3];
@@ -166,7 +166,7 @@ where
             periodic: setup.periodic,
         };
         let boundaries = Boundaries::new(&populations, &frame, setup.patches);
-        let halo = Halo::new(&populations, domain);
+        let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
         Ok(Self {
@@ -215,13 +215,10 @@ where
         }
         self.populations.flip();
         let reversed = self.populations.parity() == super::populations::Parity::Reversed;
+        let (within, last) = (self.periodic_within, planes.cast_signed() - 1);
         if reversed {
-            wrap(&mut self.populations, self.periodic_within, 0..1);
-            wrap(
-                &mut self.populations,
-                self.periodic_within,
-                planes - 1..planes,
-            );
+            wrap(&mut self.populations, within, 0..1);
+            wrap(&mut self.populations, within, last..last + 1);
         }
         self.halo.start(&self.populations);
         if planes > 2 {
@@ -229,11 +226,10 @@ where
         }
         self.halo.finish(&mut self.populations);
         if reversed {
-            if planes > 2 {
-                wrap(&mut self.populations, self.periodic_within, 1..planes - 1);
-            }
+            wrap(&mut self.populations, within, 1..last);
         } else {
-            wrap(&mut self.populations, self.periodic_within, 0..planes);
+            // Ghost planes too: beyond a free-slip face they hold populations on their way back.
+            wrap(&mut self.populations, within, -1..last + 2);
         }
         self.step += 1;
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -410,7 +406,12 @@ mod tests {
     }
 
     fn serial(axis: usize, setup: Setup) -> Fluid<f64> {
-        let domain = Domain::serial(axis, setup.cells[axis], setup.periodic[axis]);
+        let axes = [
+            decomposition::Axis::X,
+            decomposition::Axis::Y,
+            decomposition::Axis::Z,
+        ];
+        let domain = Domain::serial(axes[axis], setup.cells[axis], setup.periodic[axis]);
         Fluid::new(setup, &domain).unwrap()
     }
 
@@ -561,7 +562,8 @@ mod tests {
                     results.push(bits(&fluid, cells));
                 }
                 for other in &results[1..] {
-                    assert!(results[0] == *other, "{set:?} {periodic:?}");
+                    let first = results[0].iter().zip(other).position(|(a, b)| a != b);
+                    assert_eq!(first, None, "{set:?} {periodic:?}");
                 }
                 assert!(results[0].iter().all(|&b| f64::from_bits(b).is_finite()));
             }

@@ -5,11 +5,14 @@
 
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
-use decomposition::{Domain, HaloExchange};
+use decomposition::{Domain, HaloBytes, HaloExchange};
+
+/// Message tag of the populations.
+const TAG: u8 = 1;
 
 /// The exchange of one slab along the split axis.
 pub struct Halo {
-    exchange: Option<HaloExchange>,
+    exchange: HaloExchange,
     /// Directions that point to lower planes, and to higher ones.
     down: Vec<usize>,
     up: Vec<usize>,
@@ -19,8 +22,11 @@ pub struct Halo {
 }
 
 impl Halo {
-    /// Sets up the exchange for the slab of `populations` in `domain`.
-    pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Self {
+    /// Sets up the exchange for the slab of `populations` in `domain`; all ranks call it together.
+    ///
+    /// # Errors
+    /// When the slabs of two neighbours do not fit each other.
+    pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Result<Self, String> {
         let [slow, middle, fast] = populations.order();
         let velocities = populations.velocities();
         let cells = populations.cells();
@@ -46,21 +52,20 @@ impl Halo {
         let (down, up) = (leaving(-1), leaving(1));
         let planes = cells[slow].cast_signed();
         let bytes = plane.len() * down.len() * size_of::<S>();
-        let exchange = (planes > 0).then(|| HaloExchange::new(domain, bytes, bytes));
-        Self {
+        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
+            .map_err(|e| e.to_string())?;
+        Ok(Self {
             exchange,
             down,
             up,
             plane,
             planes,
-        }
+        })
     }
 
     /// Packs what leaves and starts sending; call when the first and the last plane have been updated.
     pub fn start<S: Stored>(&mut self, populations: &Populations<S>) {
-        let Some(exchange) = &mut self.exchange else {
-            return;
-        };
+        let exchange = &mut self.exchange;
         let (to_lower, to_upper) = match populations.parity() {
             Parity::Reversed => (0, self.planes - 1),
             Parity::Home => (-1, self.planes),
@@ -82,9 +87,7 @@ impl Halo {
 
     /// Waits for the neighbours and unpacks.
     pub fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
-        let Some(exchange) = &mut self.exchange else {
-            return;
-        };
+        let exchange = &mut self.exchange;
         exchange.finish();
         let (from_lower, from_upper) = match populations.parity() {
             Parity::Reversed => (-1, self.planes),
@@ -151,7 +154,7 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
 pub fn wrap<S: Stored>(
     populations: &mut Populations<S>,
     periodic: [bool; 3],
-    planes: std::ops::Range<usize>,
+    planes: std::ops::Range<isize>,
 ) {
     let [slow, middle, fast] = populations.order();
     let parity = populations.parity();
@@ -182,7 +185,7 @@ pub fn wrap<S: Stored>(
             for plane in planes.clone() {
                 for j in across.clone() {
                     let mut at = [0; 3];
-                    at[slow] = plane.cast_signed();
+                    at[slow] = plane;
                     at[other] = j;
                     at[axis] = from;
                     let source = populations.slot(populations.cell(at), i);

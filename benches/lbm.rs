@@ -1,0 +1,103 @@
+//! Speed of the fluid alone: million lattice updates per second (MLUPS) and the fraction of the copy bandwidth
+//! measured in the same run (P-1).
+//!
+//! `cargo bench --bench lbm -- [cells] [steps]`
+
+#![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
+
+use decomposition::{Axis, Domain};
+use solver::lbm::boundary::{Condition, Patch, Ramp};
+use solver::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
+use solver::lbm::kernel::{Everywhere, OnEveryLevel};
+use solver::lbm::lanes::Stored;
+use std::time::Instant;
+
+const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+
+fn lid(axis: usize) -> Patch {
+    Patch {
+        name: "lid".into(),
+        axis,
+        upper: true,
+        range: EVERYWHERE,
+        condition: Condition::Velocity(Box::new(|_| [0.05, 0.0, 0.0]), Ramp::constant(1.0)),
+    }
+}
+
+fn measure<S: Stored>(set: Set, operator: Operator, force: Force, cells: [usize; 3], steps: usize) -> f64
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let setup = Setup {
+        set,
+        operator,
+        relaxation_time: 0.8,
+        force,
+        cells,
+        periodic: [false; 3],
+        patches: vec![lid(if cells[2] == 1 { 1 } else { 2 })],
+    };
+    let domain = Domain::serial(Axis::X, cells[0], false);
+    let mut fluid = match Fluid::<S>::new(setup, &domain) {
+        Ok(fluid) => fluid,
+        Err(message) => {
+            println!("{message}");
+            return 0.0;
+        }
+    };
+    fluid.advance();
+    fluid.advance();
+    let count = (cells[0] * cells[1] * cells[2] * steps) as f64;
+    (0..3)
+        .map(|_| {
+            let start = Instant::now();
+            for _ in 0..steps {
+                fluid.advance();
+            }
+            count / start.elapsed().as_secs_f64() / 1e6
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
+fn update_in_place() -> f64 {
+    let mut a = vec![1.0_f64; 64 << 20];
+    (0..4)
+        .map(|_| {
+            let start = Instant::now();
+            for x in &mut a {
+                *x *= 1.000_001;
+            }
+            (a.len() * 16) as f64 / start.elapsed().as_secs_f64()
+        })
+        .fold(0.0, f64::max)
+}
+
+fn main() {
+    let numbers: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
+    let n = numbers.first().copied().unwrap_or(2400);
+    let steps = numbers.get(1).copied().unwrap_or(20);
+    if rayon::ThreadPoolBuilder::new().num_threads(1).build_global().is_err() {
+        println!("the thread pool was set before");
+    }
+    let bandwidth = update_in_place();
+    println!("update in place {:.1} GB/s", bandwidth / 1e9);
+    let trt = Operator::Trt { magic: 3.0 / 16.0 };
+    let force = Force::Constant([1e-6, 0.0, 0.0]);
+    let show = |name: &str, mlups: f64, bytes: f64| {
+        println!("{name:34} {mlups:8.1} MLUPS  {:.2} of in-place bandwidth", mlups * 1e6 * bytes / bandwidth);
+    };
+    let square = [n, n, 1];
+    show("D2Q9 BGK f64", measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps), 144.0);
+    show("D2Q9 TRT f64", measure::<f64>(Set::D2Q9, trt, Force::None, square, steps), 144.0);
+    show("D2Q9 BGK + force f64", measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps), 144.0);
+    show("D2Q9 BGK f32", measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps), 72.0);
+    let small = [840, 400, 1];
+    show("D2Q9 BGK f64 840 x 400", measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200), 144.0);
+    let m = (n / 12).max(16);
+    let cube = [m, m, m];
+    show("D3Q19 BGK f64", measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2), 304.0);
+    show("D3Q27 BGK f64", measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2), 432.0);
+    show("D3Q27 TRT f64", measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2), 432.0);
+    show("D3Q27 BGK f32", measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2), 216.0);
+}
