@@ -1,0 +1,229 @@
+//! Files that appear whole or not at all: `.part`, flush to the disk, rename, flush the folder.
+
+use std::ffi::CString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+
+/// The name a file has until it is complete: the same with `.part` at the end.
+#[must_use]
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".part");
+    PathBuf::from(name)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Write a small file so that `path` holds either what it held before or all of `bytes`, even across a power cut.
+///
+/// # Errors
+/// The system's error; `path` is then untouched and no `.part` is left.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let part = part_of(path);
+    let written = File::create(&part)
+        .and_then(|mut file| file.write_all(bytes))
+        .map_err(|e| Error::io("write", &part, &e))
+        .and_then(|()| publish(&part, path));
+    if written.is_err() {
+        // The first error is the one to report; a leftover is cleaned up at the next start at the latest.
+        let _ = fs::remove_file(&part);
+    }
+    written
+}
+
+/// Write a value as indented JSON with a final newline, as [`write`] does.
+///
+/// # Errors
+/// The system's error, or [`Error::Invalid`] where the value has no JSON form.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(value)
+        .map_err(|e| Error::invalid(&path.display().to_string(), e.to_string()))?;
+    text.push('\n');
+    write(path, text.as_bytes())
+}
+
+/// Flush a complete, closed `.part` file to the disk and give it its name.
+///
+/// # Errors
+/// The system's error.
+pub fn publish(part: &Path, path: &Path) -> Result<()> {
+    File::open(part)
+        .and_then(|file| file.sync_all())
+        .map_err(|e| Error::io("flush", part, &e))?;
+    fs::rename(part, path).map_err(|e| Error::io("rename into place", path, &e))?;
+    sync_folder(path)
+}
+
+/// Flush the folder that holds `path`, so that a rename or removal in it is on the disk.
+///
+/// # Errors
+/// The system's error.
+pub fn sync_folder(path: &Path) -> Result<()> {
+    let folder = folder_of(path);
+    match File::open(folder).and_then(|file| file.sync_all()) {
+        // Some network file systems cannot flush a folder; the rename itself is done.
+        Err(e) if e.kind() != io::ErrorKind::InvalidInput => Err(Error::io("flush", folder, &e)),
+        _ => Ok(()),
+    }
+}
+
+/// Find out on one rank, before all open it together, whether `part` can be created; an old one is replaced.
+pub(crate) fn probe(part: &Path) -> Result<()> {
+    remove_if_there(part)?;
+    File::create(part).map_err(|e| Error::io("create", part, &e))?;
+    fs::remove_file(part).map_err(|e| Error::io("remove", part, &e))
+}
+
+pub(crate) fn remove_if_there(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(Error::io("remove", path, &e)),
+        _ => Ok(()),
+    }
+}
+
+/// Bytes this user may still write on the disk that holds `path` (a file or folder that exists).
+///
+/// # Errors
+/// The system's error.
+pub fn free_bytes(path: &Path) -> Result<u64> {
+    let name = CString::new(path.as_os_str().as_bytes())
+        .map_err(|e| Error::invalid(&path.display().to_string(), e.to_string()))?;
+    let mut room = std::mem::MaybeUninit::<libc::statvfs>::uninit();
+    // SAFETY: `name` ends in a zero byte and `room` is large enough for what statvfs writes.
+    let code = unsafe { libc::statvfs(name.as_ptr(), room.as_mut_ptr()) };
+    if code != 0 {
+        return Err(Error::io(
+            "ask for free space on",
+            path,
+            &io::Error::last_os_error(),
+        ));
+    }
+    // SAFETY: statvfs returned 0, so it has filled the struct.
+    let room = unsafe { room.assume_init() };
+    Ok(room.f_bavail.saturating_mul(room.f_frsize))
+}
+
+/// Refuse a write of `needed` bytes to the folder of `path` where they do not fit.
+pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
+    let folder = folder_of(path);
+    let free = free_bytes(folder)?;
+    if free < needed {
+        return Err(Error::Space {
+            needed,
+            free,
+            path: folder.display().to_string(),
+        });
+    }
+    Ok(())
+}
+
+/// Remove what interrupted writes left in a folder: every file whose name ends in `.part`. Returns what was removed.
+///
+/// # Errors
+/// The system's error.
+pub fn remove_parts(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut removed = Vec::new();
+    for path in files(folder)? {
+        if path.extension().is_some_and(|e| e == "part") {
+            remove_if_there(&path)?;
+            removed.push(path);
+        }
+    }
+    Ok(removed)
+}
+
+/// The files in a folder, in order of name.
+pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for entry in fs::read_dir(folder).map_err(|e| Error::io("list", folder, &e))? {
+        let entry = entry.map_err(|e| Error::io("list", folder, &e))?;
+        if entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            all.push(entry.path());
+        }
+    }
+    all.sort();
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        write(&path, b"one").unwrap();
+        write(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(files(dir.path()).unwrap(), vec![path]);
+    }
+
+    #[test]
+    fn a_failed_write_names_the_path_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let missing = dir.path().join("no").join("a.txt");
+        let error = write(&missing, b"x").unwrap_err();
+        assert!(error.to_string().contains("no/a.txt"), "{error}");
+        // A folder in the way: the rename fails, the .part goes.
+        let folder = dir.path().join("b");
+        fs::create_dir(&folder).unwrap();
+        fs::write(folder.join("x"), b"x").unwrap();
+        assert!(write(&folder, b"x").is_err());
+        assert!(!part_of(&folder).exists());
+    }
+
+    #[test]
+    fn leftovers_go_and_the_rest_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("a.vtkhdf.part"), b"x").unwrap();
+        fs::write(dir.path().join("a.vtkhdf"), b"x").unwrap();
+        assert_eq!(
+            remove_parts(dir.path()).unwrap(),
+            vec![dir.path().join("a.vtkhdf.part")]
+        );
+        assert_eq!(
+            files(dir.path()).unwrap(),
+            vec![dir.path().join("a.vtkhdf")]
+        );
+    }
+
+    #[test]
+    fn space_is_counted() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(free_bytes(dir.path()).unwrap() > 0);
+        assert!(free_bytes(&dir.path().join("no")).is_err());
+        let path = dir.path().join("a");
+        require_space(&path, 1).unwrap();
+        let error = require_space(&path, u64::MAX).unwrap_err();
+        assert!(matches!(
+            error,
+            Error::Space {
+                needed: u64::MAX,
+                ..
+            }
+        ));
+    }
+
+    #[test]
+    fn json_ends_in_a_newline() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("summary.json");
+        write_json(&path, &serde_json::json!({"outcome": "done"})).unwrap();
+        assert_eq!(
+            fs::read_to_string(&path).unwrap(),
+            "{\n  \"outcome\": \"done\"\n}\n"
+        );
+    }
+}

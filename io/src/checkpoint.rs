@@ -1,0 +1,917 @@
+//! Checkpoints: the whole state as named arrays, found again only if every bit is as it was written.
+//!
+//! Order of a write: space is checked; all ranks write `checkpoint_<step>.h5` under its `.part` name; every step's
+//! result is agreed; the file is closed, and each block is read back and compared with what was in memory; rank 0
+//! hashes the file, renames it, and only then writes the manifest `checkpoint_<step>.json`. A checkpoint is what a
+//! manifest names: the rename of the manifest is the one moment at which it comes to be. Older ones are removed last.
+//!
+//! A manifest holds the file's size and BLAKE3 hash, each block's place and CRC-32, the caller's attributes (case hash,
+//! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an
+//! older one, the newest is the one written last, not the one with the highest step.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::atomic;
+use crate::data::{Data, Element, Kind};
+use crate::error::{Error, Result};
+use crate::group::{Group, agree, on_root};
+use crate::hdf::{self, Attribute, Content, Mode, Part, Transfer, product};
+
+/// One rank's box of a named array of the state.
+#[derive(Clone, Debug)]
+pub struct Array<'a> {
+    /// lower_snake, with `/` between parts: `particles/position`.
+    pub name: &'a str,
+    /// Shape of the whole array, the same on all ranks.
+    pub shape: Vec<usize>,
+    /// First index of my box along each axis.
+    pub start: Vec<usize>,
+    /// Size of my box; any zero means nothing.
+    pub count: Vec<usize>,
+    /// My box, C order.
+    pub data: Data<'a>,
+}
+
+/// What a checkpoint holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of this format.
+    pub format: u32,
+    /// Number of this checkpoint in its folder.
+    pub serial: u64,
+    /// Step from the start of the simulation.
+    pub step: u64,
+    /// Time, s.
+    pub time: f64,
+    /// The HDF5 file's name, beside the manifest.
+    pub file: String,
+    /// Its size in bytes.
+    pub bytes: u64,
+    /// Its BLAKE3 hash.
+    pub blake3: String,
+    /// Its arrays.
+    pub arrays: Vec<ArrayInfo>,
+    /// What the caller gave.
+    pub attributes: Value,
+}
+
+/// One array of a checkpoint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ArrayInfo {
+    /// Its name.
+    pub name: String,
+    /// Its number type.
+    pub kind: Kind,
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// The boxes the ranks wrote, empty ones left out.
+    pub blocks: Vec<Block>,
+}
+
+/// A box of an array with the CRC-32 of its numbers, C order, little endian.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Block {
+    /// First index.
+    pub start: Vec<usize>,
+    /// Size.
+    pub count: Vec<usize>,
+    /// CRC-32 (IEEE).
+    pub crc32: u32,
+}
+
+/// A manifest with the hash of its own text.
+#[derive(Serialize, Deserialize)]
+struct Signed {
+    checkpoint: Manifest,
+    manifest_blake3: String,
+}
+
+const FORMAT: u32 = 1;
+/// Fewer than this many are never kept: the last may be the damaged one.
+const FEWEST: usize = 2;
+
+impl Manifest {
+    fn render(&self) -> Result<String> {
+        let text = |value: &Self| {
+            serde_json::to_string(value).map_err(|e| Error::invalid("the manifest", e.to_string()))
+        };
+        let signed = Signed {
+            manifest_blake3: blake3::hash(text(self)?.as_bytes()).to_hex().to_string(),
+            checkpoint: self.clone(),
+        };
+        let mut all = serde_json::to_string_pretty(&signed)
+            .map_err(|e| Error::invalid("the manifest", e.to_string()))?;
+        all.push('\n');
+        Ok(all)
+    }
+
+    /// Read a manifest and make sure that it is, byte for byte, the one that was written.
+    fn read(path: &Path) -> Result<Self> {
+        let bytes = fs::read(path).map_err(|e| Error::io("read", path, &e))?;
+        let signed: Signed =
+            serde_json::from_slice(&bytes).map_err(|e| Error::corrupt(path, e.to_string()))?;
+        // The rendering holds the hash, so one comparison covers the content and every byte between.
+        if signed.checkpoint.render()?.as_bytes() != bytes {
+            return Err(Error::corrupt(path, "it does not match its own hash"));
+        }
+        if signed.checkpoint.format != FORMAT {
+            return Err(Error::corrupt(
+                path,
+                format!("format {} instead of {FORMAT}", signed.checkpoint.format),
+            ));
+        }
+        Ok(signed.checkpoint)
+    }
+
+    /// The HDF5 file beside `manifest`.
+    fn heavy(&self, manifest: &Path) -> PathBuf {
+        manifest.with_file_name(&self.file)
+    }
+
+    fn verify_file(&self, manifest: &Path) -> Result<()> {
+        let path = self.heavy(manifest);
+        let (bytes, hash) = hash_file(&path)?;
+        if bytes != self.bytes {
+            return Err(Error::corrupt(
+                &path,
+                format!("{bytes} bytes instead of {}", self.bytes),
+            ));
+        }
+        if hash != self.blake3 {
+            return Err(Error::corrupt(&path, "its BLAKE3 hash differs"));
+        }
+        Ok(())
+    }
+}
+
+fn hash_file(path: &Path) -> Result<(u64, String)> {
+    let failed = |e: &std::io::Error| Error::io("read", path, e);
+    let mut file = File::open(path).map_err(|e| failed(&e))?;
+    let mut hasher = blake3::Hasher::new();
+    let mut buffer = vec![0; 1 << 20];
+    let mut bytes = 0;
+    loop {
+        let n = file.read(&mut buffer).map_err(|e| failed(&e))?;
+        if n == 0 {
+            return Ok((bytes, hasher.finalize().to_hex().to_string()));
+        }
+        hasher.update(&buffer[..n]);
+        bytes += n as u64;
+    }
+}
+
+fn manifest_path(folder: &Path, step: u64) -> PathBuf {
+    folder.join(format!("checkpoint_{step:09}.json"))
+}
+
+/// Write a checkpoint and keep the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
+///
+/// # Errors
+/// The same on all ranks, and the checkpoints there were before are untouched: [`Error::Space`] before anything is
+/// written (the caller may go on without), [`Error::Broken`] where the caller must abort, else with nothing left open.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "each is a different thing that a checkpoint is made of"
+)]
+pub fn write(
+    folder: &Path,
+    step: u64,
+    time: f64,
+    arrays: &[Array],
+    attributes: &Value,
+    group: &dyn Group,
+    mode: Mode,
+    keep: usize,
+) -> Result<PathBuf> {
+    let manifest = manifest_path(folder, step);
+    let (serial, name) = on_root(group, || name_and_serial(folder, step))?;
+    let path = folder.join(&name);
+    let sound = if time.is_finite() {
+        arrays.iter().try_for_each(|a| check_name(a.name))
+    } else {
+        Err(Error::invalid("the time", time.to_string()))
+    };
+    agree(group, sound)?;
+    let text = [("attributes".to_owned(), attributes.to_string())];
+    let mut content = Content::default();
+    content.folder(
+        "/checkpoint",
+        &[("time", Attribute::Float(time)), ("step", as_text(step))],
+    );
+    content.texts("/checkpoint/caller", &text, group);
+    for array in arrays {
+        content.parts.push(Part {
+            path: format!("/{}", array.name),
+            shape: array.shape.clone(),
+            start: array.start.clone(),
+            count: array.count.clone(),
+            data: array.data,
+            attributes: Vec::new(),
+        });
+    }
+    hdf::write_part(&path, &content, group, mode)?;
+    let blocks = gather_blocks(arrays, group)?;
+    let checked = read_back(&atomic::part_of(&path), arrays, &blocks, group, mode);
+    agree(group, checked)?;
+    on_root(group, || {
+        let part = atomic::part_of(&path);
+        let (bytes, blake3) = hash_file(&part)?;
+        let new = Manifest {
+            format: FORMAT,
+            serial,
+            step,
+            time,
+            file: name.clone(),
+            bytes,
+            blake3,
+            arrays: describe(arrays, &blocks),
+            attributes: attributes.clone(),
+        };
+        let text = new.render()?;
+        atomic::publish(&part, &path)?;
+        atomic::write(&manifest, text.as_bytes())?;
+        // What is on the disk now, not what was meant.
+        Manifest::read(&manifest)?.verify_file(&manifest)?;
+        remove_old(folder, keep.max(FEWEST))
+    })?;
+    Ok(manifest)
+}
+
+fn as_text(step: u64) -> Attribute {
+    Attribute::Text(step.to_string())
+}
+
+/// Array names are paths of names.
+fn check_name(name: &str) -> Result<()> {
+    if name.split('/').next() == Some("checkpoint") {
+        return Err(Error::invalid(name, "this name belongs to the format"));
+    }
+    name.split('/').try_for_each(crate::data::check_name)
+}
+
+/// The next serial number, and a file name that no manifest uses: where the step is written again, its present
+/// checkpoint stays whole until the manifest is replaced.
+fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
+    let known = intact(folder)?;
+    let serial = known.iter().map(|k| k.1.serial).max().map_or(1, |n| n + 1);
+    let plain = format!("checkpoint_{step:09}.h5");
+    let other = format!("checkpoint_{step:09}_b.h5");
+    let used = known.iter().any(|k| k.1.file == plain);
+    Ok((serial, if used { other } else { plain }))
+}
+
+/// The manifests of a folder that match their own hash, with their paths.
+fn intact(folder: &Path) -> Result<Vec<(PathBuf, Manifest)>> {
+    Ok(manifests(folder)?
+        .into_iter()
+        .filter_map(|path| Some((path.clone(), Manifest::read(&path).ok()?)))
+        .collect())
+}
+
+fn is_ours(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e == extension)
+        && path
+            .file_name()
+            .and_then(|n| n.to_str())
+            .is_some_and(|n| n.starts_with("checkpoint_"))
+}
+
+fn manifests(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = atomic::files(folder)?;
+    all.retain(|path| is_ours(path, "json"));
+    Ok(all)
+}
+
+/// Every rank's boxes and checksums: for each array, one block per rank.
+fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>> {
+    let mine: Vec<Block> = arrays
+        .iter()
+        .map(|a| Block {
+            start: a.start.clone(),
+            count: a.count.clone(),
+            crc32: crc32fast::hash(a.data.bytes()),
+        })
+        .collect();
+    let text = serde_json::to_vec(&mine)
+        .map_err(|e| Error::invalid("the blocks of a checkpoint", e.to_string()));
+    let all = group.gather(&agree(group, text)?);
+    let mut by_array = vec![Vec::with_capacity(all.len()); arrays.len()];
+    for bytes in all {
+        let blocks: Vec<Block> = serde_json::from_slice(&bytes)
+            .map_err(|e| Error::invalid("the blocks of a checkpoint", e.to_string()))?;
+        for (list, block) in by_array.iter_mut().zip(blocks) {
+            list.push(block);
+        }
+    }
+    Ok(by_array)
+}
+
+fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
+    arrays
+        .iter()
+        .zip(blocks)
+        .map(|(array, blocks)| ArrayInfo {
+            name: array.name.to_owned(),
+            kind: array.data.kind(),
+            shape: array.shape.clone(),
+            blocks: blocks
+                .iter()
+                .filter(|b| product(&b.count) > 0)
+                .cloned()
+                .collect(),
+        })
+        .collect()
+}
+
+/// Compare what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where it
+/// wrote for all. MPI-IO layers have written wrong files without an error.
+fn read_back(
+    part: &Path,
+    arrays: &[Array],
+    blocks: &[Vec<Block>],
+    group: &dyn Group,
+    mode: Mode,
+) -> Result<()> {
+    let communicator = hdf::communicator(group, mode);
+    let opened = match communicator {
+        None if group.rank() > 0 => return Ok(()),
+        _ => hdf::open(part, communicator),
+    };
+    let file = match communicator {
+        Some(_) => agree(group, opened).map_err(|e| e.broken(part))?,
+        None => opened?,
+    };
+    // No early return: opening a dataset is a joint act under the MPI driver, so every rank goes through all of them.
+    let compare = |array: &Array, blocks: &[Block]| -> Result<()> {
+        let name = format!("/{}", array.name);
+        let dataset = file
+            .dataset(&name)
+            .map_err(|e| Error::hdf(part, &format!("open {name}"), &e))?;
+        for (rank, block) in blocks.iter().enumerate() {
+            let mine = communicator.is_none() || rank == group.rank();
+            if mine && crc_of(part, &dataset, array.data.kind(), block)? != block.crc32 {
+                return Err(Error::corrupt(
+                    part,
+                    format!("{name} reads back differently from what rank {rank} wrote"),
+                ));
+            }
+        }
+        Ok(())
+    };
+    let mut compared = Ok(());
+    for (array, blocks) in arrays.iter().zip(blocks) {
+        compared = compared.and(compare(array, blocks));
+    }
+    let closed = file
+        .close()
+        .map_err(|e| Error::hdf(part, "close the file", &e));
+    compared.and(closed)
+}
+
+fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &Block) -> Result<u32> {
+    fn crc<T: Element>(dataset: &hdf5::Dataset, block: &Block) -> hdf5::Result<u32> {
+        let mut numbers = vec![T::default(); product(&block.count)];
+        hdf::read_box(
+            dataset,
+            &block.start,
+            &block.count,
+            &mut numbers,
+            Transfer::Independent,
+        )?;
+        Ok(crc32fast::hash(T::data(&numbers).bytes()))
+    }
+    if product(&block.count) == 0 {
+        return Ok(block.crc32);
+    }
+    match kind {
+        Kind::F32 => crc::<f32>(dataset, block),
+        Kind::F64 => crc::<f64>(dataset, block),
+        Kind::U8 => crc::<u8>(dataset, block),
+        Kind::I32 => crc::<i32>(dataset, block),
+        Kind::I64 => crc::<i64>(dataset, block),
+        Kind::U64 => crc::<u64>(dataset, block),
+    }
+    .map_err(|e| Error::hdf(path, "read a block back", &e))
+}
+
+/// Keep the last `keep` checkpoints; remove older ones, manifest first, and HDF5 files that nothing names.
+fn remove_old(folder: &Path, keep: usize) -> Result<()> {
+    let mut known = intact(folder)?;
+    known.sort_by_key(|k| std::cmp::Reverse(k.1.serial));
+    if known.len() > keep {
+        for (path, _) in known.split_off(keep) {
+            atomic::remove_if_there(&path)?;
+        }
+    }
+    if known.len() < keep {
+        // While there are few, leave even damaged ones for someone to look at.
+        return Ok(());
+    }
+    let named = |path: &Path| known.iter().any(|k| k.0 == path || k.1.heavy(&k.0) == path);
+    for path in atomic::files(folder)? {
+        let ours = is_ours(&path, "h5")
+            || is_ours(&path, "json")
+            || is_ours(&path.with_extension(""), "h5");
+        if ours && !named(&path) {
+            atomic::remove_if_there(&path)?;
+        }
+    }
+    atomic::sync_folder(&folder.join("."))
+}
+
+/// A checkpoint that verifies.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Found {
+    /// The manifest's file.
+    pub path: PathBuf,
+    /// What it says.
+    pub manifest: Manifest,
+    /// Newer ones that were passed over, each with what was wrong.
+    pub passed_over: Vec<String>,
+}
+
+/// The newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
+///
+/// # Errors
+/// [`Error::NoCheckpoint`], with what was wrong with each, or the system's error for the folder.
+pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
+    on_root(group, || {
+        let mut passed_over = Vec::new();
+        let mut candidates = Vec::new();
+        for path in manifests(folder)? {
+            match Manifest::read(&path) {
+                Ok(manifest) => candidates.push((path, manifest)),
+                Err(error) => passed_over.push(error.to_string()),
+            }
+        }
+        candidates.sort_by_key(|c| std::cmp::Reverse(c.1.serial));
+        for path in atomic::files(folder)? {
+            let named = candidates.iter().any(|c| c.1.heavy(&c.0) == path);
+            if is_ours(&path, "h5") && !named {
+                passed_over.push(format!("{} has no usable manifest", path.display()));
+            }
+        }
+        for (path, manifest) in candidates {
+            match manifest.verify_file(&path) {
+                Ok(()) => {
+                    return Ok(Found {
+                        path,
+                        manifest,
+                        passed_over,
+                    });
+                }
+                Err(error) => passed_over.push(error.to_string()),
+            }
+        }
+        Err(none(folder, &passed_over))
+    })
+}
+
+/// One named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
+///
+/// # Errors
+/// [`Error::Corrupt`] with what does not fit, or the system's error.
+pub fn verify(manifest: &Path, group: &dyn Group) -> Result<Found> {
+    on_root(group, || {
+        let read = Manifest::read(manifest)?;
+        read.verify_file(manifest)?;
+        Ok(Found {
+            path: manifest.to_owned(),
+            manifest: read,
+            passed_over: Vec::new(),
+        })
+    })
+}
+
+fn none(folder: &Path, passed_over: &[String]) -> Error {
+    let reason = if passed_over.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", passed_over.join("; "))
+    };
+    Error::NoCheckpoint {
+        path: folder.display().to_string(),
+        reason,
+    }
+}
+
+/// Reads boxes of a checkpoint's arrays, on any number of ranks.
+pub struct Reader<'g> {
+    file: hdf5::File,
+    path: PathBuf,
+    manifest: Manifest,
+    /// The ranks that read together.
+    group: Option<&'g dyn Group>,
+    transfer: Transfer,
+}
+
+impl<'g> Reader<'g> {
+    /// Open for this rank alone: it reads what and when it likes.
+    ///
+    /// # Errors
+    /// [`Error::Hdf`].
+    pub fn open(found: &Found) -> Result<Self> {
+        let path = found.manifest.heavy(&found.path);
+        Ok(Self {
+            file: hdf::open(&path, None)?,
+            path,
+            manifest: found.manifest.clone(),
+            group: None,
+            transfer: Transfer::Independent,
+        })
+    }
+
+    /// Open together: every rank then makes the same calls in the same order, each with its own box, gets the same
+    /// error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
+    ///
+    /// # Errors
+    /// [`Error::Hdf`] or [`Error::Broken`], on all ranks.
+    pub fn open_together(found: &Found, group: &'g dyn Group, mode: Mode) -> Result<Self> {
+        let Some(communicator) = hdf::communicator(group, mode) else {
+            let alone = agree(group, Self::open(found))?;
+            return Ok(Self {
+                group: Some(group),
+                ..alone
+            });
+        };
+        let path = found.manifest.heavy(&found.path);
+        let opened = hdf::open(&path, Some(communicator));
+        Ok(Self {
+            file: agree(group, opened).map_err(|e| e.broken(&path))?,
+            path,
+            manifest: found.manifest.clone(),
+            group: Some(group),
+            transfer: Transfer::Collective,
+        })
+    }
+
+    /// What the checkpoint holds.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// What the caller gave at writing.
+    #[must_use]
+    pub fn attributes(&self) -> &Value {
+        &self.manifest.attributes
+    }
+
+    /// An array's shape.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where there is no such array.
+    pub fn shape(&self, name: &str) -> Result<&[usize]> {
+        Ok(&self.info(name)?.shape)
+    }
+
+    fn info(&self, name: &str) -> Result<&ArrayInfo> {
+        self.manifest
+            .arrays
+            .iter()
+            .find(|a| a.name == name)
+            .ok_or_else(|| {
+                Error::invalid(name, format!("{} holds no such array", self.path.display()))
+            })
+    }
+
+    /// Read a box into a slice of the array's own number type.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where the array is missing, has another number type, or the box or the slice does not
+    /// fit; [`Error::Hdf`] where the file cannot be read. The same on all ranks where they read together.
+    pub fn read_into<T: Element>(
+        &self,
+        name: &str,
+        start: &[usize],
+        count: &[usize],
+        into: &mut [T],
+    ) -> Result<()> {
+        // A rank that leaves here would keep the others waiting in the joint read.
+        self.together(self.fits::<T>(name, start, count, into.len()))?;
+        if product(self.shape(name)?) == 0 {
+            return Ok(());
+        }
+        let read = self
+            .file
+            .dataset(&format!("/{name}"))
+            .and_then(|dataset| hdf::read_box(&dataset, start, count, into, self.transfer))
+            .map_err(|e| Error::hdf(&self.path, &format!("read {name}"), &e));
+        match self.transfer {
+            Transfer::Collective => self.together(read).map_err(|e| e.broken(&self.path)),
+            Transfer::Independent => self.together(read),
+        }
+    }
+
+    fn together(&self, mine: Result<()>) -> Result<()> {
+        match self.group {
+            Some(group) => agree(group, mine),
+            None => mine,
+        }
+    }
+
+    fn fits<T: Element>(
+        &self,
+        name: &str,
+        start: &[usize],
+        count: &[usize],
+        room: usize,
+    ) -> Result<()> {
+        let info = self.info(name)?;
+        if info.kind != T::KIND {
+            return Err(Error::invalid(
+                name,
+                format!(
+                    "is {:?} in the checkpoint, {:?} is asked for",
+                    info.kind,
+                    T::KIND
+                ),
+            ));
+        }
+        if !hdf::is_inside(start, count, &info.shape) || product(count) != room {
+            return Err(Error::invalid(
+                name,
+                format!(
+                    "the box at {start:?} of size {count:?} into {room} numbers does not fit the shape {:?}",
+                    info.shape
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Read a box.
+    ///
+    /// # Errors
+    /// As [`Reader::read_into`].
+    pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
+        // A box that is not in the array gets no room, and its error below.
+        let room = match self.shape(name) {
+            Ok(shape) if hdf::is_inside(start, count, shape) => product(count),
+            _ => 0,
+        };
+        let mut numbers = vec![T::default(); room];
+        self.read_into(name, start, count, &mut numbers)?;
+        Ok(numbers)
+    }
+
+    /// Read a whole array.
+    ///
+    /// # Errors
+    /// As [`Reader::read_into`].
+    pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
+        let shape = self.shape(name)?.to_vec();
+        self.read(name, &vec![0; shape.len()], &shape)
+    }
+
+    /// Close the file; needed where it was opened together.
+    ///
+    /// # Errors
+    /// [`Error::Hdf`].
+    pub fn close(self) -> Result<()> {
+        self.file
+            .close()
+            .map_err(|e| Error::hdf(&self.path, "close the file", &e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Alone;
+    use std::fs::OpenOptions;
+    use std::io::{Seek, SeekFrom, Write};
+
+    fn save(folder: &Path, step: u64, keep: usize) -> Result<PathBuf> {
+        let position: Vec<f64> = (0..300)
+            .map(|i| f64::from(i) + f64::from(u32::try_from(step).unwrap()))
+            .collect();
+        let id: Vec<u64> = (0..100).collect();
+        let arrays = [
+            Array {
+                name: "particles/position",
+                shape: vec![100, 3],
+                start: vec![0, 0],
+                count: vec![100, 3],
+                data: Data::F64(&position),
+            },
+            Array {
+                name: "particles/id",
+                shape: vec![100],
+                start: vec![0],
+                count: vec![100],
+                data: Data::U64(&id),
+            },
+            Array {
+                name: "contacts",
+                shape: vec![0],
+                start: vec![0],
+                count: vec![0],
+                data: Data::I32(&[]),
+            },
+        ];
+        let attributes = serde_json::json!({"case_hash": "abc", "x": 0.1});
+        write(
+            folder,
+            step,
+            0.25,
+            &arrays,
+            &attributes,
+            &Alone,
+            Mode::Collective,
+            keep,
+        )
+    }
+
+    fn step_found(folder: &Path) -> u64 {
+        newest(folder, &Alone).unwrap().manifest.step
+    }
+
+    #[test]
+    fn a_state_comes_back() {
+        let dir = tempfile::tempdir().unwrap();
+        save(dir.path(), 100, 2).unwrap();
+        let found = newest(dir.path(), &Alone).unwrap();
+        assert!(found.passed_over.is_empty());
+        let reader = Reader::open_together(&found, &Alone, Mode::Collective).unwrap();
+        assert_eq!(reader.attributes()["case_hash"], "abc");
+        assert_eq!(reader.manifest().time.to_bits(), 0.25_f64.to_bits());
+        assert_eq!(reader.shape("particles/position").unwrap(), [100, 3]);
+        let row = reader
+            .read::<f64>("particles/position", &[2, 1], &[2, 2])
+            .unwrap();
+        assert_eq!(row, vec![107.0, 108.0, 110.0, 111.0]);
+        let ids = reader.read_all::<u64>("particles/id").unwrap();
+        assert_eq!(ids, (0..100).collect::<Vec<u64>>());
+        assert!(reader.read_all::<i32>("contacts").unwrap().is_empty());
+        assert!(reader.read_all::<f32>("particles/position").is_err());
+        assert!(reader.read_all::<f64>("no").is_err());
+        assert!(
+            reader
+                .read::<u64>("particles/id", &[usize::MAX], &[2])
+                .is_err()
+        );
+        reader.close().unwrap();
+        let info = crate::fields::inspect(&dir.path().join("checkpoint_000000100.h5")).unwrap();
+        assert!(
+            info.attribute("/checkpoint/caller", "attributes")
+                .unwrap()
+                .as_str()
+                .unwrap()
+                .contains("case_hash")
+        );
+    }
+
+    #[test]
+    fn the_last_ones_are_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        for step in [1, 2, 3, 4] {
+            save(dir.path(), step, 0).unwrap();
+        }
+        let left: Vec<String> = atomic::files(dir.path())
+            .unwrap()
+            .iter()
+            .map(|p| p.file_name().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        assert_eq!(
+            left,
+            [
+                "checkpoint_000000003.h5",
+                "checkpoint_000000003.json",
+                "checkpoint_000000004.h5",
+                "checkpoint_000000004.json"
+            ]
+        );
+        // A run that restarted from step 3: what it writes is newer than step 4.
+        let again = save(dir.path(), 3, 2).unwrap();
+        let found = newest(dir.path(), &Alone).unwrap();
+        assert_eq!((found.manifest.step, &found.path), (3, &again));
+        assert_eq!(found.manifest.file, "checkpoint_000000003_b.h5");
+        assert!(verify(&again, &Alone).is_ok());
+        save(dir.path(), 3, 2).unwrap();
+        assert_eq!(
+            newest(dir.path(), &Alone).unwrap().manifest.file,
+            "checkpoint_000000003.h5"
+        );
+    }
+
+    #[test]
+    fn leftovers_of_a_killed_write_do_not_disturb() {
+        let dir = tempfile::tempdir().unwrap();
+        save(dir.path(), 1, 2).unwrap();
+        save(dir.path(), 2, 2).unwrap();
+        for name in [
+            "checkpoint_000000003.h5.part",
+            "checkpoint_000000003.h5",
+            "checkpoint_000000003.json.part",
+        ] {
+            fs::write(dir.path().join(name), b"half").unwrap();
+        }
+        let found = newest(dir.path(), &Alone).unwrap();
+        assert_eq!(found.manifest.step, 2);
+        assert!(found.passed_over[0].contains("checkpoint_000000003.h5"));
+        save(dir.path(), 3, 2).unwrap();
+        assert_eq!(step_found(dir.path()), 3);
+        save(dir.path(), 4, 2).unwrap();
+        assert!(!dir.path().join("checkpoint_000000003.h5.part").exists());
+    }
+
+    #[test]
+    fn an_empty_folder_and_a_missing_one_are_told() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(matches!(
+            newest(dir.path(), &Alone),
+            Err(Error::NoCheckpoint { .. })
+        ));
+        let missing = dir.path().join("no");
+        assert!(newest(&missing, &Alone).is_err());
+        let error = save(&missing, 1, 2).unwrap_err();
+        assert!(error.to_string().contains("/no"), "{error}");
+    }
+
+    #[test]
+    fn names_of_the_format_are_refused() {
+        for name in ["checkpoint/x", "A", "a//b", "a b"] {
+            assert!(check_name(name).is_err(), "{name}");
+        }
+        check_name("fluid/population_0").unwrap();
+    }
+
+    /// A small generator with a fixed seed (Knuth's constants), enough to scatter damage.
+    struct Dice(u64);
+
+    impl Dice {
+        fn below(&mut self, n: u64) -> u64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 33) % n
+        }
+    }
+
+    /// C1: flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found, and the previous
+    /// checkpoint is taken.
+    #[test]
+    fn every_damage_is_found() {
+        let dir = tempfile::tempdir().unwrap();
+        save(dir.path(), 1, 2).unwrap();
+        let manifest = save(dir.path(), 2, 2).unwrap();
+        let heavy = dir.path().join("checkpoint_000000002.h5");
+        let mut dice = Dice(2);
+        for path in [&heavy, &manifest] {
+            let whole = fs::read(path).unwrap();
+            let length = whole.len() as u64;
+            let found = |what: &str| {
+                let found = newest(dir.path(), &Alone).unwrap();
+                assert_eq!(found.manifest.step, 1, "{what} in {}", path.display());
+                assert!(!found.passed_over.is_empty());
+            };
+            for _ in 0..500 {
+                let (at, bit) = (dice.below(length), dice.below(8));
+                let byte = whole[usize::try_from(at).unwrap()] ^ (1 << bit);
+                let mut file = OpenOptions::new().write(true).open(path).unwrap();
+                file.seek(SeekFrom::Start(at)).unwrap();
+                file.write_all(&[byte]).unwrap();
+                found(&format!("bit {bit} of byte {at}"));
+                file.seek(SeekFrom::Start(at)).unwrap();
+                file.write_all(&[byte ^ (1 << bit)]).unwrap();
+            }
+            assert_eq!(step_found(dir.path()), 2);
+            for _ in 0..200 {
+                let at = dice.below(length);
+                fs::write(path, &whole[..usize::try_from(at).unwrap()]).unwrap();
+                found(&format!("cut at {at}"));
+            }
+            for page in 0..whole.len().div_ceil(4096) {
+                let mut zeroed = whole.clone();
+                let end = (4096 * (page + 1)).min(zeroed.len());
+                zeroed[4096 * page..end].fill(0);
+                if zeroed == whole {
+                    continue;
+                }
+                fs::write(path, &zeroed).unwrap();
+                found(&format!("page {page} zeroed"));
+            }
+            fs::write(path, [&whole[..], b"\0"].concat()).unwrap();
+            found("one byte more");
+            fs::remove_file(path).unwrap();
+            found("missing");
+            fs::write(path, &whole).unwrap();
+            assert_eq!(step_found(dir.path()), 2);
+        }
+        // Two files exchanged: both manifests refuse.
+        let first = dir.path().join("checkpoint_000000001.h5");
+        fs::rename(&heavy, dir.path().join("x")).unwrap();
+        fs::rename(&first, &heavy).unwrap();
+        fs::rename(dir.path().join("x"), &first).unwrap();
+        let error = newest(dir.path(), &Alone).unwrap_err();
+        assert!(error.to_string().contains("differs"), "{error}");
+        assert!(verify(&manifest, &Alone).is_err());
+    }
+}

@@ -1,0 +1,292 @@
+//! Borrowed numbers with their type, as the caller has them.
+
+use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// The number types files hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// 32-bit float.
+    F32,
+    /// 64-bit float.
+    F64,
+    /// Byte.
+    U8,
+    /// 32-bit signed integer.
+    I32,
+    /// 64-bit signed integer.
+    I64,
+    /// 64-bit unsigned integer.
+    U64,
+}
+
+impl Kind {
+    /// Bytes of one number.
+    #[must_use]
+    pub fn size(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::F32 | Self::I32 => 4,
+            Self::F64 | Self::I64 | Self::U64 => 8,
+        }
+    }
+
+    pub(crate) fn descriptor(self) -> TypeDescriptor {
+        match self {
+            Self::F32 => TypeDescriptor::Float(FloatSize::U4),
+            Self::F64 => TypeDescriptor::Float(FloatSize::U8),
+            Self::U8 => TypeDescriptor::Unsigned(IntSize::U1),
+            Self::I32 => TypeDescriptor::Integer(IntSize::U4),
+            Self::I64 => TypeDescriptor::Integer(IntSize::U8),
+            Self::U64 => TypeDescriptor::Unsigned(IntSize::U8),
+        }
+    }
+
+    pub(crate) fn of(descriptor: &TypeDescriptor) -> Option<Self> {
+        [
+            Self::F32,
+            Self::F64,
+            Self::U8,
+            Self::I32,
+            Self::I64,
+            Self::U64,
+        ]
+        .into_iter()
+        .find(|kind| kind.descriptor() == *descriptor)
+    }
+
+    /// `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
+    pub(crate) fn xdmf(self) -> Option<(&'static str, usize)> {
+        match self {
+            Self::F32 | Self::F64 => Some(("Float", self.size())),
+            Self::U8 => Some(("UChar", 1)),
+            Self::I32 | Self::I64 => Some(("Int", self.size())),
+            Self::U64 => None,
+        }
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+/// A number type that files hold: f32, f64, u8, i32, i64, u64. For all of them every bit pattern is a value.
+pub trait Element: sealed::Sealed + Copy + Default + 'static {
+    /// Which.
+    const KIND: Kind;
+    /// The slice as typed data.
+    fn data(slice: &[Self]) -> Data<'_>;
+}
+
+macro_rules! elements {
+    ($($number:ty => $kind:ident),*) => {$(
+        impl sealed::Sealed for $number {}
+        impl Element for $number {
+            const KIND: Kind = Kind::$kind;
+            fn data(slice: &[Self]) -> Data<'_> {
+                Data::$kind(slice)
+            }
+        }
+    )*};
+}
+elements!(f32 => F32, f64 => F64, u8 => U8, i32 => I32, i64 => I64, u64 => U64);
+
+/// Borrowed numbers, one rank's part of an array, in C order.
+#[derive(Clone, Copy, Debug)]
+pub enum Data<'a> {
+    /// 32-bit floats.
+    F32(&'a [f32]),
+    /// 64-bit floats.
+    F64(&'a [f64]),
+    /// Bytes.
+    U8(&'a [u8]),
+    /// 32-bit signed integers.
+    I32(&'a [i32]),
+    /// 64-bit signed integers.
+    I64(&'a [i64]),
+    /// 64-bit unsigned integers; checkpoints only.
+    U64(&'a [u64]),
+}
+
+impl<'a, T: Element> From<&'a [T]> for Data<'a> {
+    fn from(slice: &'a [T]) -> Self {
+        T::data(slice)
+    }
+}
+
+impl<'a, T: Element> From<&'a Vec<T>> for Data<'a> {
+    fn from(slice: &'a Vec<T>) -> Self {
+        T::data(slice)
+    }
+}
+
+impl<'a> Data<'a> {
+    /// The number type.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::F32(_) => Kind::F32,
+            Self::F64(_) => Kind::F64,
+            Self::U8(_) => Kind::U8,
+            Self::I32(_) => Kind::I32,
+            Self::I64(_) => Kind::I64,
+            Self::U64(_) => Kind::U64,
+        }
+    }
+
+    /// How many numbers.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.bytes().len() / self.kind().size()
+    }
+
+    /// No numbers.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes().is_empty()
+    }
+
+    /// The numbers as they lie in memory.
+    #[must_use]
+    pub fn bytes(&self) -> &'a [u8] {
+        match self {
+            Self::F32(v) => bytes_of(v),
+            Self::F64(v) => bytes_of(v),
+            Self::U8(v) => v,
+            Self::I32(v) => bytes_of(v),
+            Self::I64(v) => bytes_of(v),
+            Self::U64(v) => bytes_of(v),
+        }
+    }
+}
+
+fn bytes_of<T: Element>(slice: &[T]) -> &[u8] {
+    // SAFETY: `Element` is sealed to plain numbers without padding, and the length in bytes is that of the slice.
+    unsafe { std::slice::from_raw_parts(slice.as_ptr().cast(), size_of_val(slice)) }
+}
+
+/// One named quantity on the cells of a lattice or on the points or cells of a mesh.
+#[derive(Clone, Debug)]
+pub struct Column<'a> {
+    /// lower_snake: `velocity`.
+    pub name: &'a str,
+    /// SI: `m/s`; `-` for a pure number.
+    pub units: &'a str,
+    /// 1, 3 (vector) or 9 (tensor, row by row).
+    pub components: usize,
+    /// This rank's part, the component fastest.
+    pub data: Data<'a>,
+}
+
+impl Column<'_> {
+    /// The name, type and component count are such that every reader takes them, and there is a value for each of
+    /// this rank's `places`.
+    pub(crate) fn check(&self, places: usize) -> Result<()> {
+        check_name(self.name)?;
+        if !matches!(self.components, 1 | 3 | 9) {
+            return Err(Error::invalid(
+                self.name,
+                format!("{} components; 1, 3 or 9 are allowed", self.components),
+            ));
+        }
+        if self.data.kind().xdmf().is_none() {
+            return Err(Error::invalid(
+                self.name,
+                "u64 is not read by every viewer; use i64",
+            ));
+        }
+        if self.data.len() != places * self.components {
+            return Err(Error::invalid(
+                self.name,
+                format!(
+                    "{} numbers for {places} places of {} components",
+                    self.data.len(),
+                    self.components
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The shape of an array over places of shape `places`, with the component last where there are several.
+    pub(crate) fn shaped(&self, places: &[usize]) -> Vec<usize> {
+        let mut shape = places.to_vec();
+        if self.components > 1 {
+            shape.push(self.components);
+        }
+        shape
+    }
+
+    pub(crate) fn start(&self, places: &[usize]) -> Vec<usize> {
+        let mut start = places.to_vec();
+        if self.components > 1 {
+            start.push(0);
+        }
+        start
+    }
+}
+
+/// A name that needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
+pub(crate) fn check_name(name: &str) -> Result<()> {
+    let fine = name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name
+            .chars()
+            .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    if fine {
+        Ok(())
+    } else {
+        Err(Error::invalid(
+            name,
+            "a name is lower case letters, digits and underscores, a letter first",
+        ))
+    }
+}
+
+/// A count from a group, as an index.
+pub(crate) fn index(n: u64) -> Result<usize> {
+    usize::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
+}
+
+/// An index, as files hold it.
+pub(crate) fn signed(n: usize) -> Result<i64> {
+    i64::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_the_numbers() {
+        let v = [1.5_f64, -2.0];
+        let d = Data::from(&v[..]);
+        assert_eq!((d.len(), d.kind()), (2, Kind::F64));
+        assert_eq!(d.bytes()[..8], 1.5_f64.to_ne_bytes());
+        assert!(Data::from(&Vec::<u8>::new()).is_empty());
+        for kind in [Kind::F32, Kind::U8, Kind::I32, Kind::I64, Kind::U64] {
+            assert_eq!(Kind::of(&kind.descriptor()), Some(kind));
+        }
+    }
+
+    #[test]
+    fn names_and_shapes_are_checked() {
+        for bad in ["", "Velocity", "p [Pa]", "a.b", "a/b", "1a", "_a"] {
+            assert!(check_name(bad).is_err(), "{bad}");
+        }
+        check_name("fluid_force2").unwrap();
+        let column = |components, data| Column {
+            name: "a",
+            units: "m",
+            components,
+            data,
+        };
+        let v = [0.0_f32; 6];
+        column(3, Data::F32(&v)).check(2).unwrap();
+        assert!(column(3, Data::F32(&v)).check(3).is_err());
+        assert!(column(2, Data::F32(&v)).check(3).is_err());
+        assert!(column(1, Data::U64(&[1])).check(1).is_err());
+    }
+}

@@ -1,0 +1,135 @@
+//! The errors of this crate: values that can be sent to the other ranks.
+//!
+//! HDF5's own errors are turned into text where they arise: they are formatted lazily from handles that are gone
+//! once MPI is shut down.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+/// Result of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What went wrong with a file, in words that every rank can hold.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused.
+    #[error("cannot {action} {path}: {reason}")]
+    Io {
+        /// What was tried, as a verb.
+        action: String,
+        /// The file or folder.
+        path: String,
+        /// The system's words.
+        reason: String,
+    },
+    /// HDF5 refused, and every file is in a safe state.
+    #[error("{path}: {reason}")]
+    Hdf {
+        /// The file.
+        path: String,
+        /// HDF5's words.
+        reason: String,
+    },
+    /// A write by several ranks together failed halfway. The file is left open under its `.part` name, because closing
+    /// it could wait for ever on the rank that failed: the caller reports this and calls `MPI_Abort`.
+    #[error("{path}: the joint write failed, leave by MPI_Abort: {reason}")]
+    Broken {
+        /// The file.
+        path: String,
+        /// The first failing rank's words.
+        reason: String,
+    },
+    /// The disk is too small for what is to be written; nothing was written.
+    #[error("{path}: {needed} bytes needed, {free} bytes free")]
+    Space {
+        /// Bytes to be written.
+        needed: u64,
+        /// Bytes free for this user.
+        free: u64,
+        /// The folder.
+        path: String,
+    },
+    /// The caller's arrays do not fit together.
+    #[error("{what}: {reason}")]
+    Invalid {
+        /// The array or name.
+        what: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file is there but is not what was written.
+    #[error("{path} is damaged: {reason}")]
+    Corrupt {
+        /// The file.
+        path: String,
+        /// What does not fit.
+        reason: String,
+    },
+    /// A folder holds no checkpoint that verifies.
+    #[error("{path} holds no usable checkpoint{reason}")]
+    NoCheckpoint {
+        /// The folder.
+        path: String,
+        /// What was wrong with each one, or empty.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// True where closing files or leaving quietly could hang the other ranks: call `MPI_Abort`.
+    #[must_use]
+    pub fn must_abort(&self) -> bool {
+        matches!(self, Self::Broken { .. })
+    }
+
+    pub(crate) fn io(action: &str, path: &Path, error: &std::io::Error) -> Self {
+        Self::Io {
+            action: action.to_owned(),
+            path: path.display().to_string(),
+            reason: error.to_string(),
+        }
+    }
+
+    pub(crate) fn hdf(path: &Path, action: &str, error: &hdf5::Error) -> Self {
+        Self::Hdf {
+            path: path.display().to_string(),
+            reason: format!("cannot {action}: {error}"),
+        }
+    }
+
+    pub(crate) fn invalid(what: &str, reason: impl Into<String>) -> Self {
+        Self::Invalid {
+            what: what.to_owned(),
+            reason: reason.into(),
+        }
+    }
+
+    pub(crate) fn corrupt(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Corrupt {
+            path: path.display().to_string(),
+            reason: reason.into(),
+        }
+    }
+
+    /// The same error as part of a joint write that cannot be taken back.
+    pub(crate) fn broken(self, path: &Path) -> Self {
+        Self::Broken {
+            path: path.display().to_string(),
+            reason: self.to_string(),
+        }
+    }
+
+    /// The same error, naming the rank it arose on.
+    pub(crate) fn on_rank(mut self, rank: usize) -> Self {
+        match &mut self {
+            Self::Io { reason, .. }
+            | Self::Hdf { reason, .. }
+            | Self::Broken { reason, .. }
+            | Self::Invalid { reason, .. }
+            | Self::Corrupt { reason, .. } => *reason = format!("{reason} (rank {rank})"),
+            Self::Space { .. } | Self::NoCheckpoint { .. } => {}
+        }
+        self
+    }
+}

@@ -1,0 +1,285 @@
+//! Reading files back: what is in them, and any box of any dataset.
+//!
+//! Serves `info`, initial states from a file, and the tests. Every rank reads for itself.
+
+use std::ffi::c_void;
+use std::path::Path;
+
+use hdf5::Location;
+use hdf5::sync::sync;
+use hdf5::types::{TypeDescriptor, VarLenAscii, VarLenUnicode};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::data::Kind;
+use crate::error::{Error, Result};
+use crate::hdf::{self, Transfer, product};
+
+/// One dataset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DatasetInfo {
+    /// From the root: `/VTKHDF/CellData/velocity`.
+    pub path: String,
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// Its number type; none for a type this crate does not write.
+    pub kind: Option<Kind>,
+    /// Its unit, where it has one.
+    pub units: Option<String>,
+    /// All its attributes.
+    pub attributes: Vec<(String, Value)>,
+}
+
+impl DatasetInfo {
+    /// The last part of the path.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.path.rsplit('/').next().unwrap_or_default()
+    }
+}
+
+/// What an HDF5 file holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FileInfo {
+    /// Groups with their attributes, from the root.
+    pub groups: Vec<(String, Vec<(String, Value)>)>,
+    /// Datasets.
+    pub datasets: Vec<DatasetInfo>,
+}
+
+impl FileInfo {
+    /// An attribute of a group.
+    #[must_use]
+    pub fn attribute(&self, group: &str, name: &str) -> Option<&Value> {
+        let (_, attributes) = self.groups.iter().find(|g| g.0 == group)?;
+        attributes.iter().find(|a| a.0 == name).map(|a| &a.1)
+    }
+
+    /// A dataset by its path.
+    #[must_use]
+    pub fn dataset(&self, path: &str) -> Option<&DatasetInfo> {
+        self.datasets.iter().find(|d| d.path == path)
+    }
+}
+
+/// List groups, datasets and attributes.
+///
+/// # Errors
+/// [`Error::Hdf`] where the file cannot be read.
+pub fn inspect(path: &Path) -> Result<FileInfo> {
+    let file = hdf::open(path, None)?;
+    let mut info = FileInfo {
+        groups: Vec::new(),
+        datasets: Vec::new(),
+    };
+    let walked = walk(&file, &mut info).map_err(|e| Error::hdf(path, "list the file", &e));
+    // Only read: whatever closing says does not touch the file.
+    let _ = file.close();
+    walked.map(|()| info)
+}
+
+fn walk(group: &hdf5::Group, info: &mut FileInfo) -> hdf5::Result<()> {
+    info.groups.push((group.name(), attributes(group)?));
+    for dataset in group.datasets()? {
+        let attributes = attributes(&dataset)?;
+        let units = attributes
+            .iter()
+            .find(|a| a.0 == "units")
+            .and_then(|a| a.1.as_str())
+            .map(str::to_owned);
+        info.datasets.push(DatasetInfo {
+            path: dataset.name(),
+            shape: dataset.shape(),
+            kind: hdf::kind_of(&dataset)?,
+            units,
+            attributes,
+        });
+    }
+    for child in group.groups()? {
+        walk(&child, info)?;
+    }
+    Ok(())
+}
+
+fn attributes(place: &Location) -> hdf5::Result<Vec<(String, Value)>> {
+    let mut all = Vec::new();
+    for name in place.attr_names()? {
+        let value = attribute(place, &name)?;
+        all.push((name, value));
+    }
+    Ok(all)
+}
+
+/// An attribute as JSON: text, numbers and lists of numbers; null for anything else.
+fn attribute(place: &Location, name: &str) -> hdf5::Result<Value> {
+    let attribute = place.attr(name)?;
+    let Ok(kind) = attribute.dtype()?.to_descriptor() else {
+        return Ok(Value::Null);
+    };
+    let scalar = attribute.ndim() == 0;
+    Ok(match kind {
+        TypeDescriptor::FixedAscii(size) | TypeDescriptor::FixedUnicode(size) if scalar => {
+            let memory = attribute.dtype()?;
+            let mut bytes = vec![0_u8; size];
+            // SAFETY: both handles are open, and the attribute is one string of exactly `size` bytes.
+            hdf5::h5check(sync(|| unsafe {
+                hdf5_sys::h5a::H5Aread(
+                    attribute.id(),
+                    memory.id(),
+                    bytes.as_mut_ptr().cast::<c_void>(),
+                )
+            }))?;
+            let end = bytes.iter().position(|&b| b == 0).unwrap_or(size);
+            Value::from(String::from_utf8_lossy(&bytes[..end]).into_owned())
+        }
+        TypeDescriptor::VarLenUnicode if scalar => {
+            Value::from(attribute.read_scalar::<VarLenUnicode>()?.as_str())
+        }
+        TypeDescriptor::VarLenAscii if scalar => {
+            Value::from(attribute.read_scalar::<VarLenAscii>()?.as_str())
+        }
+        TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) => {
+            one_or_many(scalar, attribute.read_raw::<i64>()?)
+        }
+        TypeDescriptor::Float(_) => one_or_many(scalar, attribute.read_raw::<f64>()?),
+        _ => Value::Null,
+    })
+}
+
+fn one_or_many<T: Into<Value> + Copy>(scalar: bool, values: Vec<T>) -> Value {
+    match values.first() {
+        Some(&first) if scalar => first.into(),
+        _ => Value::Array(values.into_iter().map(Into::into).collect()),
+    }
+}
+
+/// Read one box of a dataset of any number type as f64.
+///
+/// # Errors
+/// [`Error::Hdf`] where there is no such dataset or the box is not in it.
+pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) -> Result<Vec<f64>> {
+    let file = hdf::open(path, None)?;
+    let read = || -> hdf5::Result<Vec<f64>> {
+        let dataset = file.dataset(dataset)?;
+        if !hdf::is_inside(start, count, &dataset.shape()) {
+            return Err(format!(
+                "no box at {start:?} of size {count:?} in {:?}",
+                dataset.shape()
+            )
+            .into());
+        }
+        let mut values = vec![0.0; product(count)];
+        hdf::read_box(&dataset, start, count, &mut values, Transfer::Independent)?;
+        Ok(values)
+    };
+    read().map_err(|e| Error::hdf(path, &format!("read {dataset}"), &e))
+}
+
+/// A whole column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Values {
+    /// Shape, slowest axis first.
+    pub shape: Vec<usize>,
+    /// Its unit, where it has one.
+    pub units: Option<String>,
+    /// The numbers, C order.
+    pub values: Vec<f64>,
+}
+
+/// Find a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
+///
+/// # Errors
+/// [`Error::Invalid`] where there is none; it lists the names there are.
+pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetInfo> {
+    let places = if name.starts_with('/') {
+        vec![name.to_owned()]
+    } else if name == "position" {
+        vec!["/VTKHDF/Points".to_owned()]
+    } else {
+        vec![
+            format!("/VTKHDF/CellData/{name}"),
+            format!("/VTKHDF/PointData/{name}"),
+            format!("/{name}"),
+        ]
+    };
+    places
+        .iter()
+        .find_map(|place| info.dataset(place))
+        .cloned()
+        .ok_or_else(|| {
+            let names: Vec<&str> = info.datasets.iter().map(DatasetInfo::name).collect();
+            Error::invalid(
+                &path.display().to_string(),
+                format!("holds no column {name}; it holds {}", names.join(", ")),
+            )
+        })
+}
+
+/// Read a whole column as f64.
+///
+/// # Errors
+/// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column.
+pub fn read_column(path: &Path, name: &str) -> Result<Values> {
+    let found = find_column(&inspect(path)?, path, name)?;
+    let values = read_f64(path, &found.path, &vec![0; found.shape.len()], &found.shape)?;
+    Ok(Values {
+        shape: found.shape,
+        units: found.units,
+        values,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hdf::{Attribute, Content, Mode, Part};
+    use crate::{Alone, Data};
+
+    #[test]
+    fn everything_is_listed_and_missing_names_are_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.h5");
+        let mut content = Content::default();
+        content.folder(
+            "/g",
+            &[
+                ("time", Attribute::Float(0.5)),
+                ("text", Attribute::Text("grün".to_owned())),
+                ("none", Attribute::Text(String::new())),
+                ("list", Attribute::Ints(vec![3, 4])),
+            ],
+        );
+        content.parts.push(Part {
+            path: "/g/id".to_owned(),
+            shape: vec![3],
+            start: vec![0],
+            count: vec![3],
+            data: Data::I64(&[5, 6, 7]),
+            attributes: vec![("units".to_owned(), Attribute::Text("-".to_owned()))],
+        });
+        hdf::write(&path, &content, &Alone, Mode::Gather).unwrap();
+        let info = inspect(&path).unwrap();
+        assert_eq!(info.attribute("/g", "time"), Some(&Value::from(0.5)));
+        assert_eq!(info.attribute("/g", "text"), Some(&Value::from("grün")));
+        assert_eq!(info.attribute("/g", "none"), Some(&Value::from("")));
+        assert_eq!(
+            info.attribute("/g", "list"),
+            Some(&serde_json::json!([3, 4]))
+        );
+        let id = info.dataset("/g/id").unwrap();
+        assert_eq!(
+            (id.kind, id.units.as_deref(), id.name()),
+            (Some(Kind::I64), Some("-"), "id")
+        );
+        assert_eq!(
+            read_f64(&path, "/g/id", &[1], &[2]).unwrap(),
+            vec![6.0, 7.0]
+        );
+        let error = read_column(&path, "speed").unwrap_err();
+        assert!(error.to_string().contains("it holds id"), "{error}");
+        assert!(read_f64(&path, "/g/id", &[1], &[usize::MAX]).is_err());
+        assert!(inspect(&dir.path().join("b.h5")).is_err());
+        std::fs::write(dir.path().join("c.h5"), b"no").unwrap();
+        assert!(inspect(&dir.path().join("c.h5")).is_err());
+    }
+}

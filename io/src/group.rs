@@ -1,0 +1,121 @@
+//! The ranks that write one file together, and how they agree.
+//!
+//! A rank that leaves a joint write alone leaves the others waiting for ever, so every step of a write ends in
+//! [`agree`]: all go on, or all return the first failing rank's error.
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::error::{Error, Result};
+
+/// The ranks that write one file together. Every method but the first three is called by all of them together.
+pub trait Group {
+    /// My number, from 0.
+    fn rank(&self) -> usize;
+    /// How many we are.
+    fn size(&self) -> usize;
+    /// The communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
+    fn raw(&self) -> Option<mpi_sys::MPI_Comm>;
+    /// Logical and over the ranks.
+    fn all_ok(&self, ok: bool) -> bool;
+    /// Sum of `n` over the ranks before me, and over all.
+    fn offset_and_total(&self, n: u64) -> (u64, u64);
+    /// Everyone's bytes, in order of rank, on every rank.
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
+    /// Wait for all.
+    fn barrier(&self);
+}
+
+/// One process without MPI.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Alone;
+
+impl Group for Alone {
+    fn rank(&self) -> usize {
+        0
+    }
+    fn size(&self) -> usize {
+        1
+    }
+    fn raw(&self) -> Option<mpi_sys::MPI_Comm> {
+        None
+    }
+    fn all_ok(&self, ok: bool) -> bool {
+        ok
+    }
+    fn offset_and_total(&self, n: u64) -> (u64, u64) {
+        (0, n)
+    }
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        vec![bytes.to_vec()]
+    }
+    fn barrier(&self) {}
+}
+
+/// My result if all ranks succeeded, else the first failing rank's error, the same on all.
+///
+/// # Errors
+/// The first failing rank's error.
+pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
+    if group.all_ok(mine.is_ok()) {
+        return mine;
+    }
+    let message = match &mine {
+        Ok(_) => Vec::new(),
+        Err(error) => serde_json::to_vec(error).unwrap_or_default(),
+    };
+    let all = group.gather(&message);
+    for (rank, bytes) in all.iter().enumerate() {
+        if let Ok(error) = serde_json::from_slice::<Error>(bytes) {
+            return Err(if group.size() > 1 {
+                error.on_rank(rank)
+            } else {
+                error
+            });
+        }
+    }
+    // Unreachable for a sound group; still an error everywhere rather than a disagreement.
+    Err(Error::invalid("a rank", "failed and could not say why"))
+}
+
+/// Run `work` on rank 0 and give its result to every rank.
+///
+/// # Errors
+/// Rank 0's error, on every rank.
+pub fn on_root<T: Serialize + DeserializeOwned>(
+    group: &dyn Group,
+    work: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    let mut mine = None;
+    let done = if group.rank() == 0 {
+        work().and_then(|value| {
+            let bytes = serde_json::to_vec(&value)
+                .map_err(|e| Error::invalid("rank 0's result", e.to_string()))?;
+            mine = Some(value);
+            Ok(bytes)
+        })
+    } else {
+        Ok(Vec::new())
+    };
+    let bytes = agree(group, done)?;
+    if group.size() > 1 {
+        let all = group.gather(&bytes);
+        if mine.is_none() {
+            let sent = all.first().map_or(&[][..], Vec::as_slice);
+            mine = serde_json::from_slice(sent).ok();
+        }
+    }
+    mine.ok_or_else(|| Error::invalid("rank 0's result", "did not arrive"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alone_keeps_its_own_error_and_value() {
+        assert_eq!(agree(&Alone, Ok(3)), Ok(3));
+        let error = Error::invalid("a", "b");
+        assert_eq!(agree::<()>(&Alone, Err(error.clone())), Err(error));
+        assert_eq!(on_root(&Alone, || Ok(7_u64)), Ok(7));
+    }
+}

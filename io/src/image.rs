@@ -1,0 +1,232 @@
+//! A lattice on one file per output: static VTKHDF ImageData with cell data.
+//!
+//! Layout: Kitware's VTKHDF specification 1.0. Arrays are in C order [z][y][x][component]; the origin is the lower
+//! corner of the first cell; a 2-D lattice has one cell in z.
+
+use std::path::Path;
+
+use crate::data::{Column, index, signed};
+use crate::error::{Error, Result};
+use crate::group::{Group, agree};
+use crate::hdf::{self, Attribute, Content, Mode, Part, product};
+use crate::series::Moment;
+
+/// One rank's box of a lattice and the columns on it. A rank may hold no cells.
+#[derive(Clone, Debug)]
+pub struct Image<'a> {
+    /// Lower corner of the first cell, x y z, m.
+    pub origin: [f64; 3],
+    /// Edges of a cell, x y z, m.
+    pub spacing: [f64; 3],
+    /// Cells of the whole lattice, x y z.
+    pub cells: [usize; 3],
+    /// First cell of this rank's box, x y z.
+    pub start: [usize; 3],
+    /// Cells of this rank's box, x y z.
+    pub count: [usize; 3],
+    /// Columns of this rank's box, [z][y][x][component].
+    pub fields: Vec<Column<'a>>,
+}
+
+/// Write one output of a lattice. Called by all ranks.
+///
+/// # Errors
+/// As [`hdf::write`].
+pub fn write(
+    path: &Path,
+    when: Moment,
+    image: &Image,
+    provenance: &[(String, String)],
+    group: &dyn Group,
+    mode: Mode,
+) -> Result<()> {
+    agree(group, image.check())?;
+    let mut content = Content::default();
+    let [nx, ny, nz] = image.cells;
+    let extent = [0, signed(nx)?, 0, signed(ny)?, 0, signed(nz)?];
+    content.folder(
+        "/VTKHDF",
+        &[
+            ("Version", Attribute::Ints(vec![1, 0])),
+            ("Type", Attribute::Text("ImageData".to_owned())),
+            ("WholeExtent", Attribute::Ints(extent.to_vec())),
+            ("Origin", Attribute::Floats(image.origin.to_vec())),
+            ("Spacing", Attribute::Floats(image.spacing.to_vec())),
+            (
+                "Direction",
+                Attribute::Floats(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+            ),
+        ],
+    );
+    content.folder("/VTKHDF/CellData", &[]);
+    let reversed = |[x, y, z]: [usize; 3]| [z, y, x];
+    for field in &image.fields {
+        content.parts.push(Part {
+            path: format!("/VTKHDF/CellData/{}", field.name),
+            shape: field.shaped(&reversed(image.cells)),
+            start: field.start(&reversed(image.start)),
+            count: field.shaped(&reversed(image.count)),
+            data: field.data,
+            attributes: vec![("units".to_owned(), Attribute::Text(field.units.to_owned()))],
+        });
+    }
+    when.describe(&mut content);
+    content.texts("/provenance", provenance, group);
+    hdf::write(path, &content, group, mode)
+}
+
+impl Image<'_> {
+    fn check(&self) -> Result<()> {
+        let positive = self.spacing.iter().all(|d| *d > 0.0 && d.is_finite());
+        if !positive || !self.origin.iter().all(|x| x.is_finite()) {
+            return Err(Error::invalid(
+                "the lattice",
+                format!("origin {:?}, spacing {:?}", self.origin, self.spacing),
+            ));
+        }
+        if product(&self.cells) == 0 {
+            return Err(Error::invalid(
+                "the lattice",
+                format!("cells {:?}", self.cells),
+            ));
+        }
+        // Also proves that the extents fit the file's integers.
+        self.cells.iter().try_for_each(|&n| signed(n).map(|_| ()))?;
+        self.fields
+            .iter()
+            .try_for_each(|field| field.check(product(&self.count)))
+    }
+}
+
+/// What a lattice file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageInfo {
+    /// When it was written.
+    pub when: Moment,
+    /// Lower corner of the first cell, x y z, m.
+    pub origin: [f64; 3],
+    /// Edges of a cell, x y z, m.
+    pub spacing: [f64; 3],
+    /// Cells, x y z.
+    pub cells: [usize; 3],
+    /// The columns.
+    pub columns: Vec<crate::fields::DatasetInfo>,
+}
+
+/// Read what a lattice file holds; [`crate::fields::read_column`] reads the numbers.
+///
+/// # Errors
+/// [`Error::Hdf`] where it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
+pub fn open(path: &Path) -> Result<ImageInfo> {
+    let info = crate::fields::inspect(path)?;
+    let wrong = |what: &str| Error::corrupt(path, format!("no {what} in /VTKHDF"));
+    let get = |name: &str| info.attribute("/VTKHDF", name).ok_or_else(|| wrong(name));
+    if get("Type")?.as_str() != Some("ImageData") {
+        return Err(wrong("ImageData"));
+    }
+    let floats = |name: &str| -> Result<[f64; 3]> {
+        let value = get(name)?;
+        let list = value.as_array().ok_or_else(|| wrong(name))?;
+        let numbers: Vec<f64> = list.iter().filter_map(serde_json::Value::as_f64).collect();
+        numbers.try_into().map_err(|_| wrong(name))
+    };
+    let extent = get("WholeExtent")?;
+    let at = |i: usize| extent.get(i).and_then(serde_json::Value::as_u64);
+    let mut cells = [0; 3];
+    for (axis, n) in cells.iter_mut().enumerate() {
+        let (Some(low), Some(high)) = (at(2 * axis), at(2 * axis + 1)) else {
+            return Err(wrong("WholeExtent"));
+        };
+        *n = index(high.checked_sub(low).ok_or_else(|| wrong("WholeExtent"))?)?;
+    }
+    Ok(ImageInfo {
+        when: Moment::of(&info, path)?,
+        origin: floats("Origin")?,
+        spacing: floats("Spacing")?,
+        cells,
+        columns: info
+            .datasets
+            .into_iter()
+            .filter(|d| d.path.starts_with("/VTKHDF/CellData/"))
+            .collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Alone, Data};
+
+    #[test]
+    fn a_lattice_comes_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("fluid.vtkhdf");
+        let u: Vec<f32> = (0..2 * 3 * 4 * 3).map(|i| i as f32).collect();
+        let flag = vec![1_u8; 24];
+        let image = Image {
+            origin: [0.5, 1.0, -1.0],
+            spacing: [0.1, 0.2, 0.3],
+            cells: [4, 3, 2],
+            start: [0; 3],
+            count: [4, 3, 2],
+            fields: vec![
+                Column {
+                    name: "velocity",
+                    units: "m/s",
+                    components: 3,
+                    data: Data::F32(&u),
+                },
+                Column {
+                    name: "flag",
+                    units: "-",
+                    components: 1,
+                    data: Data::U8(&flag),
+                },
+            ],
+        };
+        let when = Moment {
+            step: 7,
+            time: 0.25,
+        };
+        let provenance = [("version".to_owned(), "1".to_owned())];
+        write(&path, when, &image, &provenance, &Alone, Mode::Collective).unwrap();
+        let back = open(&path).unwrap();
+        assert_eq!((back.when, back.cells), (when, [4, 3, 2]));
+        assert_eq!((back.origin, back.spacing), (image.origin, image.spacing));
+        let velocity = crate::fields::read_column(&path, "velocity").unwrap();
+        assert_eq!(velocity.shape, vec![2, 3, 4, 3]);
+        assert_eq!(velocity.units.as_deref(), Some("m/s"));
+        let written: Vec<f64> = u.iter().map(|&x| f64::from(x)).collect();
+        assert_eq!(velocity.values, written);
+        assert_eq!(
+            crate::fields::read_column(&path, "flag").unwrap().shape,
+            vec![2, 3, 4]
+        );
+    }
+
+    #[test]
+    fn wrong_lattices_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.vtkhdf");
+        let image = Image {
+            origin: [0.0; 3],
+            spacing: [1.0, 0.0, 1.0],
+            cells: [1; 3],
+            start: [0; 3],
+            count: [1; 3],
+            fields: vec![],
+        };
+        let refused = |image: &Image| {
+            let when = Moment { step: 0, time: 0.0 };
+            write(&path, when, image, &[], &Alone, Mode::Gather).is_err()
+        };
+        assert!(refused(&image));
+        let mut image = Image {
+            spacing: [1.0; 3],
+            ..image
+        };
+        assert!(!refused(&image));
+        image.cells = [0, 1, 1];
+        assert!(refused(&image));
+    }
+}

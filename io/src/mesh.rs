@@ -1,0 +1,417 @@
+//! Grains, contacts and blocks, one file per output: static VTKHDF PolyData.
+//!
+//! Layout: Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds, polygons
+//! are the faces of blocks. Each rank brings its own points and cells with its own indices from 0; in the file they lie
+//! in order of rank. Nothing at all, on some ranks or on all, is a normal case.
+
+use std::path::Path;
+
+use crate::data::{Column, Data, Kind, index, signed};
+use crate::error::{Error, Result};
+use crate::group::{Group, agree};
+use crate::hdf::{self, Attribute, Content, Mode, Part};
+use crate::series::Moment;
+
+/// What joins the points.
+#[derive(Clone, Copy, Debug)]
+pub enum Cells<'a> {
+    /// Each point is its own cell: grains.
+    Vertices,
+    /// Two points each, this rank's indices: contacts, bonds.
+    Lines(&'a [[usize; 2]]),
+    /// Faces: corners of each, and all corners in turn, this rank's indices.
+    Polygons {
+        /// Corners of each face, at least 3.
+        sizes: &'a [usize],
+        /// The corners of all faces, one face after the other.
+        corners: &'a [usize],
+    },
+}
+
+/// One rank's points and cells and the columns on them.
+#[derive(Clone, Debug)]
+pub struct Mesh<'a> {
+    /// Positions [n][3], f32 or f64, m.
+    pub points: Data<'a>,
+    /// What joins them.
+    pub cells: Cells<'a>,
+    /// One row per point.
+    pub point_columns: Vec<Column<'a>>,
+    /// One row per line or polygon; with vertices, use the points.
+    pub cell_columns: Vec<Column<'a>>,
+}
+
+/// The four lists of cells that PolyData has, whether used or not.
+const LISTS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
+
+impl Cells<'_> {
+    fn list(&self) -> &'static str {
+        match self {
+            Self::Vertices => LISTS[0],
+            Self::Lines(_) => LISTS[1],
+            Self::Polygons { .. } => LISTS[2],
+        }
+    }
+}
+
+/// Write one output of a mesh. Called by all ranks.
+///
+/// # Errors
+/// As [`hdf::write`].
+pub fn write(
+    path: &Path,
+    when: Moment,
+    mesh: &Mesh,
+    provenance: &[(String, String)],
+    group: &dyn Group,
+    mode: Mode,
+) -> Result<()> {
+    agree(group, mesh.check())?;
+    let joined = Joined::new(mesh, group)?;
+    let root = group.rank() == 0;
+    let mut content = Content::default();
+    content.folder(
+        "/VTKHDF",
+        &[
+            ("Version", Attribute::Ints(vec![2, 0])),
+            ("Type", Attribute::Text("PolyData".to_owned())),
+        ],
+    );
+    content.folder("/VTKHDF/PointData", &[]);
+    content.folder("/VTKHDF/CellData", &[]);
+    let total_points = [signed(joined.points.total)?];
+    content.parts.push(single(
+        "/VTKHDF/NumberOfPoints".to_owned(),
+        &total_points,
+        root,
+    ));
+    content
+        .parts
+        .push(joined.points.part("/VTKHDF/Points", &[3], mesh.points, "m"));
+    let counts = [
+        signed(joined.cells.total)?,
+        signed(joined.connectivity.total)?,
+    ];
+    for list in LISTS {
+        let at = |name: &str| format!("/VTKHDF/{list}/{name}");
+        if list == mesh.cells.list() {
+            content
+                .parts
+                .push(single(at("NumberOfCells"), &counts[..1], root));
+            content
+                .parts
+                .push(single(at("NumberOfConnectivityIds"), &counts[1..], root));
+            content.parts.push(joined.connectivity.part(
+                &at("Connectivity"),
+                &[],
+                Data::I64(&joined.ids),
+                "-",
+            ));
+            content
+                .parts
+                .push(joined.starts_part(&at("Offsets"), group));
+        } else {
+            for name in ["NumberOfCells", "NumberOfConnectivityIds", "Offsets"] {
+                content.parts.push(single(at(name), &[0], root));
+            }
+            content.parts.push(Part {
+                path: at("Connectivity"),
+                shape: vec![0],
+                start: vec![0],
+                count: vec![0],
+                data: Data::I64(&[]),
+                attributes: Vec::new(),
+            });
+        }
+    }
+    if let Cells::Polygons { .. } = mesh.cells {
+        content.parts.push(
+            joined
+                .mixed
+                .part(MIXED, &[], Data::I64(&joined.mixed_ids), "-"),
+        );
+    }
+    for (place, span, columns) in [
+        ("PointData", &joined.points, &mesh.point_columns),
+        ("CellData", &joined.cells, &mesh.cell_columns),
+    ] {
+        for column in columns {
+            let components: &[usize] = if column.components > 1 {
+                &[column.components]
+            } else {
+                &[]
+            };
+            content.parts.push(span.part(
+                &format!("/VTKHDF/{place}/{}", column.name),
+                components,
+                column.data,
+                column.units,
+            ));
+        }
+    }
+    when.describe(&mut content);
+    content.texts("/provenance", provenance, group);
+    hdf::write(path, &content, group, mode)
+}
+
+/// Where polygons lie a second time in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file: the two
+/// formats share everything else.
+pub(crate) const MIXED: &str = "/XDMF/Polygons";
+
+/// A dataset of one integer, held by rank 0.
+fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
+    let held = usize::from(root);
+    Part {
+        path,
+        shape: vec![1],
+        start: vec![0],
+        count: vec![held],
+        data: Data::I64(&value[..held]),
+        attributes: Vec::new(),
+    }
+}
+
+/// This rank's rows among all rows.
+struct Span {
+    mine: usize,
+    offset: usize,
+    total: usize,
+}
+
+impl Span {
+    fn new(mine: usize, group: &dyn Group) -> Result<Self> {
+        let (offset, total) = group.offset_and_total(mine as u64);
+        Ok(Self {
+            mine,
+            offset: index(offset)?,
+            total: index(total)?,
+        })
+    }
+
+    fn part<'a>(&self, path: &str, components: &[usize], data: Data<'a>, units: &str) -> Part<'a> {
+        let shaped = |n: usize| [&[n], components].concat();
+        Part {
+            path: path.to_owned(),
+            shape: shaped(self.total),
+            start: [&[self.offset][..], &vec![0; components.len()]].concat(),
+            count: shaped(self.mine),
+            data,
+            attributes: vec![("units".to_owned(), Attribute::Text(units.to_owned()))],
+        }
+    }
+}
+
+/// The cells with the file's indices.
+struct Joined {
+    points: Span,
+    cells: Span,
+    connectivity: Span,
+    mixed: Span,
+    ids: Vec<i64>,
+    starts: Vec<i64>,
+    mixed_ids: Vec<i64>,
+}
+
+impl Joined {
+    fn new(mesh: &Mesh, group: &dyn Group) -> Result<Self> {
+        let points = Span::new(mesh.points.len() / 3, group)?;
+        let shifted = |i: usize| signed(i + points.offset);
+        let (sizes, ids): (Vec<usize>, Vec<i64>) = match mesh.cells {
+            Cells::Vertices => (
+                vec![1; points.mine],
+                (0..points.mine).map(shifted).collect::<Result<_>>()?,
+            ),
+            Cells::Lines(lines) => (
+                vec![2; lines.len()],
+                lines
+                    .iter()
+                    .flatten()
+                    .map(|&i| shifted(i))
+                    .collect::<Result<_>>()?,
+            ),
+            Cells::Polygons { sizes, corners } => (
+                sizes.to_vec(),
+                corners.iter().map(|&i| shifted(i)).collect::<Result<_>>()?,
+            ),
+        };
+        let cells = Span::new(sizes.len(), group)?;
+        let connectivity = Span::new(ids.len(), group)?;
+        let mut starts = Vec::with_capacity(sizes.len() + 1);
+        let mut mixed_ids = Vec::new();
+        let mut next = 0;
+        for &size in &sizes {
+            starts.push(signed(connectivity.offset + next)?);
+            if let Cells::Polygons { .. } = mesh.cells {
+                // XDMF's number for a polygon.
+                mixed_ids.extend([3, signed(size)?]);
+                mixed_ids.extend_from_slice(&ids[next..next + size]);
+            }
+            next += size;
+        }
+        // The end of the last cell of all belongs to the last rank.
+        if group.rank() + 1 == group.size() {
+            starts.push(signed(connectivity.total)?);
+        }
+        let mixed = Span::new(mixed_ids.len(), group)?;
+        Ok(Self {
+            points,
+            cells,
+            connectivity,
+            mixed,
+            ids,
+            starts,
+            mixed_ids,
+        })
+    }
+
+    fn starts_part(&self, path: &str, group: &dyn Group) -> Part<'_> {
+        let last = usize::from(group.rank() + 1 == group.size());
+        Part {
+            path: path.to_owned(),
+            shape: vec![self.cells.total + 1],
+            start: vec![self.cells.offset],
+            count: vec![self.cells.mine + last],
+            data: Data::I64(&self.starts),
+            attributes: Vec::new(),
+        }
+    }
+}
+
+impl Mesh<'_> {
+    fn check(&self) -> Result<()> {
+        let wrong = |reason: String| Err(Error::invalid("the mesh", reason));
+        if !matches!(self.points.kind(), Kind::F32 | Kind::F64)
+            || !self.points.len().is_multiple_of(3)
+        {
+            return wrong(format!(
+                "{} coordinates of type {:?}",
+                self.points.len(),
+                self.points.kind()
+            ));
+        }
+        let points = self.points.len() / 3;
+        let outside = |i: &usize| *i >= points;
+        let cells = match self.cells {
+            Cells::Vertices => {
+                if let Some(column) = self.cell_columns.first() {
+                    return wrong(format!(
+                        "the column {} belongs to the points, which are the cells",
+                        column.name
+                    ));
+                }
+                points
+            }
+            Cells::Lines(lines) => {
+                if lines.iter().flatten().any(outside) {
+                    return wrong(format!("a line leaves the {points} points"));
+                }
+                lines.len()
+            }
+            Cells::Polygons { sizes, corners } => {
+                if corners.iter().any(outside) {
+                    return wrong(format!("a polygon leaves the {points} points"));
+                }
+                if sizes.iter().any(|&n| n < 3) || sizes.iter().sum::<usize>() != corners.len() {
+                    return wrong("the sizes of the polygons do not fit their corners".to_owned());
+                }
+                sizes.len()
+            }
+        };
+        self.point_columns
+            .iter()
+            .try_for_each(|c| c.check(points))?;
+        self.cell_columns.iter().try_for_each(|c| c.check(cells))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Alone;
+    use crate::fields::{inspect, read_column};
+
+    const WHEN: Moment = Moment { step: 3, time: 0.5 };
+
+    fn save(mesh: &Mesh) -> (tempfile::TempDir, Result<()>) {
+        let dir = tempfile::tempdir().unwrap();
+        let done = write(
+            &dir.path().join("a.vtkhdf"),
+            WHEN,
+            mesh,
+            &[],
+            &Alone,
+            Mode::Collective,
+        );
+        (dir, done)
+    }
+
+    #[test]
+    fn two_blocks_come_back() {
+        let points: Vec<f64> = (0..21).map(f64::from).collect();
+        let mesh = Mesh {
+            points: Data::F64(&points),
+            cells: Cells::Polygons {
+                sizes: &[3, 4],
+                corners: &[0, 1, 2, 3, 4, 5, 6],
+            },
+            point_columns: vec![],
+            cell_columns: vec![Column {
+                name: "id",
+                units: "-",
+                components: 1,
+                data: Data::I64(&[8, 9]),
+            }],
+        };
+        let (dir, done) = save(&mesh);
+        done.unwrap();
+        let path = dir.path().join("a.vtkhdf");
+        assert_eq!(read_column(&path, "position").unwrap().shape, vec![7, 3]);
+        assert_eq!(read_column(&path, "id").unwrap().values, vec![8.0, 9.0]);
+        let offsets = read_column(&path, "/VTKHDF/Polygons/Offsets").unwrap();
+        assert_eq!(offsets.values, vec![0.0, 3.0, 7.0]);
+        let mixed = read_column(&path, MIXED).unwrap();
+        assert_eq!(
+            mixed.values,
+            vec![3., 3., 0., 1., 2., 3., 4., 3., 4., 5., 6.]
+        );
+    }
+
+    #[test]
+    fn no_grains_are_a_file_too() {
+        let (dir, done) = save(&Mesh {
+            points: Data::F32(&[]),
+            cells: Cells::Vertices,
+            point_columns: vec![],
+            cell_columns: vec![],
+        });
+        done.unwrap();
+        let info = inspect(&dir.path().join("a.vtkhdf")).unwrap();
+        assert_eq!(info.dataset("/VTKHDF/Points").unwrap().shape, vec![0, 3]);
+        assert_eq!(
+            info.dataset("/VTKHDF/Vertices/Offsets").unwrap().shape,
+            vec![1]
+        );
+    }
+
+    #[test]
+    fn cells_that_leave_their_points_are_refused() {
+        let points = [0.0_f64; 6];
+        let mesh = |cells| Mesh {
+            points: Data::F64(&points),
+            cells,
+            point_columns: vec![],
+            cell_columns: vec![],
+        };
+        assert!(save(&mesh(Cells::Lines(&[[0, 1]]))).1.is_ok());
+        assert!(save(&mesh(Cells::Lines(&[[0, 2]]))).1.is_err());
+        let polygons = |sizes, corners| mesh(Cells::Polygons { sizes, corners });
+        assert!(save(&polygons(&[2], &[0, 1])).1.is_err());
+        assert!(save(&polygons(&[3], &[0, 1])).1.is_err());
+        assert!(save(&polygons(&[3], &[0, 1, 1])).1.is_ok());
+        let mut odd = mesh(Cells::Vertices);
+        odd.points = Data::F64(&points[..5]);
+        assert!(save(&odd).1.is_err());
+        odd.points = Data::I64(&[0, 0, 0]);
+        assert!(save(&odd).1.is_err());
+    }
+}

@@ -1,0 +1,395 @@
+//! A series of outputs: heavy files `fluid_000000100.vtkhdf` and one index `fluid.xmf` beside them.
+//!
+//! The heavy file is complete and in place before an index that names it appears; the index is rewritten whole and
+//! renamed into place at every output, so that a viewer may reload at any moment. Steps without cells are left out of
+//! the index, and there is no index before the first step with cells.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::atomic;
+use crate::data::check_name;
+use crate::error::{Error, Result};
+use crate::fields::FileInfo;
+use crate::group::{Group, on_root};
+use crate::hdf::{Attribute, Content, Mode};
+use crate::image::{self, Image};
+use crate::mesh::{self, Mesh};
+use crate::xdmf;
+
+/// When an output was written.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// Step from the start of the simulation.
+    pub step: u64,
+    /// Time, s.
+    pub time: f64,
+}
+
+impl Moment {
+    pub(crate) fn describe(self, content: &mut Content) {
+        content.folder(
+            "/output",
+            &[
+                (
+                    "step",
+                    Attribute::Int(i64::try_from(self.step).unwrap_or(i64::MAX)),
+                ),
+                ("time", Attribute::Float(self.time)),
+            ],
+        );
+    }
+
+    pub(crate) fn of(info: &FileInfo, path: &Path) -> Result<Self> {
+        let get = |name| info.attribute("/output", name);
+        match (
+            get("step").and_then(serde_json::Value::as_u64),
+            get("time").and_then(serde_json::Value::as_f64),
+        ) {
+            (Some(step), Some(time)) => Ok(Self { step, time }),
+            _ => Err(Error::corrupt(path, "does not say its step and time")),
+        }
+    }
+}
+
+/// The steps of one kind of output. Rank 0 keeps them; the other ranks only take part.
+#[derive(Clone, Debug)]
+pub struct Series {
+    folder: PathBuf,
+    name: String,
+    steps: Vec<Step>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Step {
+    when: Moment,
+    /// The `<Grid>`; empty for a step without cells.
+    grid: String,
+}
+
+const HEAD: &str = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<Xdmf Version=\"3.0\"><Domain>\n";
+const TAIL: &str = " </Grid>\n</Domain></Xdmf>\n";
+
+impl Series {
+    /// Start a series from nothing: an index and heavy files that an earlier run left under this name are removed.
+    ///
+    /// # Errors
+    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    pub fn create(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
+        check_name(name)?;
+        let mut series = Self::empty(folder, name);
+        on_root(group, || {
+            atomic::remove_if_there(&series.index())?;
+            series
+                .heavy_files()?
+                .iter()
+                .try_for_each(|(_, path)| atomic::remove_if_there(path))
+        })?;
+        series.steps.clear();
+        Ok(series)
+    }
+
+    /// Go on with a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
+    ///
+    /// # Errors
+    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    pub fn open(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
+        check_name(name)?;
+        let mut series = Self::empty(folder, name);
+        on_root(group, || {
+            match series.read_index() {
+                Some(steps) => series.steps = steps,
+                None => series.scan()?,
+            }
+            Ok(())
+        })?;
+        Ok(series)
+    }
+
+    /// Make the index anew from the heavy files in the folder. Files that cannot be read are left out with a warning.
+    ///
+    /// # Errors
+    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    pub fn rebuild(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
+        check_name(name)?;
+        let mut series = Self::empty(folder, name);
+        on_root(group, || {
+            series.scan()?;
+            series.write_index()
+        })?;
+        Ok(series)
+    }
+
+    fn empty(folder: &Path, name: &str) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            name: name.to_owned(),
+            steps: Vec::new(),
+        }
+    }
+
+    /// The index file.
+    #[must_use]
+    pub fn index(&self) -> PathBuf {
+        self.folder.join(format!("{}.xmf", self.name))
+    }
+
+    /// The heavy file of a step.
+    #[must_use]
+    pub fn heavy(&self, step: u64) -> PathBuf {
+        self.folder.join(format!("{}_{step:09}.vtkhdf", self.name))
+    }
+
+    /// The steps written so far that hold cells, in order; only rank 0 knows them.
+    pub fn moments(&self) -> impl Iterator<Item = Moment> + '_ {
+        self.steps
+            .iter()
+            .filter(|s| !s.grid.is_empty())
+            .map(|s| s.when)
+    }
+
+    /// Write one output of a lattice and the index. Called by all ranks; returns the heavy file.
+    ///
+    /// # Errors
+    /// As [`crate::hdf::write`]; the index is then as it was.
+    pub fn write_image(
+        &mut self,
+        when: Moment,
+        image: &Image,
+        provenance: &[(String, String)],
+        group: &dyn Group,
+        mode: Mode,
+    ) -> Result<PathBuf> {
+        let path = self.heavy(when.step);
+        image::write(&path, when, image, provenance, group, mode)?;
+        self.add(path, group)
+    }
+
+    /// Write one output of a mesh and the index. Called by all ranks; returns the heavy file.
+    ///
+    /// # Errors
+    /// As [`crate::hdf::write`]; the index is then as it was.
+    pub fn write_mesh(
+        &mut self,
+        when: Moment,
+        mesh: &Mesh,
+        provenance: &[(String, String)],
+        group: &dyn Group,
+        mode: Mode,
+    ) -> Result<PathBuf> {
+        let path = self.heavy(when.step);
+        mesh::write(&path, when, mesh, provenance, group, mode)?;
+        self.add(path, group)
+    }
+
+    fn add(&mut self, path: PathBuf, group: &dyn Group) -> Result<PathBuf> {
+        on_root(group, || {
+            let (when, grid) = xdmf::grid(&path)?;
+            let at = self.steps.partition_point(|s| s.when.step < when.step);
+            let step = Step { when, grid };
+            match self.steps.get_mut(at) {
+                Some(old) if old.when.step == when.step => *old = step,
+                _ => self.steps.insert(at, step),
+            }
+            self.write_index()
+        })?;
+        Ok(path)
+    }
+
+    /// Forget every step after `step` and remove its heavy files: a restart writes them again. Called by all ranks.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn truncate_after(&mut self, step: u64, group: &dyn Group) -> Result<()> {
+        on_root(group, || {
+            self.steps.retain(|s| s.when.step <= step);
+            // The index first: at no moment does it name a file that is gone.
+            self.write_index()?;
+            for (late, path) in self.heavy_files()? {
+                if late > step {
+                    atomic::remove_if_there(&path)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn write_index(&self) -> Result<()> {
+        if self.moments().next().is_none() {
+            return atomic::remove_if_there(&self.index());
+        }
+        let mut text = String::from(HEAD);
+        text.push_str(&self.collection());
+        for step in &self.steps {
+            text.push_str(&step.grid);
+        }
+        text.push_str(TAIL);
+        atomic::write(&self.index(), text.as_bytes())
+    }
+
+    fn collection(&self) -> String {
+        format!(
+            " <Grid Name=\"{}\" GridType=\"Collection\" CollectionType=\"Temporal\">\n",
+            self.name
+        )
+    }
+
+    /// The steps of the index, or nothing where it is missing, not of this form, or not in step with the heavy files.
+    fn read_index(&self) -> Option<Vec<Step>> {
+        let text = std::fs::read_to_string(self.index()).ok()?;
+        let body = text
+            .strip_prefix(HEAD)?
+            .strip_prefix(&self.collection())?
+            .strip_suffix(TAIL)?;
+        let end = "  </Grid>\n";
+        let mut steps = Vec::new();
+        for grid in body.split_inclusive(end) {
+            let line = grid
+                .strip_prefix("  <Grid Name=\"")?
+                .strip_prefix(self.name.as_str())?
+                .strip_prefix('_')?;
+            let (step, rest) = line.split_once("\" GridType=\"Uniform\"><Time Value=\"")?;
+            let (time, _) = rest.split_once("\"/>")?;
+            steps.push(Step {
+                when: Moment {
+                    step: step.parse().ok()?,
+                    time: time.parse().ok()?,
+                },
+                grid: grid.to_owned(),
+            });
+        }
+        let named = steps.iter().all(|s| self.heavy(s.when.step).is_file());
+        named.then_some(steps)
+    }
+
+    fn scan(&mut self) -> Result<()> {
+        self.steps.clear();
+        for (step, path) in self.heavy_files()? {
+            match xdmf::grid(&path) {
+                Ok((when, grid)) if when.step == step => self.steps.push(Step { when, grid }),
+                Ok((when, _)) => {
+                    log::warn!(
+                        "{} is left out: it holds step {}",
+                        path.display(),
+                        when.step
+                    );
+                }
+                Err(error) => log::warn!("left out of {}: {error}", self.index().display()),
+            }
+        }
+        self.steps.sort_by_key(|s| s.when.step);
+        Ok(())
+    }
+
+    fn heavy_files(&self) -> Result<Vec<(u64, PathBuf)>> {
+        let number = |path: &PathBuf| -> Option<u64> {
+            path.file_name()?
+                .to_str()?
+                .strip_prefix(self.name.as_str())?
+                .strip_prefix('_')?
+                .strip_suffix(".vtkhdf")?
+                .parse()
+                .ok()
+        };
+        Ok(atomic::files(&self.folder)?
+            .into_iter()
+            .filter_map(|path| Some((number(&path)?, path)))
+            .collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Alone, Cells, Data};
+
+    fn mesh(points: &[f64]) -> Mesh<'_> {
+        Mesh {
+            points: Data::F64(points),
+            cells: Cells::Vertices,
+            point_columns: vec![],
+            cell_columns: vec![],
+        }
+    }
+
+    fn put(series: &mut Series, step: u64, points: &[f64]) -> PathBuf {
+        let when = Moment {
+            step,
+            time: f64::from(u32::try_from(step).unwrap()) / 1e7,
+        };
+        series
+            .write_mesh(when, &mesh(points), &[], &Alone, Mode::Collective)
+            .unwrap()
+    }
+
+    fn steps(series: &Series) -> Vec<u64> {
+        series.moments().map(|m| m.step).collect()
+    }
+
+    #[test]
+    fn a_series_grows_is_read_back_and_cut() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut series = Series::create(dir.path(), "particles", &Alone).unwrap();
+        put(&mut series, 0, &[]);
+        assert!(!series.index().exists());
+        for step in [100, 200, 300] {
+            let path = put(&mut series, step, &[0.0, 1.0, 2.0]);
+            assert!(path.ends_with(format!("particles_{step:09}.vtkhdf")));
+        }
+        let text = std::fs::read_to_string(series.index()).unwrap();
+        assert!(text.contains("<Time Value=\"1e-5\"/>"), "{text}");
+        assert!(text.contains(
+            "NumberType=\"Float\" Precision=\"8\" Dimensions=\"1 3\">particles_000000100.vtkhdf:/VTKHDF/Points"
+        ));
+
+        let mut again = Series::open(dir.path(), "particles", &Alone).unwrap();
+        assert_eq!(
+            again.moments().collect::<Vec<_>>(),
+            series.moments().collect::<Vec<_>>()
+        );
+        again.truncate_after(200, &Alone).unwrap();
+        assert_eq!(steps(&again), vec![100, 200]);
+        assert!(!again.heavy(300).exists() && again.heavy(0).exists());
+
+        // The same index from the heavy files alone.
+        let kept = std::fs::read_to_string(again.index()).unwrap();
+        std::fs::remove_file(again.index()).unwrap();
+        let rebuilt = Series::rebuild(dir.path(), "particles", &Alone).unwrap();
+        assert_eq!(std::fs::read_to_string(rebuilt.index()).unwrap(), kept);
+
+        // A step written twice is there once.
+        put(&mut again, 200, &[1.0, 1.0, 1.0]);
+        assert_eq!(steps(&again), vec![100, 200]);
+        again.truncate_after(50, &Alone).unwrap();
+        assert!(!again.index().exists());
+        let fresh = Series::create(dir.path(), "particles", &Alone).unwrap();
+        assert!(!fresh.heavy(0).exists());
+    }
+
+    #[test]
+    fn an_index_that_does_not_fit_its_files_is_made_anew() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut series = Series::create(dir.path(), "bonds", &Alone).unwrap();
+        for step in [1, 2] {
+            put(&mut series, step, &[0.0; 3]);
+        }
+        std::fs::write(series.index(), "<Xdmf>").unwrap();
+        assert_eq!(
+            steps(&Series::open(dir.path(), "bonds", &Alone).unwrap()),
+            vec![1, 2]
+        );
+        Series::rebuild(dir.path(), "bonds", &Alone).unwrap();
+        std::fs::remove_file(series.heavy(1)).unwrap();
+        assert_eq!(
+            steps(&Series::open(dir.path(), "bonds", &Alone).unwrap()),
+            vec![2]
+        );
+        std::fs::write(series.heavy(2), "no").unwrap();
+        assert_eq!(
+            steps(&Series::rebuild(dir.path(), "bonds", &Alone).unwrap()),
+            Vec::<u64>::new()
+        );
+        assert!(Series::open(dir.path(), "Bonds", &Alone).is_err());
+    }
+}

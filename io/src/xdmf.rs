@@ -1,0 +1,155 @@
+//! XDMF: the light text that points at the arrays of a heavy file.
+//!
+//! Only forms that both generations of ParaView's XDMF readers take: whole datasets, one per field and step, counts in
+//! the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text is made from the
+//! heavy file itself, so that types and shapes cannot differ from it.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::fields::{DatasetInfo, FileInfo, inspect};
+use crate::image;
+use crate::mesh::MIXED;
+use crate::series::Moment;
+
+/// The `<Grid>` of one heavy file and when it was written. The text is empty where the file holds no cells: readers
+/// complain about empty grids, so the index leaves them out.
+pub(crate) fn grid(path: &Path) -> Result<(Moment, String)> {
+    let info = inspect(path)?;
+    let when = Moment::of(&info, path)?;
+    let kind = info.attribute("/VTKHDF", "Type").and_then(|v| v.as_str());
+    let text = match kind {
+        Some("ImageData") => image_grid(path, when)?,
+        Some("PolyData") => mesh_grid(path, &info, when)?,
+        _ => {
+            return Err(Error::corrupt(path, "neither a lattice nor a mesh"));
+        }
+    };
+    Ok((when, text))
+}
+
+fn stem(path: &Path) -> &str {
+    path.file_stem()
+        .and_then(|s| s.to_str())
+        .unwrap_or_default()
+}
+
+/// The first line of a grid; [`crate::series`] reads the time back from it.
+fn head(path: &Path, when: Moment) -> String {
+    format!(
+        "  <Grid Name=\"{}\" GridType=\"Uniform\"><Time Value=\"{:?}\"/>\n",
+        stem(path),
+        when.time
+    )
+}
+
+fn image_grid(path: &Path, when: Moment) -> Result<String> {
+    let image = image::open(path)?;
+    let [nx, ny, nz] = image.cells.map(|n| n + 1);
+    let [ox, oy, oz] = image.origin;
+    let [dx, dy, dz] = image.spacing;
+    let mut text = head(path, when);
+    let three = "<DataItem Dimensions=\"3\" NumberType=\"Float\" Precision=\"8\" Format=\"XML\">";
+    // Writing to a String cannot fail.
+    let _ = write!(
+        text,
+        "   <Topology TopologyType=\"3DCoRectMesh\" Dimensions=\"{nz} {ny} {nx}\"/>\n   \
+         <Geometry GeometryType=\"ORIGIN_DXDYDZ\">\n    \
+         {three}{oz:?} {oy:?} {ox:?}</DataItem>\n    \
+         {three}{dz:?} {dy:?} {dx:?}</DataItem></Geometry>\n"
+    );
+    for column in &image.columns {
+        attribute(&mut text, path, column, "Cell", 3)?;
+    }
+    text.push_str("  </Grid>\n");
+    Ok(text)
+}
+
+fn mesh_grid(path: &Path, info: &FileInfo, when: Moment) -> Result<String> {
+    let missing = |what: &str| Error::corrupt(path, format!("no {what}"));
+    let dataset = |name: &str| info.dataset(name).ok_or_else(|| missing(name));
+    let cells = |list: &str| -> Result<usize> {
+        let offsets = dataset(&format!("/VTKHDF/{list}/Offsets"))?;
+        Ok(offsets.shape.first().map_or(0, |n| n.saturating_sub(1)))
+    };
+    let (kind, nodes, list) = if cells("Vertices")? > 0 {
+        ("Polyvertex", " NodesPerElement=\"1\"", "Vertices")
+    } else if cells("Lines")? > 0 {
+        ("Polyline", " NodesPerElement=\"2\"", "Lines")
+    } else if cells("Polygons")? > 0 {
+        ("Mixed", "", "Polygons")
+    } else {
+        return Ok(String::new());
+    };
+    let ids = match list {
+        "Polygons" => dataset(MIXED)?,
+        _ => dataset(&format!("/VTKHDF/{list}/Connectivity"))?,
+    };
+    let mut text = head(path, when);
+    let _ = writeln!(
+        text,
+        "   <Topology TopologyType=\"{kind}\" NumberOfElements=\"{}\"{nodes}>\n    {}</Topology>",
+        cells(list)?,
+        item(path, ids)?
+    );
+    let _ = writeln!(
+        text,
+        "   <Geometry GeometryType=\"XYZ\">\n    {}</Geometry>",
+        item(path, dataset("/VTKHDF/Points")?)?
+    );
+    for column in &info.datasets {
+        if column.path.starts_with("/VTKHDF/PointData/") {
+            attribute(&mut text, path, column, "Node", 1)?;
+        } else if column.path.starts_with("/VTKHDF/CellData/") {
+            attribute(&mut text, path, column, "Cell", 1)?;
+        }
+    }
+    text.push_str("  </Grid>\n");
+    Ok(text)
+}
+
+/// One field; `axes` are those of its places, one more is the component.
+fn attribute(
+    text: &mut String,
+    path: &Path,
+    column: &DatasetInfo,
+    center: &str,
+    axes: usize,
+) -> Result<()> {
+    let kind = match column.shape.get(axes) {
+        None => "Scalar",
+        Some(3) => "Vector",
+        Some(9) => "Tensor",
+        Some(n) => {
+            return Err(Error::corrupt(
+                path,
+                format!("{} has {n} components", column.path),
+            ));
+        }
+    };
+    let _ = writeln!(
+        text,
+        "   <Attribute Name=\"{}\" AttributeType=\"{kind}\" Center=\"{center}\">\n    {}</Attribute>",
+        column.name(),
+        item(path, column)?
+    );
+    Ok(())
+}
+
+fn item(path: &Path, dataset: &DatasetInfo) -> Result<String> {
+    let (number, precision) = dataset
+        .kind
+        .and_then(|kind| kind.xdmf())
+        .ok_or_else(|| Error::corrupt(path, format!("{} has no XDMF type", dataset.path)))?;
+    let shape: Vec<String> = dataset.shape.iter().map(usize::to_string).collect();
+    let file = path
+        .file_name()
+        .and_then(|s| s.to_str())
+        .unwrap_or_default();
+    Ok(format!(
+        "<DataItem Format=\"HDF\" NumberType=\"{number}\" Precision=\"{precision}\" Dimensions=\"{}\">{file}:{}</DataItem>",
+        shape.join(" "),
+        dataset.path
+    ))
+}

@@ -1,0 +1,151 @@
+//! The same files from any number of ranks, in both modes, and no hang when a write fails: real `mpirun` under `timeout`.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot go on has failed; clippy's exemption knows only test functions"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use io::{Alone, fields};
+
+/// The example beside this test's own binary: cargo builds examples along with integration tests.
+fn program() -> PathBuf {
+    let mut path = std::env::current_exe().unwrap();
+    path.pop();
+    path.pop();
+    path.join("examples").join("check")
+}
+
+fn check(ranks: usize, command: &str, folder: &Path, mode: &str, last: &str) -> Output {
+    Command::new("timeout")
+        .args(["-k", "5", "60", "mpirun", "--oversubscribe", "-n"])
+        .arg(ranks.to_string())
+        .arg(program())
+        .arg(command)
+        .arg(folder)
+        .args([mode, last])
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
+        .output()
+        .unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut all: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    all.sort();
+    all
+}
+
+/// Everything in an HDF5 file: the description, and the numbers of every dataset as bits.
+fn content(path: &Path) -> (fields::FileInfo, Vec<Vec<u64>>) {
+    let mut info = fields::inspect(path).unwrap();
+    info.datasets.sort_by(|a, b| a.path.cmp(&b.path));
+    let numbers = info
+        .datasets
+        .iter()
+        .map(|d| {
+            fields::read_f64(path, &d.path, &vec![0; d.shape.len()], &d.shape)
+                .unwrap()
+                .iter()
+                .map(|x| x.to_bits())
+                .collect()
+        })
+        .collect();
+    (info, numbers)
+}
+
+/// O3: datasets equal between 1, 2, 3 and 4 ranks, both modes, and cuts along every axis; some ranks hold nothing.
+#[test]
+fn any_ranks_and_modes_write_the_same() {
+    let reference = tempfile::tempdir().unwrap();
+    let first = check(1, "write", reference.path(), "collective", "x");
+    assert!(
+        first.status.success(),
+        "{}",
+        String::from_utf8_lossy(&first.stderr)
+    );
+    let listing = names(reference.path());
+    // 4 steps x 4 kinds, 4 indices, 1 checkpoint of 2 files.
+    assert_eq!(listing.len(), 22, "{listing:?}");
+    for (ranks, mode, axis) in [
+        (2, "collective", "z"),
+        (3, "collective", "y"),
+        (4, "collective", "x"),
+        (4, "collective", "z"),
+        (3, "gather", "z"),
+        (4, "gather", "y"),
+    ] {
+        let case = format!("{ranks} ranks, {mode}, {axis}");
+        let folder = tempfile::tempdir().unwrap();
+        let done = check(ranks, "write", folder.path(), mode, axis);
+        assert!(
+            done.status.success(),
+            "{case}: {}",
+            String::from_utf8_lossy(&done.stderr)
+        );
+        assert_eq!(names(folder.path()), listing, "{case}");
+        for name in &listing {
+            let (a, b) = (reference.path().join(name), folder.path().join(name));
+            if name.ends_with(".json") {
+                io::checkpoint::verify(&b, &Alone).unwrap();
+            } else if name.ends_with(".xmf") {
+                assert_eq!(
+                    std::fs::read(a).unwrap(),
+                    std::fs::read(b).unwrap(),
+                    "{case}"
+                );
+            } else {
+                assert!(content(&a) == content(&b), "{case}: {name}");
+            }
+        }
+        // One rank through the serial driver and rank 0 for all: the very same file.
+        if mode == "gather" {
+            let name = "fluid_000000100.vtkhdf";
+            assert_eq!(
+                std::fs::read(reference.path().join(name)).unwrap(),
+                std::fs::read(folder.path().join(name)).unwrap()
+            );
+        }
+    }
+}
+
+/// D1: a write that fails midway on one rank or on all ends the job with code 5 and the same words everywhere; the
+/// checkpoint before it stays, and nothing half written has a name without `.part`.
+#[test]
+fn a_failed_write_ends_and_spoils_nothing() {
+    for (ranks, mode, who) in [
+        (1, "collective", "all"),
+        (2, "collective", "all"),
+        (3, "collective", "0"),
+        (2, "gather", "0"),
+    ] {
+        let case = format!("{ranks} ranks, {mode}, {who}");
+        let folder = tempfile::tempdir().unwrap();
+        let done = check(ranks, "fail", folder.path(), mode, who);
+        let words = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(5), "{case}: {words}");
+        assert!(
+            words.contains("checkpoint_000000002.h5.part"),
+            "{case}: {words}"
+        );
+        let found = io::newest(folder.path(), &Alone).unwrap();
+        assert_eq!(found.manifest.step, 1, "{case}");
+        assert!(
+            found.passed_over.is_empty(),
+            "{case}: {:?}",
+            found.passed_over
+        );
+        assert!(
+            names(folder.path())
+                .iter()
+                .all(|n| !n.contains("000000002") || n.ends_with(".part")),
+            "{case}"
+        );
+    }
+}
