@@ -1,1 +1,174 @@
-//! case.json as written: SI, nothing derived.
+//! case.json as written: SI, nothing derived, unknown fields refused.
+//!
+//! Every field is documented with its unit; the JSON schema (`solver schema`) and the reference are made from these
+//! very comments. A case is read in four steps, and each reports everything it finds rather than the first thing:
+//!
+//! 1. [`text`]: JSON text to a tree; a key written twice is refused.
+//! 2. [`set`]: `--set path=value` changes the tree.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` becomes its value; where each value comes
+//!    from is kept.
+//! 4. [`check`]: the tree is walked against the schema: unknown, missing, of the wrong type, out of range.
+//!
+//! What the numbers mean together is checked afterwards, by [`crate::scene`] and [`crate::plan`].
+
+pub mod annotation;
+pub mod boundary;
+pub mod check;
+pub mod contact;
+pub mod coupling;
+pub mod domain;
+pub mod examples;
+pub mod fluid;
+pub mod geometry;
+pub mod grains;
+pub mod observe;
+pub mod set;
+pub mod solids;
+pub mod text;
+pub mod time;
+
+use crate::error::{Problem, Severity};
+use annotation::Source;
+use geometry::{Face, Vector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A problem to solve, in SI units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// One line that names the run.
+    #[serde(default)]
+    pub title: String,
+    /// What the run is for.
+    #[serde(default)]
+    pub description: String,
+    /// The box and its cells.
+    pub domain: domain::Domain,
+    /// Acceleration of gravity [m/s2]; none without it.
+    #[serde(default)]
+    pub gravity: Option<Vector>,
+    /// Materials by name.
+    #[serde(default)]
+    pub materials: BTreeMap<String, domain::Material>,
+    /// The fluid; without it grains are dry.
+    #[serde(default)]
+    pub fluid: Option<fluid::Fluid>,
+    /// The grains.
+    #[serde(default)]
+    pub grains: Option<grains::Grains>,
+    /// Law of the contacts; needed as soon as something can touch.
+    #[serde(default)]
+    pub contact: Option<contact::Contact>,
+    /// Plane walls for grains, anywhere.
+    #[serde(default)]
+    pub walls: Vec<solids::Wall>,
+    /// Faces of the domain that are walls for grains.
+    #[serde(default)]
+    pub box_walls: Vec<Face>,
+    /// Material of the `box_walls`; without it that of the grains.
+    #[serde(default)]
+    pub box_wall_material: Option<String>,
+    /// Named solids in the fluid.
+    #[serde(default)]
+    pub bodies: Vec<solids::Body>,
+    /// Action of fluid and solids on each other; needed where there are both.
+    #[serde(default)]
+    pub coupling: Option<coupling::Coupling>,
+    /// Duration and steps.
+    pub time: time::Time,
+    /// Boxes that remove, generate or record grains.
+    #[serde(default)]
+    pub regions: Vec<observe::Region>,
+    /// Quantities sampled in time.
+    #[serde(default)]
+    pub probes: Vec<observe::Probe>,
+    /// Files for ParaView.
+    #[serde(default)]
+    pub output: observe::Output,
+    /// Places to restart from.
+    #[serde(default)]
+    pub checkpoint: time::Checkpoint,
+    /// Limits whose crossing ends the run.
+    #[serde(default)]
+    pub guards: time::Guards,
+    /// Numbers computed during the run.
+    #[serde(default)]
+    pub analysis: observe::Analysis,
+    /// Folder to which paths in the case are relative.
+    #[serde(skip)]
+    pub directory: PathBuf,
+}
+
+/// A case together with where its numbers come from.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// The case.
+    pub case: Case,
+    /// Problems of single fields (wrong range, unknown name) found so far; the case is complete all the same.
+    pub problems: Vec<Problem>,
+    /// Where values come from, by JSON path.
+    pub sources: BTreeMap<String, Source>,
+    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    pub canonical: String,
+}
+
+impl Document {
+    /// Reads the text of a case.
+    ///
+    /// `set` holds the arguments of `--set`; `directory` is where relative paths start.
+    ///
+    /// # Errors
+    /// All problems that keep the text from being a case.
+    pub fn read(text: &str, set: &[String], directory: &Path) -> Result<Self, Vec<Problem>> {
+        let (tree, mut problems) = text::parse(text);
+        let Some(mut tree) = tree else {
+            return Err(problems);
+        };
+        let mut sources = annotation::strip(&mut tree);
+        for assignment in set {
+            match set::apply(&mut tree, assignment) {
+                Ok(path) => {
+                    sources.retain(|known, _| !set::covers(&path, known));
+                    sources.insert(path, Source::of("command line"));
+                }
+                Err(problem) => problems.push(*problem),
+            }
+        }
+        sources.extend(annotation::strip(&mut tree));
+        let canonical = tree.to_string();
+        problems.extend(check::against_schema(&mut tree));
+        match serde_path_to_error::deserialize::<_, Case>(tree) {
+            Ok(mut case) => {
+                case.directory = directory.to_path_buf();
+                Ok(Self {
+                    case,
+                    problems,
+                    sources,
+                    canonical,
+                })
+            }
+            Err(error) => {
+                if problems.is_empty() {
+                    problems.push(Problem {
+                        path: error.path().to_string(),
+                        value: "not readable".into(),
+                        reason: error.inner().to_string(),
+                        remedy: "compare with `solver schema`".into(),
+                        severity: Severity::Error,
+                    });
+                }
+                Err(problems)
+            }
+        }
+    }
+}
+
+/// The JSON schema of a case, for editors: every value may also be written with its source.
+#[must_use]
+pub fn schema() -> Value {
+    annotation::allow(check::bare_schema())
+}

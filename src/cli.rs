@@ -1,1 +1,440 @@
-//! The commands.
+//! The commands. This is the only module that prints to the terminal.
+//!
+//! Everything that can be wrong with a case is found before MPI starts, by every rank for itself and with the same
+//! result; only the first rank says so. What needs the rest of the program (running, restarting, reading outputs)
+//! is handed over to [`Engine`] by `main`.
+
+use crate::case::{Document, examples, schema};
+use crate::error::{Error, Problem, Severity};
+use crate::plan::Plan;
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Water eroding grains and rock.
+#[derive(Debug, Parser)]
+#[command(name = "solver", version, about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
+
+Exit codes: 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
+75 stopped early with a checkpoint, 101 panic.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a case (the default command).
+    Run {
+        #[command(flatten)]
+        case: CaseArgs,
+        #[command(flatten)]
+        run: RunArgs,
+    },
+    /// Check a case and say everything that is wrong with it.
+    Validate {
+        #[command(flatten)]
+        case: CaseArgs,
+    },
+    /// Check a case and print models, time steps, limits and costs.
+    Plan {
+        #[command(flatten)]
+        case: CaseArgs,
+    },
+    /// Print the JSON schema of a case.
+    Schema,
+    /// List the ready cases, or print one.
+    Example {
+        /// Which one.
+        name: Option<String>,
+        /// The list as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say what is in an output or checkpoint.
+    Info {
+        /// The file or folder.
+        file: PathBuf,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Go on from the newest checkpoint of a run, on any number of ranks.
+    Restart {
+        /// The output folder of the run.
+        directory: PathBuf,
+        /// Change a field of the case: path=value.
+        #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
+        set: Vec<String>,
+        #[command(flatten)]
+        run: RunArgs,
+        /// Tables as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Fit the erosion law across runs.
+    ErosionLaw {
+        /// Output folders of the runs.
+        #[arg(required = true)]
+        runs: Vec<PathBuf>,
+        /// Folder for the CSV and SVG files.
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        output: PathBuf,
+        /// The fit as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+struct CaseArgs {
+    /// The case file.
+    case: PathBuf,
+    /// Change a field of the case: path=value, for example time.end=2 or probes[0].every=0.1.
+    #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
+    set: Vec<String>,
+    /// Tables as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Folder for everything the run writes [default: results/NAME-OF-THE-CASE].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Threads of each rank [default: the cores of the machine over the ranks on it].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Stop with a checkpoint before this much wall-clock time is over.
+    #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+    max_walltime: Option<Duration>,
+}
+
+/// What a run or restart is asked for beside its case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunOptions {
+    /// Folder for everything the run writes; none for a restart in the same folder.
+    pub output: Option<PathBuf>,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+    /// Wall-clock time after which the run is over.
+    pub max_walltime: Option<Duration>,
+    /// Tables as JSON.
+    pub json: bool,
+}
+
+/// What the rest of the program does for the commands; returned text is printed by the first rank.
+#[derive(Clone, Copy, Debug)]
+pub struct Engine {
+    /// Runs a plan.
+    pub run: fn(Plan, RunOptions) -> Result<(), Error>,
+    /// Goes on from a folder, with changed fields.
+    pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
+    /// Describes a file; as JSON or not.
+    pub info: fn(&Path, bool) -> Result<String, Error>,
+    /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
+    pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
+}
+
+/// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
+#[must_use]
+pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
+    let cli = match Cli::try_parse_from(with_default_command(arguments)) {
+        Ok(cli) => cli,
+        Err(error) => {
+            if first_rank() {
+                // Nothing can be done if the terminal is gone.
+                let _ = error.print();
+            }
+            return error.exit_code();
+        }
+    };
+    let result = match cli.command {
+        Command::Run { case, run } => start(&case, run, engine),
+        Command::Validate { case } => validate(&case),
+        Command::Plan { case } => plan(&case),
+        Command::Schema => say(&pretty(&schema())),
+        Command::Example { name, json } => example(name.as_deref(), json),
+        Command::Info { file, json } => (engine.info)(&file, json).and_then(|text| say(&text)),
+        Command::Restart {
+            directory,
+            set,
+            run,
+            json,
+        } => (engine.restart)(&directory, &set, options(run, json)),
+        Command::ErosionLaw { runs, output, json } => {
+            (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
+        }
+    };
+    match result {
+        Ok(()) => 0,
+        Err(error) => {
+            // Problems of a case have been listed where they were found.
+            if !matches!(error, Error::Case(_)) {
+                complain(&format!("solver: {error}"));
+            }
+            error.exit_code()
+        }
+    }
+}
+
+/// `solver case.json` is `solver run case.json`.
+fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = arguments.into_iter().collect();
+    let command = Cli::command();
+    let known = |word: &str| {
+        matches!(word, "help" | "-h" | "--help" | "-V" | "--version")
+            || command.get_subcommands().any(|sub| sub.get_name() == word)
+    };
+    if let Some(first) = arguments.get(1)
+        && !first.to_str().is_some_and(known)
+    {
+        arguments.insert(1, "run".into());
+    }
+    arguments
+}
+
+fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
+    let plan = prepare(case)?;
+    warn(&plan.warnings);
+    if case.json {
+        say(&pretty(&plan))?;
+    } else {
+        say(&plan.to_string())?;
+    }
+    let mut options = options(run, case.json);
+    if options.output.is_none() {
+        let name = case.case.file_stem().unwrap_or(case.case.as_os_str());
+        options.output = Some(Path::new("results").join(name));
+    }
+    (engine.run)(plan, options)
+}
+
+fn options(run: RunArgs, json: bool) -> RunOptions {
+    RunOptions {
+        output: run.output,
+        threads: run.threads.map(usize::from),
+        max_walltime: run.max_walltime,
+        json,
+    }
+}
+
+fn validate(case: &CaseArgs) -> Result<(), Error> {
+    let plan = prepare(case)?;
+    if case.json {
+        say(&pretty(
+            &serde_json::json!({"valid": true, "problems": plan.warnings}),
+        ))
+    } else {
+        warn(&plan.warnings);
+        say(&format!("{}: valid", case.case.display()))
+    }
+}
+
+fn plan(case: &CaseArgs) -> Result<(), Error> {
+    let plan = prepare(case)?;
+    if case.json {
+        say(&pretty(&plan))
+    } else {
+        warn(&plan.warnings);
+        say(&plan.to_string())
+    }
+}
+
+/// Reads, checks and plans the case; lists everything that is wrong with it.
+fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
+    let path = &case.case;
+    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::InvalidData => Error::Case(vec![]),
+        _ => Error::Io(format!("cannot read the case {}: {e}", path.display())),
+    });
+    let text = match text {
+        Err(Error::Case(_)) => {
+            complain(&format!(
+                "error: {} is not text (UTF-8); a case is JSON text",
+                path.display()
+            ));
+            return Err(Error::Case(vec![]));
+        }
+        other => other?,
+    };
+    let directory = path.parent().unwrap_or(Path::new(""));
+    Document::read(&text, &case.set, directory)
+        .and_then(Plan::prepare)
+        .map_err(|problems| {
+            if case.json {
+                let report = serde_json::json!({"valid": false, "problems": problems});
+                if let Err(error) = say(&pretty(&report)) {
+                    return error;
+                }
+            } else {
+                list(&problems);
+                let errors = problems
+                    .iter()
+                    .filter(|p| p.severity == Severity::Error)
+                    .count();
+                let plural = if errors == 1 { "" } else { "s" };
+                complain(&format!(
+                    "{}: {errors} problem{plural}; nothing was run",
+                    path.display()
+                ));
+            }
+            Error::Case(problems)
+        })
+}
+
+fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
+    let Some(name) = name else {
+        if json {
+            let list: Vec<_> = examples::EXAMPLES
+                .iter()
+                .map(|e| serde_json::json!({"name": e.name, "summary": e.summary}))
+                .collect();
+            return say(&pretty(&list));
+        }
+        let lines: Vec<String> = examples::EXAMPLES
+            .iter()
+            .map(|e| format!("{:14}  {}", e.name, e.summary))
+            .collect();
+        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json";
+        return say(&format!("{}\n{last}", lines.join("\n")));
+    };
+    match examples::find(name) {
+        Some(example) => say(example.text.trim_end()),
+        None => {
+            let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();
+            let problem = Problem {
+                path: "example".into(),
+                value: format!("\"{name}\""),
+                reason: "there is no example of this name".into(),
+                remedy: match crate::case::check::nearest(name, &known) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("use one of: {}", known.join(", ")),
+                },
+                severity: Severity::Error,
+            };
+            list(std::slice::from_ref(&problem));
+            Err(Error::Case(vec![problem]))
+        }
+    }
+}
+
+fn warn(problems: &[Problem]) {
+    list(problems);
+}
+
+fn list(problems: &[Problem]) {
+    for problem in problems {
+        let weight = match problem.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        complain(&format!("{weight}: {problem}"));
+    }
+}
+
+fn pretty(value: &impl serde::Serialize) -> String {
+    serde_json::to_string_pretty(value).unwrap_or_default()
+}
+
+/// Whether this process speaks for all: launchers tell the rank before MPI starts.
+fn first_rank() -> bool {
+    [
+        "OMPI_COMM_WORLD_RANK",
+        "PMIX_RANK",
+        "PMI_RANK",
+        "SLURM_PROCID",
+    ]
+    .iter()
+    .find_map(|name| std::env::var(name).ok())
+    .is_none_or(|rank| rank.trim() == "0")
+}
+
+/// A text to the standard output; a reader that has gone away is no error.
+fn say(text: &str) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::Io(format!(
+            "cannot write to the standard output: {error}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// A text to the standard error; nothing can be done if that fails.
+fn complain(text: &str) {
+    if first_rank() {
+        let _ = writeln!(std::io::stderr(), "{text}");
+    }
+}
+
+fn assignment(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((path, _)) if !path.trim().is_empty() => Ok(text.to_string()),
+        _ => Err("write path=value, for example time.end=2".into()),
+    }
+}
+
+fn walltime(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("`{text}` is not H:M:S, for example 1:30:00");
+    let parts: Vec<u64> = text
+        .split(':')
+        .map(|part| part.parse().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    let [hours, minutes, seconds] = parts[..] else {
+        return Err(wrong());
+    };
+    if minutes > 59 || seconds > 59 || hours > 100_000 || hours + minutes + seconds == 0 {
+        return Err(wrong());
+    }
+    Ok(Duration::from_secs(hours * 3600 + minutes * 60 + seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_case_without_a_command_is_run() {
+        let line = |words: &[&str]| {
+            with_default_command(words.iter().map(OsString::from))
+                .into_iter()
+                .map(|w| w.into_string().unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(line(&["solver", "a.json"]), ["solver", "run", "a.json"]);
+        assert_eq!(line(&["solver", "--threads", "2", "a.json"])[1], "run");
+        assert_eq!(line(&["solver", "validate", "a.json"])[1], "validate");
+        assert_eq!(line(&["solver", "--help"])[1], "--help");
+        assert_eq!(line(&["solver"]).len(), 1);
+    }
+
+    #[test]
+    fn walltime_is_hours_minutes_seconds() {
+        assert_eq!(walltime("1:02:03"), Ok(Duration::from_secs(3723)));
+        for bad in [
+            "",
+            "1:2",
+            "1:60:00",
+            "a:0:0",
+            "0:0:0",
+            "-1:0:0",
+            "1:2:3:4",
+            "99999999999999999:0:0",
+        ] {
+            assert!(walltime(bad).is_err(), "{bad}");
+        }
+    }
+}

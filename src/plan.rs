@@ -1,1 +1,261 @@
-//! Which models the scene needs, and why.
+//! Which models the scene needs, and why; the time steps; how far every limit is; what it will cost.
+//!
+//! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
+
+pub mod envelope;
+pub mod estimate;
+pub mod models;
+pub mod report;
+
+use crate::case::annotation::Source;
+use crate::case::time::{SolidSteps, WarmUp};
+use crate::case::{Case, Document};
+use crate::error::{Problem, Severity};
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number, refused};
+use crate::scene::grid::{count, whole};
+use crate::units::LatticeUnits;
+use envelope::Margin;
+use estimate::Estimate;
+use models::Choice;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Everything a run needs to know before it starts; the same on every rank.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// The resolved problem.
+    pub scene: Scene,
+    /// The models chosen, with the reason for each.
+    pub models: Vec<Choice>,
+    /// Scales of the lattice, where there is one.
+    pub units: Option<LatticeUnits>,
+    /// Time steps.
+    pub clock: Clock,
+    /// How far each limit is.
+    pub margins: Vec<Margin>,
+    /// Memory, disk and time.
+    pub estimate: Estimate,
+    /// What the user should know.
+    pub warnings: Vec<Problem>,
+    /// Where values come from, by JSON path.
+    pub sources: BTreeMap<String, Source>,
+    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    #[serde(skip)]
+    pub case_text: String,
+    /// blake3 of [`Plan::case_text`], in hexadecimal.
+    pub case_hash: String,
+}
+
+/// Time steps of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Clock {
+    /// The time step of the program [s]: that of the fluid, or of the grains where there is no fluid.
+    pub time_step: f64,
+    /// Steps until the end, after the warm-up.
+    pub steps: u64,
+    /// Steps of the grains in one step.
+    pub solid_steps_per_step: u32,
+    /// Time step of the grains [s].
+    pub solid_time_step: f64,
+    /// Critical time step of the grains 2 sqrt(m/k) [s]; none where nothing moves on springs.
+    pub critical_solid_time_step: Option<f64>,
+    /// Steps of the warm-up at most.
+    pub warm_up_steps: u64,
+}
+
+impl Clock {
+    /// Steps between two events that happen every `interval` seconds; at least 1.
+    #[must_use]
+    pub fn interval_to_steps(&self, interval: f64) -> u64 {
+        steps(interval / self.time_step).max(1)
+    }
+}
+
+/// More steps than this never end.
+const MOST_STEPS: f64 = 1e13;
+
+impl Plan {
+    /// Resolves, checks and plans a case.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the case, warnings included.
+    pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
+        let Document {
+            case,
+            problems: mut all,
+            sources,
+            canonical,
+        } = document;
+        let (plan, found) = Self::attempt(&case);
+        // A field that is already known to be wrong needs no second sentence.
+        let new: Vec<Problem> = found
+            .into_iter()
+            .filter(|p| !all.iter().any(|known| known.path == p.path))
+            .collect();
+        all.extend(new);
+        match plan {
+            Some(mut plan) if !refused(&all) => {
+                plan.warnings = all;
+                plan.sources = sources;
+                plan.case_hash = blake3::hash(canonical.as_bytes()).to_hex().to_string();
+                plan.case_text = canonical;
+                Ok(plan)
+            }
+            _ => {
+                if !refused(&all) {
+                    all.push(Problem {
+                        path: "the case".into(),
+                        value: "unresolved".into(),
+                        reason: "the case could not be resolved".into(),
+                        remedy: "correct the warnings first".into(),
+                        severity: Severity::Error,
+                    });
+                }
+                Err(all)
+            }
+        }
+    }
+
+    /// Plans a case that is already in memory.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the case, warnings included.
+    pub fn of_case(case: &Case) -> Result<Self, Vec<Problem>> {
+        Self::prepare(Document {
+            case: case.clone(),
+            problems: Vec::new(),
+            sources: BTreeMap::new(),
+            canonical: serde_json::to_string(case).unwrap_or_default(),
+        })
+    }
+
+    fn attempt(case: &Case) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) = Scene::attempt(case);
+        let plan = scene.and_then(|scene| {
+            let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
+            let clock = clock(&scene, &mut findings)?;
+            let margins = envelope::margins(&scene, &clock, &mut findings);
+            let estimate = Estimate::of(&scene, &clock, &mut findings);
+            Some(Self {
+                models: models::choices(&scene, &clock),
+                scene,
+                units,
+                clock,
+                margins,
+                estimate,
+                warnings: Vec::new(),
+                sources: BTreeMap::new(),
+                case_text: String::new(),
+                case_hash: String::new(),
+            })
+        });
+        (plan, findings.problems)
+    }
+}
+
+/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
+fn clock(scene: &Scene, findings: &mut Findings) -> Option<Clock> {
+    let time = &scene.time;
+    let critical = envelope::critical_solid_time_step(scene);
+    let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
+    let (time_step, solid_steps) = if let Some(flow) = &scene.flow {
+        let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+        let path = "time.solid_steps_per_fluid_step";
+        if needed > 100_000.0 {
+            findings.error(
+                path,
+                format!(
+                    "stability needs {} solid steps in a fluid step; at most 100000",
+                    number(needed)
+                ),
+                "use softer contacts or a smaller fluid time step",
+            );
+            return None;
+        }
+        let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
+        let steps = match time.solid_steps_per_fluid_step {
+            SolidSteps::Auto(_) => needed,
+            SolidSteps::Number(n) => {
+                if n < needed {
+                    findings.error(
+                        path,
+                        format!(
+                            "the solid time step of {} s is above {} times the critical one",
+                            number(flow.time_step / f64::from(n.max(1))),
+                            time.solid_time_step_safety
+                        ),
+                        format!("use at least {needed}, or \"auto\""),
+                    );
+                }
+                n.max(1)
+            }
+        };
+        (flow.time_step, steps)
+    } else {
+        let dt = time
+            .solid_time_step
+            .or(allowed)
+            .unwrap_or(time.end / 1000.0);
+        if let Some(allowed) = allowed
+            && dt > allowed * (1.0 + 1e-12)
+        {
+            findings.error(
+                "time.solid_time_step",
+                format!(
+                    "the time step is above {} times the critical one",
+                    time.solid_time_step_safety
+                ),
+                format!("use at most {} s", number(allowed)),
+            );
+        }
+        (dt, 1)
+    };
+    let total = time.end / time_step;
+    if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {
+        findings.error(
+            "time.end",
+            format!(
+                "this takes {} steps of {} s; at most {MOST_STEPS:e}",
+                number(total),
+                number(time_step)
+            ),
+            "use a shorter time or larger steps",
+        );
+        return None;
+    }
+    let warm_up_steps = match time.warm_up {
+        Some(WarmUp::FluidOnly { at_most, .. }) if at_most / time_step <= MOST_STEPS => {
+            steps(at_most / time_step)
+        }
+        Some(_) => {
+            findings.error(
+                "time.warm_up.fluid_only.at_most",
+                "the warm-up would never end",
+                "use a shorter time",
+            );
+            return None;
+        }
+        None => 0,
+    };
+    Some(Clock {
+        time_step,
+        steps: steps(total).max(1),
+        solid_steps_per_step: solid_steps,
+        solid_time_step: time_step / f64::from(solid_steps),
+        critical_solid_time_step: critical.map(|c| c.time_step),
+        warm_up_steps,
+    })
+}
+
+/// A number of steps: the nearest whole number, if it is one to round-off, else the next.
+fn steps(x: f64) -> u64 {
+    let nearest = x.round();
+    let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);
+    u64::try_from(whole(if exact { nearest } else { x.ceil() })).unwrap_or(u64::MAX)
+}
+
+/// A count of steps as a number.
+pub(crate) fn steps_number(steps: u64) -> f64 {
+    count(usize::try_from(steps).unwrap_or(usize::MAX))
+}

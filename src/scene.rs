@@ -1,1 +1,274 @@
-//! The resolved problem, the same on every rank.
+//! The resolved problem: checked, complete, the same on every rank, without state.
+//!
+//! Names have become indices, boxes cells, missing choices their defaults. Numbers stay in SI. What it means for time
+//! steps, memory and stability is the business of [`crate::plan`].
+
+pub mod block;
+pub mod contact;
+pub mod findings;
+pub mod flow;
+pub mod grid;
+pub mod observe;
+pub mod solids;
+
+use crate::case::coupling::{BounceBack, Coupling};
+use crate::case::observe::Output;
+use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
+use crate::case::{Case, check};
+use crate::error::Problem;
+use findings::Findings;
+use serde::Serialize;
+
+/// The resolved problem.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// One line that names the run.
+    pub title: String,
+    /// The cells.
+    pub grid: grid::Grid,
+    /// Acceleration of gravity [m/s2].
+    pub gravity: [f64; 3],
+    /// Materials; everything else refers to them by index.
+    pub materials: Vec<Material>,
+    /// The fluid, if any.
+    pub flow: Option<flow::Flow>,
+    /// The grains, if any.
+    pub grains: Option<solids::Grains>,
+    /// The contact law, if anything can touch.
+    pub contact: Option<contact::ContactTable>,
+    /// Plane walls, those on faces of the domain last.
+    pub walls: Vec<solids::Wall>,
+    /// Named bodies.
+    pub bodies: Vec<solids::Body>,
+    /// The coupling, where there are fluid and solids.
+    pub coupling: Option<BounceBack>,
+    /// Duration and steps, as written.
+    pub time: Time,
+    /// Regions.
+    pub regions: Vec<observe::Region>,
+    /// Probes.
+    pub probes: Vec<observe::Probe>,
+    /// Outputs, as written.
+    pub output: Output,
+    /// Checkpoints, as written.
+    pub checkpoint: Checkpoint,
+    /// Guards, as written.
+    pub guards: Guards,
+    /// Erosion law analysis.
+    pub erosion_law: Option<observe::ErosionLaw>,
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Material {
+    /// Its name.
+    pub name: String,
+    /// Density [kg/m3]; whatever moves freely has one.
+    pub density: Option<f64>,
+}
+
+impl Scene {
+    /// Resolves a case; returns warnings beside the scene.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the case, warnings included.
+    pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
+        match Self::attempt(case) {
+            (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
+            (_, findings) => Err(findings.problems),
+        }
+    }
+
+    /// The scene as far as it can be made, with what was found on the way.
+    pub(crate) fn attempt(case: &Case) -> (Option<Self>, Findings) {
+        let mut findings = Findings::new(case);
+        let Some(grid) = grid::Grid::resolve(&case.domain, &mut findings) else {
+            return (None, findings);
+        };
+        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
+            block::Block::vector(&grid, g, "gravity", &mut findings)
+        });
+        let names: Vec<String> = case.materials.keys().cloned().collect();
+        let materials = case
+            .materials
+            .iter()
+            .map(|(name, material)| Material {
+                name: name.clone(),
+                density: material.density,
+            })
+            .collect();
+        let flow = flow::Flow::resolve(case, &grid, &mut findings);
+        let contact = contact::ContactTable::resolve(case, &names, &mut findings);
+        let walls = solids::walls(case, &grid, &names, &mut findings);
+        let bodies = solids::bodies(case, &grid, &names, &mut findings);
+        let grains = solids::grains(case, &grid, &names, &mut findings);
+        solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+        let regions = observe::regions(case, &grid, &names, &mut findings);
+        let probes = observe::probes(case, &grid, &bodies, &mut findings);
+        let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
+        let solid = case.grains.is_some() || !case.bodies.is_empty();
+        observe::outputs(case, solid, &mut findings);
+        agree(case, &mut findings);
+        if findings.refused()
+            && (case.fluid.is_some() && flow.is_none() || case.grains.is_some() && grains.is_none())
+        {
+            return (None, findings);
+        }
+        let coupling = case
+            .coupling
+            .as_ref()
+            .map(|Coupling::BounceBack(b)| b.clone());
+        let scene = Self {
+            title: case.title.clone(),
+            grid,
+            gravity,
+            materials,
+            flow,
+            grains,
+            contact,
+            walls,
+            bodies,
+            coupling: coupling.filter(|_| solid),
+            time: case.time.clone(),
+            regions,
+            probes,
+            output: case.output.clone(),
+            checkpoint: case.checkpoint.clone(),
+            guards: case.guards.clone(),
+            erosion_law,
+        };
+        (Some(scene), findings)
+    }
+
+    /// Mass of a disc (per metre of depth) or sphere of this material [kg].
+    #[must_use]
+    pub fn mass(&self, material: usize, radius: f64) -> f64 {
+        let density = self
+            .materials
+            .get(material)
+            .and_then(|m| m.density)
+            .unwrap_or(0.0);
+        let pi = std::f64::consts::PI;
+        if self.grid.dimension == 2 {
+            density * pi * radius * radius
+        } else {
+            density * 4.0 / 3.0 * pi * radius.powi(3)
+        }
+    }
+}
+
+/// The parts of a case must fit each other.
+fn agree(case: &Case, findings: &mut Findings) {
+    let solid = case.grains.is_some() || !case.bodies.is_empty();
+    let fluid = case.fluid.is_some();
+    if !solid && !fluid {
+        findings.error(
+            "fluid",
+            "there is neither a fluid nor anything solid in this case",
+            "add `fluid` or `grains`",
+        );
+    }
+    if solid && fluid && case.coupling.is_none() {
+        findings.error(
+            "coupling",
+            "there are a fluid and solids, but nothing says how they act on each other",
+            "add \"coupling\": {\"bounce_back\": {}}",
+        );
+    }
+    if case.coupling.is_some() && !fluid {
+        findings.error(
+            "coupling",
+            "there is no fluid in this case",
+            "take the coupling out",
+        );
+    } else if case.coupling.is_some() && !solid {
+        findings.warn(
+            "coupling",
+            "there is nothing solid in this case",
+            "take the coupling out",
+        );
+    }
+    let moving = case.grains.is_some()
+        || case
+            .bodies
+            .iter()
+            .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
+    if moving && case.contact.is_none() {
+        findings.error("contact", "things move and can touch, but there is no contact law", "add for example \"contact\": {\"linear\": {\"normal_stiffness\": {\"per_diameter\": 1e8}}}");
+    }
+    if case.contact.is_some() && !moving {
+        findings.warn(
+            "contact",
+            "nothing moves freely in this case",
+            "take the contact law out",
+        );
+    }
+    if fluid && case.time.solid_time_step.is_some() {
+        findings.error(
+            "time.solid_time_step",
+            "with a fluid the solid time step is the fluid's over `solid_steps_per_fluid_step`",
+            "take it out",
+        );
+    }
+    if !fluid && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
+        findings.error(
+            "time.solid_steps_per_fluid_step",
+            "there is no fluid in this case",
+            "take it out",
+        );
+    }
+    if case.time.warm_up.is_some() && !fluid {
+        findings.error(
+            "time.warm_up",
+            "the fluid warms up, but there is none",
+            "take it out",
+        );
+    }
+    for name in case.materials.keys().filter(|name| name.is_empty()) {
+        findings.error(
+            &format!("materials.{name}"),
+            "a material needs a name",
+            "give it one",
+        );
+    }
+}
+
+/// The index of a material, or a finding.
+pub(crate) fn material(
+    names: &[String],
+    name: &str,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<usize> {
+    let index = names.iter().position(|known| known == name);
+    if index.is_none() {
+        let known: Vec<&str> = names.iter().map(String::as_str).collect();
+        let remedy = match check::nearest(name, &known) {
+            Some(near) => format!("did you mean `{near}`? Or add it to `materials`"),
+            None => "add it to `materials`".into(),
+        };
+        findings.error(path, format!("there is no material `{name}`"), remedy);
+    }
+    index
+}
+
+/// Names become file names and are asked for: not empty, plain characters, each once.
+pub(crate) fn unique<'a>(
+    known: &mut Vec<&'a str>,
+    name: &'a str,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');
+    if name.is_empty() || name.len() > 100 || name.starts_with('.') || !name.chars().all(plain) {
+        findings.error(
+            path,
+            "a name has 1 to 100 letters, digits, spaces, and - _ . + only, and does not start with a dot",
+            "use such a name",
+        );
+    }
+    if known.contains(&name) {
+        findings.error(path, "this name is used twice", "use another name");
+    }
+    known.push(name);
+}

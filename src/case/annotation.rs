@@ -1,0 +1,166 @@
+//! Values that say where they come from.
+//!
+//! Wherever a value may stand, `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}` may stand too.
+//! `source` is `assumed`, `paper` or any text. [`strip`] leaves the value in place and keeps the rest in a table.
+
+use super::text::join;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+
+/// Where a value comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Source {
+    /// `assumed`, `paper`, or any text.
+    pub source: String,
+    /// Why, or where exactly; may be empty.
+    pub note: String,
+}
+
+impl Source {
+    /// A source without a note.
+    #[must_use]
+    pub fn of(source: &str) -> Self {
+        Self {
+            source: source.into(),
+            note: String::new(),
+        }
+    }
+}
+
+/// Replaces every annotated value by the bare value; returns where they came from, by path.
+pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
+    let mut sources = BTreeMap::new();
+    walk(tree, "", &mut sources);
+    sources
+}
+
+fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
+    if let Value::Object(map) = node
+        && let Some((value, source)) = split(map)
+    {
+        sources.insert(path.to_string(), source);
+        *node = value;
+    }
+    match node {
+        Value::Object(map) => {
+            for (key, child) in map {
+                walk(child, &join(path, key), sources);
+            }
+        }
+        Value::Array(list) => {
+            for (index, child) in list.iter_mut().enumerate() {
+                walk(child, &format!("{path}[{index}]"), sources);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// `value` beside `source` or `note` and nothing else.
+fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
+    let text = |key| match map.get(key) {
+        None => Some(String::new()),
+        Some(Value::String(text)) => Some(text.clone()),
+        Some(_) => None,
+    };
+    let known = map
+        .keys()
+        .all(|key| matches!(key.as_str(), "value" | "source" | "note"));
+    if !known || map.len() < 2 {
+        return None;
+    }
+    let value = map.get("value")?.clone();
+    let (source, note) = (text("source")?, text("note")?);
+    Some((value, Source { source, note }))
+}
+
+/// A schema in which every property that is not an object may also be annotated.
+pub(crate) fn allow(mut schema: Value) -> Value {
+    allow_in(&mut schema);
+    schema
+}
+
+fn allow_in(node: &mut Value) {
+    match node {
+        Value::Object(map) => {
+            for (key, child) in map.iter_mut() {
+                allow_in(child);
+                if key == "properties"
+                    && let Value::Object(properties) = child
+                {
+                    for property in properties.values_mut().filter(|p| is_leaf(p)) {
+                        let bare = property.take();
+                        *property = annotated(bare);
+                    }
+                }
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(allow_in),
+        _ => {}
+    }
+}
+
+fn is_leaf(schema: &Value) -> bool {
+    let leaf_type = |t: &Value| t.as_str().is_some_and(|t| t != "object");
+    match schema.get("type") {
+        Some(Value::Array(types)) => types.iter().all(leaf_type),
+        Some(single) => leaf_type(single),
+        None => {
+            let options = ["oneOf", "anyOf"].iter().find_map(|k| schema.get(k));
+            schema.get("enum").is_some()
+                || schema.get("const").is_some()
+                || options
+                    .and_then(Value::as_array)
+                    .is_some_and(|options| options.iter().all(is_leaf))
+        }
+    }
+}
+
+fn annotated(mut bare: Value) -> Value {
+    let mut outer = Map::new();
+    if let Value::Object(map) = &mut bare {
+        for key in ["description", "default"] {
+            if let Some(value) = map.remove(key) {
+                outer.insert(key.into(), value);
+            }
+        }
+    }
+    outer.insert(
+        "anyOf".into(),
+        json!([bare.clone(), {
+            "type": "object",
+            "properties": {
+                "value": bare,
+                "source": {"type": "string", "description": "`assumed`, `paper`, or any text"},
+                "note": {"type": "string"},
+            },
+            "required": ["value"],
+            "additionalProperties": false,
+        }]),
+    );
+    outer.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn annotated_values_become_bare_and_their_sources_stay() {
+        let mut tree = json!({
+            "a": {"value": 2.0, "source": "assumed", "note": "n"},
+            "b": [{"value": [1, 2], "source": "paper"}],
+            "pressure": {"value": 1.0, "ramp": {"duration": 1.0}},
+            "only": {"value": 1.0},
+        });
+        let sources = strip(&mut tree);
+        assert_eq!(tree["a"], 2.0);
+        assert_eq!(tree["b"][0], json!([1, 2]));
+        assert_eq!(tree["pressure"]["value"], 1.0);
+        assert_eq!(tree["only"]["value"], 1.0);
+        assert_eq!(sources.len(), 2);
+        assert_eq!(sources["a"].note, "n");
+        assert_eq!(sources["b[0]"].source, "paper");
+    }
+}

@@ -1,0 +1,87 @@
+//! Conditions of the fluid on the faces of the domain.
+
+use super::geometry::{Extent, Face, Vector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A condition on a face or on a part of it. Parts outweigh the condition of their whole face.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Boundary {
+    /// Name in tables and outputs.
+    pub name: String,
+    /// The face.
+    pub face: Face,
+    /// The part of the face that lies in this box (its extent normal to the face does not matter) [m]; without it
+    /// the whole face.
+    #[serde(default)]
+    pub patch: Option<Extent>,
+    /// What holds there.
+    pub condition: Condition,
+}
+
+/// What the fluid does at a face.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Condition {
+    /// A wall at rest: half-way bounce-back.
+    NoSlip {},
+    /// A wall that slides in its own plane.
+    MovingWall {
+        /// Velocity of the wall, tangential to the face [m/s].
+        velocity: Vector,
+    },
+    /// A plane of symmetry: no flow through it, no friction.
+    FreeSlip {},
+    /// Velocity imposed.
+    Velocity {
+        /// The profile over the face or patch.
+        profile: VelocityProfile,
+        /// Grows linearly from zero over this time [s]; counted from the first fluid step, warm-up included.
+        #[serde(default)]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        ramp_time: Option<f64>,
+    },
+    /// Pressure imposed, tangential velocity zero.
+    Pressure {
+        /// Pressure above the reference [Pa].
+        value: f64,
+        /// Changes linearly to `value`; without it the pressure is there at once (the water hammer).
+        #[serde(default)]
+        ramp: Option<Ramp>,
+    },
+    /// The flow leaves freely: no gradient along the normal.
+    Outflow {},
+}
+
+/// A velocity over a face or patch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum VelocityProfile {
+    /// The same everywhere [m/s].
+    Uniform(Vector),
+    /// A parabola over the face or patch, along the inward normal; in 3-D the product of two parabolas.
+    Parabolic {
+        /// Velocity in the middle [m/s]; positive flows into the domain.
+        peak: f64,
+    },
+    /// From a table.
+    File {
+        /// CSV with a header: the tangential coordinate(s) [m], then the velocity components [m/s]; linear between
+        /// rows. Relative to the case.
+        path: PathBuf,
+    },
+}
+
+/// A linear change in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ramp {
+    /// Time of the change [s], from the first fluid step, warm-up included.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub duration: f64,
+    /// Pressure at the start [Pa].
+    #[serde(default)]
+    pub from: f64,
+}

@@ -1,0 +1,429 @@
+//! The tree against the schema of [`Case`](super::Case): everything that is unknown, missing, of the wrong type or out
+//! of range, in one go. The ranges are those written beside the fields.
+
+use super::text::{brief, join};
+use crate::error::{Problem, Severity};
+use schemars::SchemaGenerator;
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value};
+
+/// No quantity of a case is larger than this, in any unit of the SI.
+const LARGEST: f64 = 1e30;
+
+/// The schema as it comes from the structs.
+pub(crate) fn bare_schema() -> Value {
+    SchemaGenerator::new(SchemaSettings::draft2020_12())
+        .into_root_schema_for::<super::Case>()
+        .to_value()
+}
+
+/// All problems of the tree; unknown fields are taken out so that the rest can be looked at further.
+pub(crate) fn against_schema(tree: &mut Value) -> Vec<Problem> {
+    let root = bare_schema();
+    let mut walk = Walk {
+        root: &root,
+        problems: Vec::new(),
+    };
+    walk.node(tree, &root, "");
+    walk.problems
+}
+
+struct Walk<'a> {
+    root: &'a Value,
+    problems: Vec<Problem>,
+}
+
+impl<'a> Walk<'a> {
+    fn report(&mut self, path: &str, value: &Value, reason: String, remedy: String) {
+        let path = if path.is_empty() { "the case" } else { path };
+        self.problems.push(Problem {
+            path: path.into(),
+            value: brief(value),
+            reason,
+            remedy,
+            severity: Severity::Error,
+        });
+    }
+
+    /// Follows `$ref`.
+    fn resolve(&self, schema: &'a Value) -> &'a Value {
+        let mut schema = schema;
+        while let Some(name) = schema
+            .get("$ref")
+            .and_then(Value::as_str)
+            .and_then(|r| r.strip_prefix("#/$defs/"))
+        {
+            match self.root.get("$defs").and_then(|defs| defs.get(name)) {
+                Some(target) => schema = target,
+                None => break,
+            }
+        }
+        schema
+    }
+
+    fn node(&mut self, value: &mut Value, schema: &'a Value, path: &str) {
+        let schema = self.resolve(schema);
+        if let Some(options) = schema.get("oneOf").and_then(Value::as_array) {
+            return self.tagged(value, options, path);
+        }
+        if let Some(options) = schema.get("anyOf").and_then(Value::as_array) {
+            return self.any_of(value, options, path);
+        }
+        if !self.has_type(value, schema) {
+            let wanted = wanted(schema);
+            return self.report(
+                path,
+                value,
+                format!("this is {}, but {wanted} is needed", kind(value)),
+                format!("write {wanted}{}", about(schema)),
+            );
+        }
+        match value {
+            Value::Object(map) => self.object(map, schema, path),
+            Value::Array(list) => self.array(list, schema, path),
+            Value::Number(_) => self.range(value, schema, path),
+            Value::String(text) => {
+                let choices = words(schema);
+                if !choices.is_empty() && !choices.contains(&text.as_str()) {
+                    let remedy = nearest_remedy(text, &choices);
+                    let reason = "there is no such choice here".into();
+                    self.report(path, value, reason, remedy);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn has_type(&self, value: &Value, schema: &Value) -> bool {
+        let matches = |t: &Value| match t.as_str() {
+            Some("object") => value.is_object(),
+            Some("array") => value.is_array(),
+            Some("number") => value.is_number(),
+            Some("integer") => value.is_i64() || value.is_u64(),
+            Some("string") => value.is_string(),
+            Some("boolean") => value.is_boolean(),
+            Some("null") => value.is_null(),
+            _ => true,
+        };
+        match schema.get("type") {
+            None => schema.get("const").is_none_or(|c| c == value),
+            Some(Value::Array(types)) => types.iter().any(matches),
+            Some(single) => matches(single),
+        }
+    }
+
+    fn object(&mut self, map: &mut Map<String, Value>, schema: &'a Value, path: &str) {
+        let empty = Map::new();
+        let properties = schema.get("properties").and_then(Value::as_object);
+        let known: Vec<&str> = properties
+            .unwrap_or(&empty)
+            .keys()
+            .map(String::as_str)
+            .collect();
+        let open = schema.get("additionalProperties").filter(|s| s.is_object());
+        let mut unknown = Vec::new();
+        for (key, child) in map.iter_mut() {
+            let child_path = join(path, key);
+            if let Some(child_schema) = properties.and_then(|p| p.get(key)) {
+                self.node(child, child_schema, &child_path);
+            } else if let Some(child_schema) = open {
+                self.node(child, child_schema, &child_path);
+            } else {
+                let remedy = nearest_remedy(key, &known);
+                let reason = format!("there is no field `{key}` here");
+                self.report(&child_path, child, reason, remedy);
+                unknown.push(key.clone());
+            }
+        }
+        for key in unknown {
+            map.remove(&key);
+        }
+        let required = schema.get("required").and_then(Value::as_array);
+        for key in required.into_iter().flatten().filter_map(Value::as_str) {
+            if !map.contains_key(key) {
+                let property = properties.and_then(|p| p.get(key));
+                let help = property.map(about).unwrap_or_default();
+                self.problems.push(Problem {
+                    path: join(path, key),
+                    value: "missing".into(),
+                    reason: "this field is needed".into(),
+                    remedy: format!("add `{key}`{help}"),
+                    severity: Severity::Error,
+                });
+            }
+        }
+    }
+
+    fn array(&mut self, list: &mut [Value], schema: &'a Value, path: &str) {
+        let bound = |key| schema.get(key).and_then(Value::as_u64);
+        let count = list.len() as u64;
+        let (least, most) = (bound("minItems"), bound("maxItems"));
+        if least.is_some_and(|least| count < least) || most.is_some_and(|most| count > most) {
+            let allowed = match (least, most) {
+                (Some(a), Some(b)) if a == b => format!("{a} values are needed"),
+                (Some(a), Some(b)) => format!("{a} to {b} values are needed"),
+                (Some(a), None) => format!("at least {a} values are needed"),
+                (_, b) => format!("at most {} values are allowed", b.unwrap_or_default()),
+            };
+            let value = Value::Array(list.to_vec());
+            self.report(
+                path,
+                &value,
+                format!("this list has {count} values, but {allowed}"),
+                "correct the list".into(),
+            );
+        }
+        if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
+            for (index, child) in list.iter_mut().enumerate() {
+                self.node(child, items, &format!("{path}[{index}]"));
+            }
+        }
+    }
+
+    fn range(&mut self, value: &Value, schema: &Value, path: &str) {
+        let Some(number) = value.as_f64() else {
+            return;
+        };
+        let bound = |key| schema.get(key).and_then(Value::as_f64);
+        let (least, above) = (bound("minimum"), bound("exclusiveMinimum"));
+        let most = match schema.get("format").and_then(Value::as_str) {
+            Some("uint32") => Some(bound("maximum").unwrap_or(f64::from(u32::MAX))),
+            _ => bound("maximum"),
+        };
+        let below = bound("exclusiveMaximum");
+        let good = number.abs() <= LARGEST
+            && least.is_none_or(|b| number >= b)
+            && above.is_none_or(|b| number > b)
+            && most.is_none_or(|b| number <= b)
+            && below.is_none_or(|b| number < b);
+        if good {
+            return;
+        }
+        let lower = match (least, above) {
+            (_, Some(b)) => Some(format!("above {b}")),
+            (Some(b), None) => Some(format!("at least {b}")),
+            _ => None,
+        };
+        let upper = match (most, below) {
+            (_, Some(b)) => Some(format!("below {b}")),
+            (Some(b), None) => Some(format!("at most {b}")),
+            _ => Some(format!("at most {LARGEST:e} in magnitude")),
+        };
+        let allowed: Vec<String> = [lower, upper].into_iter().flatten().collect();
+        let allowed = allowed.join(" and ");
+        self.report(
+            path,
+            value,
+            format!("out of range; the value must be {allowed}"),
+            format!("write a number {allowed}{}", about(schema)),
+        );
+    }
+
+    /// An externally tagged enum: a word, or an object with one key that names the choice.
+    fn tagged(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
+        let mut names: Vec<&str> = Vec::new();
+        let mut plain: Vec<&str> = Vec::new();
+        for option in options {
+            plain.extend(words(option));
+            names.extend(
+                option
+                    .get("properties")
+                    .and_then(Value::as_object)
+                    .into_iter()
+                    .flat_map(|p| p.keys().map(String::as_str)),
+            );
+        }
+        let all: Vec<&str> = plain.iter().chain(&names).copied().collect();
+        match value {
+            Value::String(text) if plain.contains(&text.as_str()) => {}
+            Value::String(text) if names.contains(&text.as_str()) => {
+                let remedy = format!("write {{\"{text}\": {{..}}}}");
+                let reason = "this choice is an object with its parameters".into();
+                self.report(path, value, reason, remedy);
+            }
+            Value::String(text) => {
+                let remedy = nearest_remedy(text, &all);
+                self.report(path, value, "there is no such choice here".into(), remedy);
+            }
+            Value::Object(map) if map.len() == 1 && !names.is_empty() => {
+                let Some((tag, child)) = map.iter_mut().next() else {
+                    return;
+                };
+                let child_path = join(path, tag);
+                let schema = options
+                    .iter()
+                    .find_map(|option| option.get("properties").and_then(|p| p.get(tag)));
+                if let Some(schema) = schema {
+                    self.node(child, schema, &child_path);
+                } else {
+                    let remedy = nearest_remedy(tag, &all);
+                    let reason = format!("there is no choice `{tag}` here");
+                    self.report(&child_path, child, reason, remedy);
+                }
+            }
+            Value::Object(map) if !names.is_empty() => {
+                let reason = format!("this has {} keys, but names exactly one choice", map.len());
+                self.report(path, value, reason, choose(&names));
+            }
+            _ => {
+                let reason = format!("this is {}, but a choice is needed", kind(value));
+                self.report(path, value, reason, choose(&all));
+            }
+        }
+    }
+
+    /// Optional things and untagged enums: the option of the value's own type decides what is reported.
+    fn any_of(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
+        let mut best: Option<(bool, Vec<Problem>)> = None;
+        for option in options {
+            let resolved = self.resolve(option);
+            let mut attempt = Walk {
+                root: self.root,
+                problems: Vec::new(),
+            };
+            let mut copy = value.clone();
+            attempt.node(&mut copy, option, path);
+            if attempt.problems.is_empty() {
+                return;
+            }
+            let own = (resolved.get("oneOf").is_some() && value.is_object())
+                || (resolved.get("type").is_some() && self.has_type(value, resolved))
+                || (!words(resolved).is_empty() && value.is_string());
+            let null = resolved.get("type").is_some_and(|t| t == "null");
+            let better = match &best {
+                None => !null,
+                Some((best_own, _)) => own && !*best_own && !null,
+            };
+            if better {
+                best = Some((own, attempt.problems));
+                *value = copy;
+            }
+        }
+        if let Some((_, problems)) = best {
+            self.problems.extend(problems);
+        }
+    }
+}
+
+/// The words a schema of strings allows; empty where any text is allowed.
+fn words(schema: &Value) -> Vec<&str> {
+    let listed = schema.get("enum").and_then(Value::as_array);
+    let single = schema.get("const");
+    let options = schema.get("oneOf").and_then(Value::as_array);
+    listed
+        .into_iter()
+        .flatten()
+        .chain(single)
+        .filter_map(Value::as_str)
+        .chain(
+            options
+                .into_iter()
+                .flatten()
+                .filter_map(|o| o.get("const").and_then(Value::as_str)),
+        )
+        .collect()
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(n) if n.is_f64() => "a number with a fraction",
+        Value::Number(_) => "a whole number",
+        Value::String(_) => "text",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}
+
+fn wanted(schema: &Value) -> String {
+    let name = |t: &Value| match t.as_str() {
+        Some("object") => "an object {..}",
+        Some("array") => "a list [..]",
+        Some("number") => "a number",
+        Some("integer") => "a whole number",
+        Some("string") => "text",
+        Some("boolean") => "true or false",
+        _ => "nothing",
+    };
+    match schema.get("type") {
+        Some(Value::Array(types)) => types
+            .iter()
+            .find(|t| *t != "null")
+            .map(name)
+            .unwrap_or("nothing")
+            .into(),
+        Some(single) => name(single).into(),
+        None => schema
+            .get("const")
+            .map_or_else(|| "another value".into(), Value::to_string),
+    }
+}
+
+/// The first sentence of the documentation of a field, in brackets.
+fn about(schema: &Value) -> String {
+    let text = schema
+        .get("description")
+        .and_then(Value::as_str)
+        .unwrap_or_default();
+    let first = text.split(['.', ';', '\n']).next().unwrap_or_default();
+    if first.is_empty() {
+        String::new()
+    } else {
+        format!(" ({first})")
+    }
+}
+
+fn choose(names: &[&str]) -> String {
+    format!("use one of: {}", names.join(", "))
+}
+
+fn nearest_remedy(name: &str, known: &[&str]) -> String {
+    match nearest(name, known) {
+        _ if known.is_empty() => "take it out: there are no fields here".into(),
+        Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
+        None => format!("take it out, or {}", choose(known)),
+    }
+}
+
+/// The name with the smallest edit distance, if it is close enough to be meant.
+#[must_use]
+pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    known
+        .iter()
+        .map(|candidate| (distance(name, candidate), *candidate))
+        .min()
+        .filter(|(d, candidate)| *d <= candidate.len().max(name.len()).div_ceil(2))
+        .map(|(_, candidate)| candidate)
+}
+
+/// Edit distance: insertions, deletions, replacements.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_by_edit_distance() {
+        assert_eq!(distance("kitten", "sitting"), 3);
+        assert_eq!(
+            nearest("viscosty", &["density", "viscosity"]),
+            Some("viscosity")
+        );
+        assert_eq!(nearest("qqqqqq", &["density", "viscosity"]), None);
+    }
+}

@@ -1,0 +1,156 @@
+//! Contact laws of grains with grains, bodies and walls.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The law of every contact; pairs of materials may have their own numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Contact {
+    /// Linear springs with friction, no tension.
+    Linear(Linear),
+    /// Linear springs with friction and brittle cohesion (A-17 … A-21).
+    CohesiveFrictional(CohesiveFrictional),
+}
+
+/// A quantity of a contact, fixed or proportional to the mean diameter d of the two grains (that of the grain at a
+/// wall), as in k_n/d = 150e6 N/m2.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Scaled {
+    /// Times the mean diameter [unit per m].
+    PerDiameter(#[schemars(range(min = 0.0))] f64),
+    /// The same for every pair. In 2-D per metre of depth.
+    Absolute(#[schemars(range(min = 0.0))] f64),
+}
+
+impl Scaled {
+    /// Zero for every pair.
+    pub const ZERO: Self = Self::Absolute(0.0);
+
+    /// The value for a pair of mean diameter `diameter` [m].
+    #[must_use]
+    pub fn at(self, diameter: f64) -> f64 {
+        match self {
+            Self::PerDiameter(value) => value * diameter,
+            Self::Absolute(value) => value,
+        }
+    }
+
+    /// The number as written.
+    #[must_use]
+    pub fn number(self) -> f64 {
+        match self {
+            Self::PerDiameter(value) | Self::Absolute(value) => value,
+        }
+    }
+}
+
+impl Default for Scaled {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+/// F_n = k_n δ, |F_s| <= F_n tan Φ; springs act in compression only.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Linear {
+    /// Normal stiffness k_n [N/m].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Whether the dashpot may pull while the grains part. Without it the normal force is never tensile and a
+    /// collision rebounds a little faster than the damping ratio says.
+    #[serde(default)]
+    pub attraction: bool,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+/// F_n = k_n δ down to -C; |F_s| <= F_n tan Φ + C; a contact that opens or slips loses C for good.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CohesiveFrictional {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Cohesion C = C_s = -C_n of a bonded contact [N]; per diameter [N/m].
+    #[serde(default)]
+    pub cohesion: Scaled,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+fn default_ratio() -> f64 {
+    0.4
+}
+
+/// Numbers of one pair of materials; what is left out is as for all other pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pair {
+    /// The two materials, in either order.
+    pub materials: [String; 2],
+    /// Normal stiffness [N/m]; per diameter [N/m2].
+    #[serde(default)]
+    pub normal_stiffness: Option<Scaled>,
+    /// k_s/k_n, without unit.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: Option<f64>,
+    /// Friction angle [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Cohesion [N]; per diameter [N/m]; only in the cohesive law.
+    #[serde(default)]
+    pub cohesion: Option<Scaled>,
+    /// Normal dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: Option<f64>,
+    /// Shear dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: Option<f64>,
+}

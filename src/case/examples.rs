@@ -1,0 +1,62 @@
+//! Ready cases: each runs in under a minute on two ranks. `solver example` lists them.
+
+/// A ready case.
+#[derive(Clone, Copy, Debug)]
+pub struct Example {
+    /// The name to ask for.
+    pub name: &'static str,
+    /// What it shows.
+    pub summary: &'static str,
+    /// The case file.
+    pub text: &'static str,
+}
+
+/// All ready cases.
+pub const EXAMPLES: [Example; 8] = [
+    Example {
+        name: "piping",
+        summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
+        text: include_str!("examples/piping.json"),
+    },
+    Example {
+        name: "poiseuille",
+        summary: "flow between two walls driven by a body force",
+        text: include_str!("examples/poiseuille.json"),
+    },
+    Example {
+        name: "couette",
+        summary: "flow between a wall at rest and a sliding one",
+        text: include_str!("examples/couette.json"),
+    },
+    Example {
+        name: "taylor-green",
+        summary: "decaying vortices in a periodic box, with an exact solution",
+        text: include_str!("examples/taylor-green.json"),
+    },
+    Example {
+        name: "cavity",
+        summary: "lid-driven cavity at Reynolds number 100",
+        text: include_str!("examples/cavity.json"),
+    },
+    Example {
+        name: "cylinder",
+        summary: "steady flow round a cylinder in a channel, Reynolds number 20 (DFG 2D-1)",
+        text: include_str!("examples/cylinder.json"),
+    },
+    Example {
+        name: "settling-disc",
+        summary: "a disc settles in a closed channel",
+        text: include_str!("examples/settling-disc.json"),
+    },
+    Example {
+        name: "collision",
+        summary: "two dry discs collide and rebound",
+        text: include_str!("examples/collision.json"),
+    },
+];
+
+/// The example of this name.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Example> {
+    EXAMPLES.iter().find(|example| example.name == name)
+}

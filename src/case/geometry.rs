@@ -1,0 +1,161 @@
+//! Points, directions, boxes, axes and faces of the domain, as written in a case.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A point, direction or velocity: two numbers in 2-D, three in 3-D.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(inline, extend("minItems" = 2, "maxItems" = 3))]
+pub struct Vector(pub Vec<f64>);
+
+impl Vector {
+    /// Three components; a missing third one is zero.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; 3] {
+        let mut array = [0.0; 3];
+        for (to, from) in array.iter_mut().zip(&self.0) {
+            *to = *from;
+        }
+        array
+    }
+}
+
+/// A rotation rate: one number in 2-D (about z, counter-clockwise), three in 3-D. Unit: rad/s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+pub enum Rotation {
+    /// Rate about z, in 2-D.
+    AboutZ(f64),
+    /// The vector of rotation, in 3-D.
+    Vector([f64; 3]),
+}
+
+impl Default for Rotation {
+    fn default() -> Self {
+        Self::AboutZ(0.0)
+    }
+}
+
+impl Rotation {
+    /// The vector of rotation; in 2-D only its third component.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; 3] {
+        match self {
+            Self::AboutZ(rate) => [0.0, 0.0, *rate],
+            Self::Vector(vector) => *vector,
+        }
+    }
+}
+
+/// An axis-parallel box (a rectangle in 2-D). Unit: m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Extent {
+    /// The corner with the smallest coordinates [m].
+    pub from: Vector,
+    /// The corner with the largest coordinates [m].
+    pub to: Vector,
+}
+
+/// An axis of the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Axis {
+    /// The first axis.
+    X,
+    /// The second axis.
+    Y,
+    /// The third axis (3-D only).
+    Z,
+}
+
+impl Axis {
+    /// 0, 1 or 2.
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+
+    /// `x`, `y` or `z`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["x", "y", "z"][self.index()]
+    }
+}
+
+/// A face of the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Face {
+    /// x = 0.
+    XMin,
+    /// x = size of the domain along x.
+    XMax,
+    /// y = 0.
+    YMin,
+    /// y = size of the domain along y.
+    YMax,
+    /// z = 0 (3-D only).
+    ZMin,
+    /// z = size of the domain along z (3-D only).
+    ZMax,
+}
+
+impl Face {
+    /// All faces, in the order of [`Face::index`].
+    pub const ALL: [Self; 6] = [
+        Self::XMin,
+        Self::XMax,
+        Self::YMin,
+        Self::YMax,
+        Self::ZMin,
+        Self::ZMax,
+    ];
+
+    /// Position in [`Face::ALL`].
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::XMin => 0,
+            Self::XMax => 1,
+            Self::YMin => 2,
+            Self::YMax => 3,
+            Self::ZMin => 4,
+            Self::ZMax => 5,
+        }
+    }
+
+    /// The axis normal to the face: 0, 1 or 2.
+    #[must_use]
+    pub fn axis(self) -> usize {
+        self.index() / 2
+    }
+
+    /// Whether the face is at the upper end of its axis.
+    #[must_use]
+    pub fn is_max(self) -> bool {
+        self.index() % 2 == 1
+    }
+
+    /// The unit vector that points from the face into the domain.
+    #[must_use]
+    pub fn inward(self) -> [f64; 3] {
+        let mut normal = [0.0; 3];
+        normal[self.axis()] = if self.is_max() { -1.0 } else { 1.0 };
+        normal
+    }
+
+    /// The name in a case: `x_min` and so on.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"][self.index()]
+    }
+}

@@ -1,0 +1,142 @@
+//! `--set path=value`: any field of a case from the command line.
+//!
+//! A path is written as in messages: `probes[0].every`. The value is JSON, or else the text itself. Objects on the way
+//! are made where they are missing; an index one past the end of a list appends.
+
+use super::text::brief;
+use crate::error::{Problem, Severity};
+use serde_json::{Map, Value};
+
+/// A step of a path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Step {
+    Key(String),
+    Index(usize),
+}
+
+/// Carries out one assignment; returns its path.
+///
+/// # Errors
+/// A problem that names the path, if the assignment cannot be read or the path leads through a value that has no
+/// fields.
+pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>> {
+    let problem = |path: &str, value: &str, reason: &str, remedy: &str| {
+        Box::new(Problem {
+            path: path.into(),
+            value: value.into(),
+            reason: reason.into(),
+            remedy: remedy.into(),
+            severity: Severity::Error,
+        })
+    };
+    let Some((path, text)) = assignment.split_once('=') else {
+        return Err(problem(
+            assignment,
+            "missing",
+            "--set needs path=value",
+            "write for example --set time.end=2",
+        ));
+    };
+    let path = path.trim();
+    let Some(steps) = parse(path) else {
+        return Err(problem(
+            path,
+            text,
+            "not a path of a case",
+            "write for example fluid.lattice_boltzmann.density or probes[0].every",
+        ));
+    };
+    let mut node = tree;
+    for step in &steps {
+        node = match step {
+            Step::Key(key) => {
+                if node.is_null() {
+                    *node = Map::new().into();
+                }
+                match node {
+                    Value::Object(map) => map.entry(key.clone()).or_insert(Value::Null),
+                    other => {
+                        let reason = format!("there is no field `{key}` in {}", brief(other));
+                        return Err(problem(path, text, &reason, "set the field above it"));
+                    }
+                }
+            }
+            Step::Index(index) => {
+                if node.is_null() {
+                    *node = Value::Array(Vec::new());
+                }
+                let Value::Array(list) = node else {
+                    let reason = format!("{} is not a list", brief(node));
+                    return Err(problem(path, text, &reason, "leave the index out"));
+                };
+                let length = list.len();
+                if *index > length {
+                    let reason = format!("index {index} is past the end of a list of {length}");
+                    let remedy = format!("use 0 to {length}");
+                    return Err(problem(path, text, &reason, &remedy));
+                }
+                if *index == length {
+                    list.push(Value::Null);
+                }
+                &mut list[*index]
+            }
+        };
+    }
+    *node = serde_json::from_str(text).unwrap_or_else(|_| text.into());
+    Ok(path.to_string())
+}
+
+/// Whether `known` is `path` or lies below it.
+#[must_use]
+pub fn covers(path: &str, known: &str) -> bool {
+    known
+        .strip_prefix(path)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || rest.starts_with('['))
+}
+
+fn parse(path: &str) -> Option<Vec<Step>> {
+    let mut steps = Vec::new();
+    for part in path.split('.') {
+        let (key, mut rest) = part.split_at(part.find('[').unwrap_or(part.len()));
+        if key.is_empty() {
+            return None;
+        }
+        steps.push(Step::Key(key.to_string()));
+        while !rest.is_empty() {
+            let (index, after) = rest.strip_prefix('[')?.split_once(']')?;
+            steps.push(Step::Index(index.trim().parse().ok()?));
+            rest = after;
+        }
+    }
+    Some(steps)
+}
+
+/// The value at a path written as in messages.
+#[must_use]
+pub fn lookup<'a>(tree: &'a Value, path: &str) -> Option<&'a Value> {
+    parse(path)?.iter().try_fold(tree, |node, step| match step {
+        Step::Key(key) => node.get(key),
+        Step::Index(index) => node.get(index),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn paths_reach_fields_and_list_items_and_make_objects() {
+        let mut tree = json!({"a": {"b": [1, 2]}, "s": 1});
+        apply(&mut tree, "a.b[1]=7.5").unwrap();
+        apply(&mut tree, "a.b[2]=text").unwrap();
+        apply(&mut tree, "x.y={\"z\": true}").unwrap();
+        assert_eq!(tree["a"]["b"], json!([1, 7.5, "text"]));
+        assert_eq!(lookup(&tree, "x.y.z"), Some(&json!(true)));
+        for bad in [
+            "a.b[9]=1", "s.t=1", "a[0]=1", "nothing", "=3", "a..b=1", "a.b[x]=1",
+        ] {
+            assert!(apply(&mut tree, bad).is_err(), "{bad}");
+        }
+    }
+}

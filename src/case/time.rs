@@ -1,0 +1,124 @@
+//! How long, in which steps, and what a run guards and keeps.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Duration and steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Physical time of the run [s], from the end of the warm-up.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub end: f64,
+    /// Steps of the grains in one step of the fluid: `auto` is the smallest number that keeps the solid time
+    /// step below `solid_time_step_safety` times the critical one.
+    #[serde(default)]
+    pub solid_steps_per_fluid_step: SolidSteps,
+    /// Time step of the grains [s] where there is no fluid; without it the safety times the critical one.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub solid_time_step: Option<f64>,
+    /// Largest solid time step allowed, as a fraction of the critical one 2 sqrt(m/k) of the lightest grain. A grain
+    /// has several contacts, hence at most 0.5.
+    #[serde(default = "default_safety")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
+    pub solid_time_step_safety: f64,
+    /// What happens before the clock starts.
+    #[serde(default)]
+    pub warm_up: Option<WarmUp>,
+}
+
+fn default_safety() -> f64 {
+    0.1
+}
+
+/// Steps of the grains in one step of the fluid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+pub enum SolidSteps {
+    /// This many.
+    Number(#[schemars(range(min = 1, max = 100_000))] u32),
+    /// As many as stability needs.
+    Auto(Auto),
+}
+
+impl Default for SolidSteps {
+    fn default() -> Self {
+        Self::Auto(Auto::Auto)
+    }
+}
+
+/// The word `auto`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Auto {
+    /// Chosen by the program.
+    Auto,
+}
+
+/// What happens before the clock starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum WarmUp {
+    /// The fluid flows round the grains held in place until it is steady.
+    FluidOnly {
+        /// Steady when the velocity changes by less than this fraction of itself in 100 steps.
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+        relative_change: f64,
+        /// Ends after this time in any case [s].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        at_most: f64,
+    },
+}
+
+/// Checkpoints: places from which a run can go on, on any number of ranks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Checkpoint {
+    /// Physical time between checkpoints [s]; none of this kind without it.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub every: Option<f64>,
+    /// Wall-clock time between checkpoints [s]; 0 for none of this kind.
+    #[schemars(range(min = 0.0))]
+    pub every_wall_seconds: f64,
+    /// How many of the newest stay on disk.
+    #[schemars(range(min = 2, max = 1000))]
+    pub keep: u32,
+}
+
+impl Default for Checkpoint {
+    fn default() -> Self {
+        Self {
+            every: None,
+            every_wall_seconds: 600.0,
+            keep: 2,
+        }
+    }
+}
+
+/// Limits whose crossing ends the run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Guards {
+    /// Fluid steps between two checks for values that are not finite, lost grains and the limits below.
+    #[schemars(range(min = 1, max = 1_000_000))]
+    pub check_every_steps: u32,
+    /// Largest velocity over the lattice speed C = h/dt (A-06: the paper's Mach number), without unit.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
+    pub max_mach: f64,
+    /// Memory of all machines of the run together [GiB]; without it that of this machine.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub memory_gib: Option<f64>,
+}
+
+impl Default for Guards {
+    fn default() -> Self {
+        Self {
+            check_every_steps: 100,
+            max_mach: 0.3,
+            memory_gib: None,
+        }
+    }
+}

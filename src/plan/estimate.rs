@@ -1,0 +1,178 @@
+//! Memory, disk and time before the run.
+//!
+//! Rates are those of one core of a recent server, assumed here and replaced by the measured ones in the summary of a
+//! run.
+
+use super::{Clock, steps_number};
+use crate::case::fluid::Precision;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Lattice;
+use crate::scene::grid::count;
+use crate::scene::solids::GrainSource;
+use serde::Serialize;
+
+/// What a run will cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Bytes of a cell: populations, and what coupling and moments keep beside them.
+    pub bytes_per_cell: f64,
+    /// Number of grains and bodies, before cutting.
+    pub grains: f64,
+    /// Memory of all ranks together [bytes].
+    pub memory_bytes: f64,
+    /// One fluid output [bytes].
+    pub fluid_output_bytes: f64,
+    /// Number of fluid outputs.
+    pub fluid_outputs: f64,
+    /// All outputs and the checkpoints kept [bytes].
+    pub disk_bytes: f64,
+    /// Million lattice updates per second and core assumed.
+    pub mlups: f64,
+    /// Million particle steps per second and core assumed.
+    pub million_particle_steps: f64,
+    /// Time of the run on one core [s].
+    pub seconds_on_one_core: f64,
+}
+
+/// Beside the populations of a cell: solid mark, owner, time-averaged load on links.
+const CELL_EXTRA_BYTES: f64 = 12.0;
+/// A grain with its neighbour list, contacts and history.
+const GRAIN_BYTES: f64 = 1500.0;
+/// The program itself, MPI and HDF5 included.
+const PROGRAM_BYTES: f64 = 6e7;
+/// Columns of a grain in a file: id, position, velocity, rotation, force, torque, radius, material.
+const GRAIN_OUTPUT_BYTES: f64 = 160.0;
+/// Contacts of a grain and the columns of each.
+const CONTACT_OUTPUT_BYTES: f64 = 2.5 * 96.0;
+/// Million particle steps per second and core.
+const MILLION_PARTICLE_STEPS: f64 = 4.0;
+
+/// Million updates per second and core in f64; populations at rest in f32 gain about half.
+fn mlups(lattice: Lattice, storage: Precision) -> f64 {
+    let double = match lattice {
+        Lattice::D2q9 => 60.0,
+        Lattice::D3q19 => 25.0,
+        Lattice::D3q27 => 15.0,
+    };
+    match storage {
+        Precision::F64 => double,
+        Precision::F32 => 1.5 * double,
+    }
+}
+
+fn bytes(precision: Precision) -> f64 {
+    match precision {
+        Precision::F64 => 8.0,
+        Precision::F32 => 4.0,
+    }
+}
+
+impl Estimate {
+    pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
+        let cells = scene.grid.cells.iter().map(|c| count(*c)).product::<f64>();
+        let end = scene.time.end;
+        let outputs = |every: f64| (end / every).floor() + 1.0;
+        let grains = scene.grains.as_ref().map_or(0.0, |g| match g.source {
+            GrainSource::File(_) => 0.0,
+            _ => count(g.expected),
+        }) + count(scene.bodies.len());
+        let mut estimate = Self {
+            grains,
+            million_particle_steps: MILLION_PARTICLE_STEPS,
+            ..Self::default()
+        };
+        let steps = steps_number(clock.steps);
+        if let Some(flow) = &scene.flow {
+            estimate.bytes_per_cell =
+                count(flow.lattice.velocities()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
+            estimate.mlups = mlups(flow.lattice, flow.storage);
+            let updates = cells * (steps + steps_number(clock.warm_up_steps));
+            estimate.seconds_on_one_core += updates / (1e6 * estimate.mlups);
+            if let Some(output) = &scene.output.fluid {
+                let numbers: f64 = output
+                    .fields
+                    .iter()
+                    .map(|field| count(field.components(scene.grid.dimension)))
+                    .sum();
+                estimate.fluid_output_bytes = cells * numbers * bytes(output.precision);
+                estimate.fluid_outputs = outputs(output.every);
+            }
+        }
+        let solid_steps = steps * f64::from(clock.solid_steps_per_step);
+        estimate.seconds_on_one_core += grains * solid_steps / (1e6 * MILLION_PARTICLE_STEPS);
+        let lattice_bytes = cells * estimate.bytes_per_cell;
+        estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + grains * GRAIN_BYTES;
+        let others = scene.output.grains.iter().map(|o| (o, GRAIN_OUTPUT_BYTES));
+        let contacts = scene
+            .output
+            .contacts
+            .iter()
+            .map(|o| (o, CONTACT_OUTPUT_BYTES));
+        let solid_bytes: f64 = others
+            .chain(contacts)
+            .map(|(output, size)| outputs(output.every) * grains * size)
+            .sum();
+        let checkpoint = lattice_bytes + grains * GRAIN_BYTES;
+        estimate.disk_bytes = estimate.fluid_output_bytes * estimate.fluid_outputs
+            + solid_bytes
+            + checkpoint * (f64::from(scene.checkpoint.keep) + 1.0);
+        estimate.against_machine(scene, findings);
+        estimate
+    }
+
+    fn against_machine(&self, scene: &Scene, findings: &mut Findings) {
+        let stated = scene
+            .guards
+            .memory_gib
+            .map(|gib| gib * 1024.0 * 1024.0 * 1024.0);
+        let Some(available) = stated.or_else(machine_memory) else {
+            return;
+        };
+        if self.memory_bytes > available || self.memory_bytes.is_nan() {
+            findings.error(
+                "domain.spacing",
+                format!(
+                    "the run needs about {} of memory, but there are {}",
+                    size(self.memory_bytes),
+                    size(available)
+                ),
+                "use a coarser spacing or a smaller domain, or state the memory of all machines in guards.memory_gib",
+            );
+        } else if self.memory_bytes > 0.8 * available {
+            findings.warn(
+                "domain.spacing",
+                format!(
+                    "the run needs about {} of {} of memory",
+                    size(self.memory_bytes),
+                    size(available)
+                ),
+                "leave room for the system",
+            );
+        }
+    }
+}
+
+/// A number of bytes as text.
+pub(crate) fn size(bytes: f64) -> String {
+    let units = ["B", "kB", "MB", "GB", "TB", "PB"];
+    let mut value = bytes;
+    let mut unit = 0;
+    while value >= 1000.0 && unit + 1 < units.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if value < 1e4 {
+        format!("{value:.3} {}", units[unit])
+    } else {
+        format!("{} {}", number(value), units[unit])
+    }
+}
+
+/// Memory of this machine [bytes], where the system says it.
+fn machine_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
+    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024.0)
+}

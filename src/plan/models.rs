@@ -1,0 +1,115 @@
+//! The models a scene gets, each with its reason; also those it does not pay for.
+
+use super::Clock;
+use crate::case::coupling::Scheme;
+use crate::case::fluid::{Collision, Precision};
+use crate::scene::Scene;
+use crate::scene::contact::Law;
+use crate::scene::findings::number;
+use crate::scene::flow::Lattice;
+use serde::Serialize;
+
+/// A model and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Choice {
+    /// What is chosen.
+    pub what: String,
+    /// The model.
+    pub model: String,
+    /// Why.
+    pub reason: String,
+}
+
+pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
+    let mut list = Vec::new();
+    let mut choose = |what: &str, model: String, reason: String| {
+        list.push(Choice {
+            what: what.into(),
+            model,
+            reason,
+        });
+    };
+    let dimension = scene.grid.dimension;
+    match &scene.flow {
+        None => choose(
+            "fluid",
+            "none".into(),
+            "the case has no fluid: no lattice is allocated".into(),
+        ),
+        Some(flow) => {
+            let (name, reason) = match flow.lattice {
+                Lattice::D2q9 => ("D2Q9", "the domain is 2-D"),
+                Lattice::D3q19 => (
+                    "D3Q19",
+                    "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
+                ),
+                Lattice::D3q27 => ("D3Q27", "asked for: isotropic to fourth order"),
+            };
+            choose("lattice", name.into(), reason.into());
+            match flow.collision {
+                Collision::Bgk {} => choose(
+                    "collision",
+                    "BGK".into(),
+                    format!(
+                        "asked for; walls lie half-way only near tau 0.933 (here {})",
+                        number(flow.relaxation_time)
+                    ),
+                ),
+                Collision::Trt { magic } => choose(
+                    "collision",
+                    format!("TRT, magic parameter {magic}"),
+                    "the position of walls does not depend on the viscosity".into(),
+                ),
+            }
+            choose(
+                "populations",
+                match flow.storage {
+                    Precision::F64 => "f64, deviations from rest".into(),
+                    Precision::F32 => "f32, deviations from rest".into(),
+                },
+                "streamed in place: one array; arithmetic in f64".into(),
+            );
+        }
+    }
+    match (&scene.coupling, &scene.flow) {
+        (Some(coupling), Some(_)) => choose(
+            "coupling",
+            match coupling.scheme {
+                Scheme::HalfWay => "moving bounce-back, half-way".into(),
+                Scheme::Interpolated => "moving bounce-back, interpolated".into(),
+            },
+            "there are solids in the fluid".into(),
+        ),
+        (None, Some(_)) => choose(
+            "coupling",
+            "none".into(),
+            "there are no solids in the fluid".into(),
+        ),
+        _ => {}
+    }
+    let solid = scene.grains.is_some() || !scene.bodies.is_empty();
+    let kind = if dimension == 2 { "discs" } else { "spheres" };
+    match &scene.contact {
+        Some(table) if solid => {
+            let model = match table.law {
+                Law::Linear { .. } => "linear with friction",
+                Law::CohesiveFrictional => "linear, cohesive-frictional",
+            };
+            let reason = format!("asked for; {kind}, without orientation");
+            choose("contact law", model.into(), reason);
+            choose(
+                "solid steps",
+                format!("{} per fluid step", clock.solid_steps_per_step),
+                "the smallest number within the safety of the critical time step, or as asked"
+                    .into(),
+            );
+        }
+        _ => choose("contact law", "none".into(), "nothing moves freely".into()),
+    }
+    choose(
+        "slabs",
+        format!("along {}", ["x", "y", "z"][scene.grid.split_axis.min(2)]),
+        format!("{} planes", scene.grid.cells[scene.grid.split_axis.min(2)]),
+    );
+    list
+}

@@ -1,0 +1,199 @@
+//! The plan as tables for a terminal.
+
+use super::estimate::size;
+use super::{Plan, envelope};
+use crate::scene::findings::number;
+use crate::units::LatticeUnits;
+use std::fmt::{self, Display, Formatter};
+
+impl Display for Plan {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let grid = &self.scene.grid;
+        let cells: Vec<String> = grid.cells[..grid.dimension]
+            .iter()
+            .map(usize::to_string)
+            .collect();
+        writeln!(
+            f,
+            "{}",
+            if self.scene.title.is_empty() {
+                "(no title)"
+            } else {
+                &self.scene.title
+            }
+        )?;
+        writeln!(
+            f,
+            "{}-D, {} cells of {} m",
+            grid.dimension,
+            cells.join(" x "),
+            number(grid.spacing)
+        )?;
+        let rows = self
+            .models
+            .iter()
+            .map(|c| [c.what.clone(), c.model.clone(), c.reason.clone()]);
+        table(f, ["models", "chosen", "because"], rows)?;
+        table(f, ["time and scales", "value", "unit"], self.scales())?;
+        let binding = self.margins.iter().map(|m| m.used).fold(0.0, f64::max);
+        let rows = self.margins.iter().map(|m| {
+            let mark = if m.used >= binding { " <- binds" } else { "" };
+            [
+                m.limit.clone(),
+                format!("{} of {}", number(m.value), number(m.allowed)),
+                format!("{:.0} %{mark}", 100.0 * m.used),
+            ]
+        });
+        table(f, ["limits", "value of limit", "used"], rows)?;
+        table(f, ["costs (estimate)", "", ""], self.costs())?;
+        let rows = self
+            .sources
+            .iter()
+            .map(|(path, s)| [path.clone(), s.source.clone(), s.note.clone()]);
+        table(f, ["values with a source", "from", "note"], rows)
+    }
+}
+
+impl Plan {
+    fn scales(&self) -> Vec<[String; 3]> {
+        let row = |name: &str, value: f64, unit: &str| {
+            [name.to_string(), number(value), unit.to_string()]
+        };
+        let clock = &self.clock;
+        let mut rows = vec![
+            row("time step", clock.time_step, "s"),
+            row("end", self.scene.time.end, "s"),
+            [
+                String::from("steps"),
+                clock.steps.to_string(),
+                String::new(),
+            ],
+        ];
+        if clock.warm_up_steps > 0 {
+            rows.push([
+                "warm-up steps at most".into(),
+                clock.warm_up_steps.to_string(),
+                String::new(),
+            ]);
+        }
+        if let Some(critical) = clock.critical_solid_time_step {
+            rows.push([
+                "solid steps per step".into(),
+                clock.solid_steps_per_step.to_string(),
+                String::new(),
+            ]);
+            rows.push(row("solid time step", clock.solid_time_step, "s"));
+            rows.push(row("critical solid time step", critical, "s"));
+        }
+        if let (Some(units), Some(flow)) = (&self.units, &self.scene.flow) {
+            let LatticeUnits { dimension, .. } = *units;
+            rows.push(row("relaxation time tau", flow.relaxation_time, ""));
+            rows.push(row(
+                "viscosity on the lattice",
+                units.viscosity_to_lattice(flow.kinematic_viscosity),
+                "",
+            ));
+            rows.push(row(
+                "velocity scale C = h/dt",
+                units.velocity_scale(),
+                "m/s",
+            ));
+            rows.push(row(
+                "speed of sound C/sqrt 3",
+                units.speed_of_sound(),
+                "m/s",
+            ));
+            rows.push(row("pressure scale rho C^2", units.pressure_scale(), "Pa"));
+            rows.push(row(
+                "force scale",
+                units.force_scale(),
+                if dimension == 2 { "N/m" } else { "N" },
+            ));
+            if let Some(reynolds) =
+                envelope::largest_reynolds(&self.scene).filter(|r| r.is_finite())
+            {
+                rows.push(row("largest Reynolds number at Mach 0.1", reynolds, ""));
+            }
+        }
+        rows
+    }
+
+    fn costs(&self) -> Vec<[String; 3]> {
+        let e = &self.estimate;
+        let mut rows = vec![[
+            "memory".to_string(),
+            size(e.memory_bytes),
+            format!(
+                "{} per cell, {} grains",
+                size(e.bytes_per_cell),
+                number(e.grains)
+            ),
+        ]];
+        if e.fluid_outputs > 0.0 {
+            rows.push([
+                "fluid output".into(),
+                size(e.fluid_output_bytes),
+                format!("{} times", number(e.fluid_outputs)),
+            ]);
+        }
+        rows.push([
+            "disk".into(),
+            size(e.disk_bytes),
+            "outputs and the checkpoints kept".into(),
+        ]);
+        let mut rates = Vec::new();
+        if e.mlups > 0.0 {
+            rates.push(format!("{} MLUPS", number(e.mlups)));
+        }
+        if e.grains > 0.0 {
+            rates.push(format!(
+                "{} million particle steps/s",
+                number(e.million_particle_steps)
+            ));
+        }
+        rows.push([
+            "time on one core".into(),
+            duration(e.seconds_on_one_core),
+            format!("assuming {}; the run measures it", rates.join(" and ")),
+        ]);
+        rows
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    if seconds < 120.0 {
+        format!("{} s", number(seconds))
+    } else if seconds < 7200.0 {
+        format!("{:.1} min", seconds / 60.0)
+    } else {
+        format!("{:.1} h", seconds / 3600.0)
+    }
+}
+
+/// A table with aligned columns; nothing at all without rows.
+fn table(
+    f: &mut Formatter<'_>,
+    head: [&str; 3],
+    rows: impl IntoIterator<Item = [String; 3]>,
+) -> fmt::Result {
+    let rows: Vec<[String; 3]> = rows.into_iter().collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells
+            .chain([head[column].chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let (a, b) = (width(0), width(1));
+    writeln!(f)?;
+    let line = format!("{:a$}  {:b$}  {}", head[0], head[1], head[2]);
+    writeln!(f, "{}", line.trim_end())?;
+    writeln!(f, "{}", "-".repeat(line.trim_end().chars().count()))?;
+    for [x, y, z] in &rows {
+        writeln!(f, "{}", format!("{x:a$}  {y:b$}  {z}").trim_end())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! Collects what is wrong with a case, each finding with the value as it stands in the case.
+
+use crate::case::Case;
+use crate::case::set::lookup;
+use crate::case::text::brief;
+use crate::error::{Problem, Severity};
+use serde_json::Value;
+
+/// The findings so far.
+#[derive(Debug)]
+pub(crate) struct Findings {
+    tree: Value,
+    /// In the order found.
+    pub(crate) problems: Vec<Problem>,
+}
+
+impl Findings {
+    pub(crate) fn new(case: &Case) -> Self {
+        Self {
+            tree: serde_json::to_value(case).unwrap_or(Value::Null),
+            problems: Vec::new(),
+        }
+    }
+
+    /// The case is refused.
+    pub(crate) fn error(
+        &mut self,
+        path: &str,
+        reason: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.push(path, reason.into(), remedy.into(), Severity::Error);
+    }
+
+    /// The case runs, and the user should know.
+    pub(crate) fn warn(
+        &mut self,
+        path: &str,
+        reason: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.push(path, reason.into(), remedy.into(), Severity::Warning);
+    }
+
+    fn push(&mut self, path: &str, reason: String, remedy: String, severity: Severity) {
+        let value = match lookup(&self.tree, path) {
+            None | Some(Value::Null) => "missing".to_string(),
+            Some(value) => brief(value),
+        };
+        self.problems.push(Problem {
+            path: path.into(),
+            value,
+            reason,
+            remedy,
+            severity,
+        });
+    }
+
+    /// Whether the case is refused.
+    pub(crate) fn refused(&self) -> bool {
+        refused(&self.problems)
+    }
+}
+
+/// Whether any of the problems refuses the case.
+#[must_use]
+pub fn refused(problems: &[Problem]) -> bool {
+    problems.iter().any(|p| p.severity == Severity::Error)
+}
+
+/// A number as in a sentence: four significant digits.
+pub(crate) fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".into()
+    } else if (1e-3..1e5).contains(&size) {
+        let text = format!("{value:.4}");
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    } else {
+        format!("{value:.3e}")
+    }
+}

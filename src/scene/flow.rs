@@ -1,0 +1,729 @@
+//! The fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grid::{Grid, count, whole};
+use crate::case::Case;
+use crate::case::boundary::{Condition as Written, VelocityProfile as Profile};
+use crate::case::fluid::{self, Collision, LatticeBoltzmann, LatticeChoice, Precision};
+use crate::case::geometry::Face;
+use crate::units::LatticeUnits;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Where the lattice Boltzmann part of a case stands.
+pub(crate) const PATH: &str = "fluid.lattice_boltzmann";
+
+/// A resolved lattice Boltzmann fluid, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Flow {
+    /// Density at rest [kg/m3].
+    pub density: f64,
+    /// Kinematic viscosity [m2/s].
+    pub kinematic_viscosity: f64,
+    /// Velocity set.
+    pub lattice: Lattice,
+    /// Collision operator.
+    pub collision: Collision,
+    /// Number type of the populations at rest.
+    pub storage: Precision,
+    /// Time step [s].
+    pub time_step: f64,
+    /// Relaxation time tau.
+    pub relaxation_time: f64,
+    /// Which field of the case fixed the time step.
+    pub fixed_by: &'static str,
+    /// Force per volume beside gravity.
+    pub body_force: BodyForce,
+    /// Whether gravity acts on the fluid.
+    pub gravity_acts: bool,
+    /// Fluid at the start.
+    pub initial: Initial,
+    /// Conditions of the faces, by [`Face::index`]. Each face that is not periodic has at least one patch, the first
+    /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
+    pub faces: [Vec<Patch>; 6],
+}
+
+/// Velocity set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lattice {
+    /// Nine velocities in 2-D.
+    D2q9,
+    /// Nineteen velocities in 3-D.
+    D3q19,
+    /// Twenty-seven velocities in 3-D.
+    D3q27,
+}
+
+impl Lattice {
+    /// Number of velocities.
+    #[must_use]
+    pub fn velocities(self) -> usize {
+        match self {
+            Self::D2q9 => 9,
+            Self::D3q19 => 19,
+            Self::D3q27 => 27,
+        }
+    }
+}
+
+/// Force per volume [N/m3].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub enum BodyForce {
+    /// The same at all times; may be zero.
+    Constant([f64; 3]),
+    /// amplitude cos(2 pi t/period + phase).
+    Oscillating {
+        /// Largest force [N/m3].
+        amplitude: [f64; 3],
+        /// Period [s].
+        period: f64,
+        /// Phase at the start [rad].
+        phase: f64,
+    },
+}
+
+impl BodyForce {
+    /// The force at a time [s].
+    #[must_use]
+    pub fn at(&self, time: f64) -> [f64; 3] {
+        match self {
+            Self::Constant(force) => *force,
+            Self::Oscillating {
+                amplitude,
+                period,
+                phase,
+            } => {
+                let factor = (std::f64::consts::TAU * time / period + phase).cos();
+                amplitude.map(|a| a * factor)
+            }
+        }
+    }
+
+    /// The largest force at any time.
+    #[must_use]
+    pub fn largest(&self) -> [f64; 3] {
+        match self {
+            Self::Constant(force) => *force,
+            Self::Oscillating { amplitude, .. } => *amplitude,
+        }
+    }
+}
+
+/// The fluid at the start, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Initial {
+    /// One velocity [m/s] and pressure [Pa] everywhere; zero at rest.
+    Uniform {
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+        /// Pressure above the reference [Pa].
+        pressure: f64,
+    },
+    /// Taylor-Green vortices: u = -U cos(ax) sin(by), v = (a/b) U sin(ax) cos(by).
+    TaylorGreen {
+        /// U [m/s].
+        velocity: f64,
+        /// a and b [1/m].
+        wave_numbers: [f64; 2],
+    },
+    /// A parabola between the walls of one axis.
+    Channel {
+        /// Axis of the flow: 0, 1 or 2.
+        flow: usize,
+        /// Axis from wall to wall: 0, 1 or 2.
+        across: usize,
+        /// Velocity in the middle [m/s].
+        peak: f64,
+    },
+    /// From a file.
+    File(PathBuf),
+}
+
+/// A condition on the cells next to a part of a face.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Patch {
+    /// Name in the case; that of the face for a wall nobody named.
+    pub name: String,
+    /// The face.
+    pub face: Face,
+    /// First cell along each axis; 0 along the normal.
+    pub from: [usize; 3],
+    /// One past the last cell along each axis; 1 along the normal.
+    pub to: [usize; 3],
+    /// What holds there.
+    pub condition: Condition,
+    /// Position in the list of boundaries of the case; none for a wall nobody named.
+    pub index: Option<usize>,
+}
+
+/// What the fluid does at a patch, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Condition {
+    /// A wall at rest.
+    NoSlip,
+    /// A wall that slides with this velocity [m/s].
+    MovingWall([f64; 3]),
+    /// A plane of symmetry.
+    FreeSlip,
+    /// Velocity imposed.
+    Velocity {
+        /// The profile.
+        profile: VelocityProfile,
+        /// It grows linearly from zero over this time [s]; 0 for at once.
+        ramp_time: f64,
+    },
+    /// Pressure imposed: from `from` linearly to `value` [Pa] over `ramp_time` [s]; 0 for at once.
+    Pressure {
+        /// Final pressure above the reference [Pa].
+        value: f64,
+        /// Pressure at the start [Pa].
+        from: f64,
+        /// Time of the change [s].
+        ramp_time: f64,
+    },
+    /// No gradient along the normal.
+    Outflow,
+}
+
+/// A velocity over a patch.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum VelocityProfile {
+    /// The same everywhere [m/s].
+    Uniform([f64; 3]),
+    /// A parabola along the inward normal with this peak [m/s], zero at the edges of the patch.
+    Parabolic(f64),
+    /// From a CSV file.
+    File(PathBuf),
+}
+
+impl Flow {
+    /// The scales of the lattice.
+    #[must_use]
+    pub fn units(&self, grid: &Grid) -> LatticeUnits {
+        LatticeUnits {
+            spacing: grid.spacing,
+            time_step: self.time_step,
+            density: self.density,
+            dimension: grid.dimension,
+        }
+    }
+
+    /// All patches of all faces.
+    pub fn patches(&self) -> impl Iterator<Item = &Patch> {
+        self.faces.iter().flatten()
+    }
+
+    pub(crate) fn resolve(case: &Case, grid: &Grid, findings: &mut Findings) -> Option<Self> {
+        let Some(fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
+            return None;
+        };
+        let lattice = lattice(lbm.lattice, grid, findings);
+        let body_force = body_force(lbm, grid, findings);
+        let initial = initial(lbm, grid, &case.directory, findings);
+        let faces = faces(lbm, grid, &case.directory, findings);
+        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
+        if lbm.gravity_acts_on_fluid && gravity.iter().all(|g| *g == 0.0) {
+            findings.warn(
+                &format!("{PATH}.gravity_acts_on_fluid"),
+                "there is no gravity in this case",
+                "add `gravity`, or leave this out",
+            );
+        }
+        let (time_step, fixed_by) = time_step(lbm, grid, findings)?;
+        let units = LatticeUnits {
+            spacing: grid.spacing,
+            time_step,
+            density: lbm.density,
+            dimension: grid.dimension,
+        };
+        // Taken as written where it is written, so that tau is not the victim of rounding.
+        let relaxation_time = lbm
+            .relaxation_time
+            .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
+        Some(Self {
+            density: lbm.density,
+            kinematic_viscosity: lbm.kinematic_viscosity,
+            lattice,
+            collision: lbm.collision,
+            storage: lbm.storage,
+            time_step,
+            relaxation_time,
+            fixed_by,
+            body_force,
+            gravity_acts: lbm.gravity_acts_on_fluid,
+            initial,
+            faces,
+        })
+    }
+}
+
+fn lattice(choice: LatticeChoice, grid: &Grid, findings: &mut Findings) -> Lattice {
+    let (lattice, dimension) = match choice {
+        LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2q9, 2),
+        LatticeChoice::Auto => (Lattice::D3q19, 3),
+        LatticeChoice::D2q9 => (Lattice::D2q9, 2),
+        LatticeChoice::D3q19 => (Lattice::D3q19, 3),
+        LatticeChoice::D3q27 => (Lattice::D3q27, 3),
+    };
+    if dimension != grid.dimension {
+        findings.error(
+            &format!("{PATH}.lattice"),
+            format!(
+                "this is a {dimension}-D lattice in a {}-D domain",
+                grid.dimension
+            ),
+            "use auto",
+        );
+    }
+    lattice
+}
+
+/// The time step from whichever of the three ways the case uses.
+fn time_step(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<(f64, &'static str)> {
+    let ways = [
+        ("relaxation_time", lbm.relaxation_time),
+        ("time_step", lbm.time_step),
+        ("reference_velocity", lbm.reference_velocity),
+    ];
+    let given: Vec<&'static str> = ways
+        .iter()
+        .filter(|(_, value)| value.is_some())
+        .map(|(name, _)| *name)
+        .collect();
+    if lbm.mach.is_some() != lbm.reference_velocity.is_some() {
+        let missing = if lbm.mach.is_some() {
+            "reference_velocity"
+        } else {
+            "mach"
+        };
+        findings.error(
+            &format!("{PATH}.{missing}"),
+            "`reference_velocity` and `mach` fix the time step together",
+            format!("add `{missing}` (for example mach 0.05), or leave both out"),
+        );
+        if given.is_empty() || missing == "mach" {
+            return None;
+        }
+    }
+    let [name] = given[..] else {
+        let (path, found) = match given.get(1) {
+            None => (
+                format!("{PATH}.relaxation_time"),
+                "none is given".to_string(),
+            ),
+            Some(second) => (
+                format!("{PATH}.{second}"),
+                format!("{} are given", given.join(" and ")),
+            ),
+        };
+        findings.error(
+            &path,
+            format!("exactly one of relaxation_time, time_step and reference_velocity fixes the time step, but {found}"),
+            "keep one of them, for example relaxation_time 0.8",
+        );
+        return None;
+    };
+    let (h, nu) = (grid.spacing, lbm.kinematic_viscosity);
+    let path = format!("{PATH}.{name}");
+    let dt = match (
+        lbm.relaxation_time,
+        lbm.time_step,
+        lbm.reference_velocity,
+        lbm.mach,
+    ) {
+        (Some(tau), ..) => LatticeUnits::time_step_for(tau, h, nu),
+        (_, Some(dt), ..) => dt,
+        (.., Some(velocity), Some(mach)) => mach * h / velocity,
+        _ => return None,
+    };
+    if let Some(tau) = lbm.relaxation_time
+        && tau <= 0.5
+    {
+        findings.error(
+            &path,
+            "the viscosity on the lattice is (tau - 1/2)/3 and must be positive: tau must be above 0.5",
+            "use 0.51 to 2, for example 0.8",
+        );
+        return None;
+    }
+    let tau = 0.5 + 3.0 * nu * dt / (h * h);
+    if !(dt.is_finite() && dt > 0.0 && tau.is_finite()) {
+        findings.error(
+            &path,
+            "no finite time step follows from this",
+            "check the units of viscosity and spacing",
+        );
+        return None;
+    }
+    if tau <= 0.5 + 1e-12 || tau > 1e3 {
+        findings.error(
+            &path,
+            format!(
+                "the relaxation time becomes tau = {tau:.6e}; it must be above 0.5 and below 1000"
+            ),
+            format!(
+                "use a time step of {} … {} s at this spacing and viscosity",
+                number(0.01 * h * h / (3.0 * nu)),
+                number(0.5 * h * h / nu)
+            ),
+        );
+        return None;
+    }
+    if tau < 0.51 {
+        findings.warn(
+            &path,
+            format!("the relaxation time is tau = {tau:.5}, close to the limit 0.5: the flow may turn unstable"),
+            "use a finer spacing or a larger time step",
+        );
+    }
+    if tau > 2.0 {
+        findings.warn(
+            &path,
+            format!(
+                "the relaxation time is tau = {}: large values cost accuracy",
+                number(tau)
+            ),
+            format!("use a time step below {} s", number(0.5 * h * h / nu)),
+        );
+    }
+    Some((dt, name))
+}
+
+fn body_force(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> BodyForce {
+    let path = format!("{PATH}.body_force");
+    match &lbm.body_force {
+        None => BodyForce::Constant([0.0; 3]),
+        Some(fluid::BodyForce::Constant(force)) => BodyForce::Constant(Block::vector(
+            grid,
+            force,
+            &format!("{path}.constant"),
+            findings,
+        )),
+        Some(fluid::BodyForce::Oscillating {
+            amplitude,
+            period,
+            phase_degrees,
+        }) => BodyForce::Oscillating {
+            amplitude: Block::vector(
+                grid,
+                amplitude,
+                &format!("{path}.oscillating.amplitude"),
+                findings,
+            ),
+            period: *period,
+            phase: phase_degrees.to_radians(),
+        },
+    }
+}
+
+fn initial(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    directory: &Path,
+    findings: &mut Findings,
+) -> Initial {
+    let path = format!("{PATH}.initial");
+    match &lbm.initial {
+        fluid::Initial::Rest {} => Initial::Uniform {
+            velocity: [0.0; 3],
+            pressure: 0.0,
+        },
+        fluid::Initial::Uniform { velocity, pressure } => Initial::Uniform {
+            velocity: Block::vector(
+                grid,
+                velocity,
+                &format!("{path}.uniform.velocity"),
+                findings,
+            ),
+            pressure: *pressure,
+        },
+        fluid::Initial::TaylorGreen { velocity, waves } => {
+            if waves.contains(&0) {
+                findings.error(
+                    &format!("{path}.taylor_green.waves"),
+                    "at least one wave is needed along each axis",
+                    "write for example [1, 1]",
+                );
+            }
+            if !(grid.periodic[0] && grid.periodic[1]) {
+                findings.error(
+                    &format!("{path}.taylor_green"),
+                    "the vortices repeat along x and y, but the domain does not",
+                    "write \"periodic\": [\"x\", \"y\"] in the domain",
+                );
+            }
+            let wave =
+                |axis: usize| std::f64::consts::TAU * f64::from(waves[axis]) / grid.size[axis];
+            Initial::TaylorGreen {
+                velocity: *velocity,
+                wave_numbers: [wave(0), wave(1)],
+            }
+        }
+        fluid::Initial::Channel { flow, across, peak } => {
+            let (flow, across) = (flow.index(), across.index());
+            if flow == across || flow.max(across) >= grid.dimension {
+                findings.error(
+                    &format!("{path}.channel"),
+                    "the flow and the direction across it must be two different axes of the domain",
+                    "write for example \"flow\": \"x\", \"across\": \"y\"",
+                );
+            }
+            Initial::Channel {
+                flow,
+                across,
+                peak: *peak,
+            }
+        }
+        fluid::Initial::File { path: file } => Initial::File(existing(
+            directory,
+            file,
+            &format!("{path}.file.path"),
+            findings,
+        )),
+    }
+}
+
+/// A file beside the case, or a finding.
+pub(crate) fn existing(
+    directory: &Path,
+    file: &Path,
+    path: &str,
+    findings: &mut Findings,
+) -> PathBuf {
+    let full = directory.join(file);
+    if !full.is_file() {
+        findings.error(
+            path,
+            format!("there is no file {}", full.display()),
+            "correct the path; it is relative to the case",
+        );
+    }
+    full
+}
+
+fn faces(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    directory: &Path,
+    findings: &mut Findings,
+) -> [Vec<Patch>; 6] {
+    let mut faces: [Vec<Patch>; 6] = Default::default();
+    for face in Face::ALL {
+        if face.axis() < grid.dimension && !grid.periodic[face.axis()] {
+            let (from, to) = whole_face(grid, face);
+            faces[face.index()].push(Patch {
+                name: face.name().into(),
+                face,
+                from,
+                to,
+                condition: Condition::NoSlip,
+                index: None,
+            });
+        }
+    }
+    let mut named = [false; 6];
+    let mut names: Vec<&str> = Vec::new();
+    for (n, boundary) in lbm.boundaries.iter().enumerate() {
+        let path = format!("{PATH}.boundaries[{n}]");
+        let face = boundary.face;
+        super::unique(
+            &mut names,
+            &boundary.name,
+            &format!("{path}.name"),
+            findings,
+        );
+        let condition = condition(&boundary.condition, face, grid, directory, &path, findings);
+        if face.axis() >= grid.dimension {
+            findings.error(
+                &format!("{path}.face"),
+                "there is no such face in a 2-D problem",
+                "take this condition out",
+            );
+            continue;
+        }
+        if grid.periodic[face.axis()] {
+            let axis = ["x", "y", "z"][face.axis()];
+            findings.error(
+                &format!("{path}.face"),
+                format!("the domain is periodic along {axis}: this face has no condition"),
+                format!("take this condition out, or {axis} out of domain.periodic"),
+            );
+            continue;
+        }
+        let Some(extent) = &boundary.patch else {
+            if std::mem::replace(&mut named[face.index()], true) {
+                findings.error(
+                    &format!("{path}.face"),
+                    format!("the whole face {} has two conditions", face.name()),
+                    "keep one, or give one of them a patch",
+                );
+            }
+            let base = &mut faces[face.index()][0];
+            base.name.clone_from(&boundary.name);
+            base.condition = condition;
+            base.index = Some(n);
+            continue;
+        };
+        let patch_path = format!("{path}.patch");
+        let block = tangential(grid, face, extent, &patch_path, findings);
+        let (mut from, mut to) = whole_face(grid, face);
+        for a in (0..grid.dimension).filter(|a| *a != face.axis()) {
+            // A cell belongs to a patch if its centre does.
+            from[a] = whole((block.from[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
+            to[a] = whole((block.to[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
+            if from[a] >= to[a] && block.from[a] < block.to[a] {
+                findings.error(
+                    &patch_path,
+                    "the patch holds the centre of no cell",
+                    "make it larger, or the spacing finer",
+                );
+            }
+        }
+        let overlaps = faces[face.index()][1..]
+            .iter()
+            .find(|other| (0..3).all(|a| other.from[a] < to[a] && from[a] < other.to[a]));
+        if let Some(other) = overlaps {
+            findings.error(
+                &patch_path,
+                format!("this patch overlaps the patch of `{}`", other.name),
+                "make them share no cell",
+            );
+        }
+        faces[face.index()].push(Patch {
+            name: boundary.name.clone(),
+            face,
+            from,
+            to,
+            condition,
+            index: Some(n),
+        });
+    }
+    closed_volume(&faces, grid, findings);
+    faces
+}
+
+/// The box of a patch; what it says along the normal does not matter.
+fn tangential(
+    grid: &Grid,
+    face: Face,
+    extent: &crate::case::geometry::Extent,
+    path: &str,
+    findings: &mut Findings,
+) -> Block {
+    let mut extent = extent.clone();
+    let axis = face.axis();
+    if let (Some(from), Some(to)) = (extent.from.0.get_mut(axis), extent.to.0.get_mut(axis)) {
+        (*from, *to) = (0.0, grid.size[axis]);
+    }
+    Block::resolve(grid, &extent, path, findings)
+}
+
+fn whole_face(grid: &Grid, face: Face) -> ([usize; 3], [usize; 3]) {
+    let mut to = grid.cells;
+    to[face.axis()] = 1;
+    ([0; 3], to)
+}
+
+fn condition(
+    written: &Written,
+    face: Face,
+    grid: &Grid,
+    directory: &Path,
+    path: &str,
+    findings: &mut Findings,
+) -> Condition {
+    match written {
+        Written::NoSlip {} => Condition::NoSlip,
+        Written::FreeSlip {} => Condition::FreeSlip,
+        Written::Outflow {} => Condition::Outflow,
+        Written::MovingWall { velocity } => {
+            let path = format!("{path}.condition.moving_wall.velocity");
+            let velocity = Block::vector(grid, velocity, &path, findings);
+            if velocity[face.axis()] != 0.0 {
+                findings.error(
+                    &path,
+                    "a wall slides in its own plane, but this velocity has a part normal to the face",
+                    "make that component 0, or impose a velocity",
+                );
+            }
+            Condition::MovingWall(velocity)
+        }
+        Written::Velocity { profile, ramp_time } => {
+            let path = format!("{path}.condition.velocity.profile");
+            let profile = match profile {
+                Profile::Uniform(velocity) => VelocityProfile::Uniform(Block::vector(
+                    grid,
+                    velocity,
+                    &format!("{path}.uniform"),
+                    findings,
+                )),
+                Profile::Parabolic { peak } => VelocityProfile::Parabolic(*peak),
+                Profile::File { path: file } => VelocityProfile::File(existing(
+                    directory,
+                    file,
+                    &format!("{path}.file.path"),
+                    findings,
+                )),
+            };
+            Condition::Velocity {
+                profile,
+                ramp_time: ramp_time.unwrap_or(0.0),
+            }
+        }
+        Written::Pressure { value, ramp } => Condition::Pressure {
+            value: *value,
+            from: ramp.as_ref().map_or(*value, |r| r.from),
+            ramp_time: ramp.as_ref().map_or(0.0, |r| r.duration),
+        },
+    }
+}
+
+/// Water is nearly incompressible: what flows in must find a way out.
+fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+    let mut inflow = 0.0;
+    let mut through = 0.0;
+    let mut first: Option<&Patch> = None;
+    for patch in faces.iter().flatten() {
+        match &patch.condition {
+            Condition::Pressure { .. } | Condition::Outflow => return,
+            Condition::Velocity { profile, .. } => {
+                let cells: f64 = (0..3)
+                    .map(|a| count(patch.to[a] - patch.from[a].min(patch.to[a])))
+                    .product();
+                let axes = grid.dimension - 1;
+                let normal = match profile {
+                    VelocityProfile::Uniform(velocity) => {
+                        let inward = patch.face.inward();
+                        (0..3).map(|a| velocity[a] * inward[a]).sum()
+                    }
+                    VelocityProfile::Parabolic(peak) => {
+                        peak * if axes == 1 { 2.0 / 3.0 } else { 4.0 / 9.0 }
+                    }
+                    VelocityProfile::File(_) => return,
+                };
+                inflow += normal * cells;
+                through += f64::abs(normal * cells);
+                first = first.or(Some(patch));
+            }
+            _ => {}
+        }
+    }
+    if let Some(patch) = first
+        && inflow.abs() > 1e-9 * through
+    {
+        findings.error(
+            &format!("{PATH}.boundaries"),
+            format!(
+                "`{}` imposes a velocity, but no face lets as much fluid out",
+                patch.name
+            ),
+            "give another face a pressure or an outflow",
+        );
+    }
+}

@@ -1,0 +1,408 @@
+//! Regions, probes, outputs and analysis of a scene.
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::solids::{Body, check_radii};
+use super::{material, unique};
+use crate::case::Case;
+use crate::case::geometry::Face;
+use crate::case::grains::Radii;
+use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
+use serde::Serialize;
+
+/// A box in which something happens to grains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Region {
+    /// Its name.
+    pub name: String,
+    /// Where.
+    pub block: Block,
+    /// What.
+    pub action: Action,
+}
+
+/// What happens in a region.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Action {
+    /// Grains are taken out.
+    Remove {
+        /// When.
+        when: When,
+    },
+    /// Grains appear.
+    Generate {
+        /// Grains per second [1/s].
+        rate: f64,
+        /// Radii [m].
+        radii: Radii,
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+        /// Seed.
+        seed: u64,
+        /// Index of the material.
+        material: usize,
+        /// At most this many.
+        at_most: Option<u32>,
+    },
+    /// Entries and exits are logged.
+    Record,
+}
+
+/// A quantity sampled in time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Probe {
+    /// Name of its file.
+    pub name: String,
+    /// Time between samples [s].
+    pub every: f64,
+    /// Where.
+    pub at: ProbeAt,
+}
+
+/// Where a probe samples.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum ProbeAt {
+    /// Velocity and pressure at a point [m].
+    Point([f64; 3]),
+    /// Velocity and pressure along a line.
+    Line {
+        /// First point [m].
+        from: [f64; 3],
+        /// Last point [m].
+        to: [f64; 3],
+        /// Number of points.
+        points: usize,
+    },
+    /// Discharge and means in a plane.
+    Plane {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate [m].
+        position: f64,
+    },
+    /// Force and torque on a body, by index in [`super::Scene::bodies`].
+    Body(usize),
+    /// Force on a face.
+    Wall(Face),
+}
+
+/// Erosion law analysis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ErosionLaw {
+    /// The hole before erosion.
+    pub hole: Block,
+    /// Axis of the flow: 0, 1 or 2.
+    pub flow_axis: usize,
+    /// Time between samples [s].
+    pub every: f64,
+    /// Indices of the regions whose removals count as eroded.
+    pub outlets: Vec<usize>,
+}
+
+pub(crate) fn regions(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Region> {
+    let mut known = Vec::new();
+    let mut regions = Vec::new();
+    for (n, region) in case.regions.iter().enumerate() {
+        let path = format!("regions[{n}]");
+        unique(&mut known, &region.name, &format!("{path}.name"), findings);
+        let block = Block::resolve(grid, &region.region, &format!("{path}.box"), findings);
+        let action = match &region.action {
+            Written::Remove { when } => Action::Remove { when: *when },
+            Written::Record {} => Action::Record,
+            Written::Generate {
+                rate,
+                radii,
+                velocity,
+                seed,
+                material: name,
+                at_most,
+            } => {
+                let path = format!("{path}.action.generate");
+                check_radii(radii, &format!("{path}.radii"), findings);
+                let velocity = velocity.as_ref().map_or([0.0; 3], |v| {
+                    Block::vector(grid, v, &format!("{path}.velocity"), findings)
+                });
+                let name = name.as_ref().or(case.grains.as_ref().map(|g| &g.material));
+                let index = match name {
+                    Some(name) => material(names, name, &format!("{path}.material"), findings),
+                    None => {
+                        findings.error(
+                            &format!("{path}.material"),
+                            "the grains need a material",
+                            "name one",
+                        );
+                        None
+                    }
+                };
+                Action::Generate {
+                    rate: *rate,
+                    radii: radii.clone(),
+                    velocity,
+                    seed: *seed,
+                    material: index.unwrap_or(0),
+                    at_most: *at_most,
+                }
+            }
+        };
+        regions.push(Region {
+            name: region.name.clone(),
+            block,
+            action,
+        });
+    }
+    let source = regions
+        .iter()
+        .any(|r| matches!(r.action, Action::Generate { .. }));
+    if !regions.is_empty() && !source && case.grains.is_none() {
+        findings.warn(
+            "regions",
+            "there are no grains in this case",
+            "add `grains`, or take the regions out",
+        );
+    }
+    regions
+}
+
+pub(crate) fn probes(
+    case: &Case,
+    grid: &Grid,
+    bodies: &[Body],
+    findings: &mut Findings,
+) -> Vec<Probe> {
+    let mut known = Vec::new();
+    let mut probes = Vec::new();
+    for (n, probe) in case.probes.iter().enumerate() {
+        let path = format!("probes[{n}]");
+        unique(&mut known, &probe.name, &format!("{path}.name"), findings);
+        due(case, probe.every, &format!("{path}.every"), findings);
+        let inside = |point: [f64; 3], path: &str, findings: &mut Findings| {
+            if !grid.contains(point) {
+                findings.error(path, "the probe lies outside the domain", "move it inside");
+            }
+            point
+        };
+        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. });
+        if needs_fluid && case.fluid.is_none() {
+            findings.error(
+                &format!("{path}.at"),
+                "there is no fluid to probe",
+                "add `fluid`, or take the probe out",
+            );
+        }
+        let at = match &probe.at {
+            WrittenAt::Point { position } => {
+                let path = format!("{path}.at.point.position");
+                let point = Block::vector(grid, position, &path, findings);
+                ProbeAt::Point(inside(point, &path, findings))
+            }
+            WrittenAt::Line { from, to, points } => {
+                let ends = [("from", from), ("to", to)].map(|(name, end)| {
+                    let path = format!("{path}.at.line.{name}");
+                    let point = Block::vector(grid, end, &path, findings);
+                    inside(point, &path, findings)
+                });
+                ProbeAt::Line {
+                    from: ends[0],
+                    to: ends[1],
+                    points: usize::try_from(*points).unwrap_or(usize::MAX),
+                }
+            }
+            WrittenAt::Plane { axis, position } => {
+                let axis = axis.index();
+                if axis >= grid.dimension {
+                    findings.error(
+                        &format!("{path}.at.plane.axis"),
+                        "there is no z in a 2-D problem",
+                        "use x or y",
+                    );
+                } else if !(0.0..=grid.size[axis]).contains(position) {
+                    findings.error(
+                        &format!("{path}.at.plane.position"),
+                        format!(
+                            "the plane lies outside the domain, which is 0 … {} m there",
+                            number(grid.size[axis])
+                        ),
+                        "move it inside",
+                    );
+                }
+                ProbeAt::Plane {
+                    axis,
+                    position: *position,
+                }
+            }
+            WrittenAt::Body { name } => {
+                let index = bodies.iter().position(|b| b.name == *name);
+                if index.is_none() {
+                    let names: Vec<&str> = bodies.iter().map(|b| b.name.as_str()).collect();
+                    let remedy = crate::case::check::nearest(name, &names).map_or_else(
+                        || format!("bodies here: {}", names.join(", ")),
+                        |near| format!("did you mean `{near}`?"),
+                    );
+                    findings.error(
+                        &format!("{path}.at.body.name"),
+                        "there is no body of this name",
+                        remedy,
+                    );
+                }
+                ProbeAt::Body(index.unwrap_or(0))
+            }
+            WrittenAt::Wall { face } => {
+                if face.axis() >= grid.dimension || grid.periodic[face.axis()] {
+                    findings.error(
+                        &format!("{path}.at.wall.face"),
+                        "there is no wall at this face",
+                        "name another face",
+                    );
+                }
+                ProbeAt::Wall(*face)
+            }
+        };
+        probes.push(Probe {
+            name: probe.name.clone(),
+            every: probe.every,
+            at,
+        });
+    }
+    probes
+}
+
+/// Something that happens every so often happens at least once.
+fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
+    if every > case.time.end * (1.0 + 1e-12) {
+        findings.error(
+            path,
+            format!(
+                "the run ends at {} s, before this is due for the first time",
+                number(case.time.end)
+            ),
+            format!("use at most {}", number(case.time.end)),
+        );
+    }
+    if every > 0.0 && case.time.end / every > 1e7 {
+        findings.error(
+            path,
+            format!(
+                "this makes {} samples; at most 1e7",
+                number(case.time.end / every)
+            ),
+            "use a longer interval; it is in s",
+        );
+    }
+}
+
+pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
+    let output = &case.output;
+    if let Some(fluid) = &output.fluid {
+        due(case, fluid.every, "output.fluid.every", findings);
+        if case.fluid.is_none() {
+            findings.error(
+                "output.fluid",
+                "there is no fluid in this case",
+                "take this output out",
+            );
+        }
+        if fluid.fields.is_empty() {
+            findings.error(
+                "output.fluid.fields",
+                "no field is named",
+                "name one, or take this output out",
+            );
+        }
+        for (n, field) in fluid.fields.iter().enumerate() {
+            if fluid.fields[..n].contains(field) {
+                findings.error(
+                    &format!("output.fluid.fields[{n}]"),
+                    "this field is named twice",
+                    "take one out",
+                );
+            }
+        }
+    }
+    let others = [
+        ("output.grains", &output.grains),
+        ("output.contacts", &output.contacts),
+    ];
+    for (path, every) in others {
+        if let Some(every) = every {
+            due(case, every.every, &format!("{path}.every"), findings);
+            if !solids {
+                findings.error(
+                    path,
+                    "there are no grains or bodies in this case",
+                    "take this output out",
+                );
+            }
+        }
+    }
+    if let Some(every) = case.checkpoint.every {
+        due(case, every, "checkpoint.every", findings);
+    }
+}
+
+pub(crate) fn erosion_law(
+    case: &Case,
+    grid: &Grid,
+    regions: &[Region],
+    findings: &mut Findings,
+) -> Option<ErosionLaw> {
+    let law = case.analysis.erosion_law.as_ref()?;
+    let path = "analysis.erosion_law";
+    let hole = Block::resolve(grid, &law.hole, &format!("{path}.hole"), findings);
+    due(case, law.every, &format!("{path}.every"), findings);
+    let flow_axis = law.flow_axis.index();
+    if flow_axis >= grid.dimension {
+        findings.error(
+            &format!("{path}.flow_axis"),
+            "there is no z in a 2-D problem",
+            "use x or y",
+        );
+    }
+    for (what, there) in [
+        ("fluid", case.fluid.is_some()),
+        ("grains", case.grains.is_some()),
+    ] {
+        if !there {
+            findings.error(
+                path,
+                format!("there is no {what} in this case"),
+                format!("add `{what}`, or take the analysis out"),
+            );
+        }
+    }
+    let removes = |r: &Region| matches!(r.action, Action::Remove { .. });
+    let outlets: Vec<usize> = regions
+        .iter()
+        .enumerate()
+        .filter(|(_, r)| removes(r) && law.outlet.as_ref().is_none_or(|name| r.name == *name))
+        .map(|(n, _)| n)
+        .collect();
+    if outlets.is_empty() {
+        let (at, reason) = match law.outlet {
+            Some(_) => (
+                format!("{path}.outlet"),
+                "there is no region of this name that removes grains",
+            ),
+            None => (
+                path.to_string(),
+                "no region removes grains, so nothing would ever count as eroded",
+            ),
+        };
+        findings.error(
+            &at,
+            reason,
+            "add a region with {\"remove\": {}} and name it",
+        );
+    }
+    Some(ErosionLaw {
+        hole,
+        flow_axis,
+        every: law.every,
+        outlets,
+    })
+}

@@ -1,0 +1,620 @@
+//! Grains, walls and bodies of a scene, and that they start apart.
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::flow::existing;
+use super::grid::{Grid, count};
+use super::{material, unique};
+use crate::case::Case;
+use crate::case::geometry::{Face, Rotation, Vector};
+use crate::case::grains::{Amount, GrainSource as Written, Growth, Radii};
+use crate::case::solids::{Motion as WrittenMotion, Shape};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// A plane that grains touch.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Wall {
+    /// Name in tables.
+    pub name: String,
+    /// A point of it [m].
+    pub point: [f64; 3],
+    /// Unit normal towards the grains.
+    pub normal: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+    /// The face of the domain it lies on, if it is a box wall.
+    pub face: Option<Face>,
+}
+
+/// A named disc (2-D) or sphere (3-D).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Body {
+    /// Its name.
+    pub name: String,
+    /// Radius [m].
+    pub radius: f64,
+    /// Centre [m].
+    pub position: [f64; 3],
+    /// Velocity at the start [m/s], or at all times if driven.
+    pub velocity: [f64; 3],
+    /// Rotation rate at the start [rad/s], or at all times if driven.
+    pub angular_velocity: [f64; 3],
+    /// How it moves.
+    pub mobility: Mobility,
+    /// Index of its material.
+    pub material: usize,
+}
+
+/// How a body moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mobility {
+    /// Not at all.
+    Fixed,
+    /// With its velocity, whatever acts on it.
+    Driven,
+    /// By the forces on it.
+    Free,
+}
+
+/// Grains and their preparation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Grains {
+    /// Index of the material of grains that name none.
+    pub material: usize,
+    /// Where they come from.
+    pub source: GrainSource,
+    /// File to which the prepared sample goes; relative to the output folder.
+    pub save: Option<PathBuf>,
+    /// Boxes emptied after the preparation, with their names.
+    pub cut: Vec<(String, Block)>,
+    /// Whether contacts are bonded after preparation and cutting.
+    pub bond_at_start: bool,
+    /// Smallest and largest radius [m]; not known before a file is read.
+    pub radii: Option<(f64, f64)>,
+    /// How many before cutting, as far as known; exact for lists and `number`.
+    pub expected: usize,
+}
+
+/// Where grains come from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum GrainSource {
+    /// Growth of a loose cloud in a box.
+    Growth {
+        /// The box.
+        block: Block,
+        /// How many grains.
+        number: usize,
+        /// The rest as written.
+        growth: Growth,
+    },
+    /// A saved sample.
+    File(PathBuf),
+    /// One by one.
+    List(Vec<Grain>),
+}
+
+/// A grain of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Grain {
+    /// Centre [m].
+    pub position: [f64; 3],
+    /// Radius [m].
+    pub radius: f64,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
+    /// Rotation rate [rad/s].
+    pub angular_velocity: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+}
+
+pub(crate) fn walls(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Wall> {
+    let mut walls = Vec::new();
+    let mut known = Vec::new();
+    for (n, wall) in case.walls.iter().enumerate() {
+        let path = format!("walls[{n}]");
+        unique(&mut known, &wall.name, &format!("{path}.name"), findings);
+        let point = Block::vector(
+            grid,
+            &wall.plane.point,
+            &format!("{path}.plane.point"),
+            findings,
+        );
+        let normal = Block::vector(
+            grid,
+            &wall.plane.normal,
+            &format!("{path}.plane.normal"),
+            findings,
+        );
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            findings.error(
+                &format!("{path}.plane.normal"),
+                "a normal needs a direction",
+                "write for example [0, 1]",
+            );
+        }
+        let index = material(names, &wall.material, &format!("{path}.material"), findings);
+        walls.push(Wall {
+            name: wall.name.clone(),
+            point,
+            normal: normal.map(|n| n / length),
+            material: index.unwrap_or(0),
+            face: None,
+        });
+    }
+    let of_grains = case.grains.as_ref().map(|g| g.material.as_str());
+    let mut taken = [false; 6];
+    for (n, face) in case.box_walls.iter().enumerate() {
+        let path = format!("box_walls[{n}]");
+        if face.axis() >= grid.dimension {
+            findings.error(
+                &path,
+                "there is no such face in a 2-D problem",
+                "take it out",
+            );
+        } else if grid.periodic[face.axis()] {
+            findings.error(
+                &path,
+                "the domain is periodic there: a wall contradicts this",
+                "take it out",
+            );
+        } else if std::mem::replace(&mut taken[face.index()], true) {
+            findings.error(&path, "this face is named twice", "take one out");
+        }
+        let index = match (&case.box_wall_material, of_grains) {
+            (Some(name), _) => material(names, name, "box_wall_material", findings),
+            (None, Some(name)) => names.iter().position(|known| known == name),
+            (None, None) => {
+                if n == 0 {
+                    findings.error(
+                        "box_wall_material",
+                        "the walls need a material: there are no grains to take it from",
+                        "add `box_wall_material`",
+                    );
+                }
+                None
+            }
+        };
+        let mut point = [0.0; 3];
+        if face.is_max() {
+            point[face.axis()] = grid.size[face.axis()];
+        }
+        walls.push(Wall {
+            name: face.name().into(),
+            point,
+            normal: face.inward(),
+            material: index.unwrap_or(0),
+            face: Some(*face),
+        });
+    }
+    walls
+}
+
+pub(crate) fn bodies(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Body> {
+    let mut known = Vec::new();
+    let mut bodies = Vec::new();
+    for (n, body) in case.bodies.iter().enumerate() {
+        let path = format!("bodies[{n}]");
+        unique(&mut known, &body.name, &format!("{path}.name"), findings);
+        let flat = matches!(body.shape, Shape::Disc { .. });
+        if flat != (grid.dimension == 2) {
+            let right = if flat { "sphere" } else { "disc" };
+            findings.error(
+                &format!("{path}.shape"),
+                format!("this shape does not fit a {}-D problem", grid.dimension),
+                format!("use {right}"),
+            );
+        }
+        let position = Block::vector(grid, &body.position, &format!("{path}.position"), findings);
+        let radius = body.shape.radius();
+        if !grid.contains(position) {
+            findings.error(
+                &format!("{path}.position"),
+                "the centre lies outside the domain",
+                "move it inside",
+            );
+        }
+        for a in 0..grid.dimension {
+            if 2.0 * radius > grid.size[a] {
+                findings.error(
+                    &format!("{path}.shape"),
+                    format!(
+                        "the body is wider than the domain along {}",
+                        ["x", "y", "z"][a]
+                    ),
+                    "make it smaller, or the domain larger",
+                );
+                break;
+            }
+        }
+        let at = format!("{path}.motion");
+        let (mobility, velocity, angular_velocity) = match &body.motion {
+            WrittenMotion::Fixed {} => (Mobility::Fixed, [0.0; 3], [0.0; 3]),
+            WrittenMotion::Driven {
+                velocity,
+                angular_velocity,
+            } => {
+                let (v, w) = motion(
+                    grid,
+                    velocity.as_ref(),
+                    angular_velocity.as_ref(),
+                    &format!("{at}.driven"),
+                    findings,
+                );
+                (Mobility::Driven, v, w)
+            }
+            WrittenMotion::Free {
+                velocity,
+                angular_velocity,
+            } => {
+                let (v, w) = motion(
+                    grid,
+                    velocity.as_ref(),
+                    angular_velocity.as_ref(),
+                    &format!("{at}.free"),
+                    findings,
+                );
+                (Mobility::Free, v, w)
+            }
+        };
+        let index = material(names, &body.material, &format!("{path}.material"), findings);
+        if mobility == Mobility::Free && index.is_some() {
+            needs_density(case, &body.material, findings);
+        }
+        bodies.push(Body {
+            name: body.name.clone(),
+            radius,
+            position,
+            velocity,
+            angular_velocity,
+            mobility,
+            material: index.unwrap_or(0),
+        });
+    }
+    bodies
+}
+
+/// Whatever moves freely has a mass.
+fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
+    if case
+        .materials
+        .get(name)
+        .is_some_and(|m| m.density.is_none())
+    {
+        findings.error(
+            &format!("materials.{name}.density"),
+            "what moves freely needs the density of its material",
+            "add it in kg/m3, for example 2650",
+        );
+    }
+}
+
+fn motion(
+    grid: &Grid,
+    velocity: Option<&Vector>,
+    rotation: Option<&Rotation>,
+    path: &str,
+    findings: &mut Findings,
+) -> ([f64; 3], [f64; 3]) {
+    let v = velocity.map_or([0.0; 3], |v| {
+        Block::vector(grid, v, &format!("{path}.velocity"), findings)
+    });
+    if let Some(rotation) = rotation
+        && matches!(rotation, Rotation::AboutZ(_)) != (grid.dimension == 2)
+    {
+        findings.error(
+            &format!("{path}.angular_velocity"),
+            "a rotation is one number in 2-D and three in 3-D",
+            "write it so",
+        );
+    }
+    (v, rotation.map_or([0.0; 3], Rotation::to_array))
+}
+
+pub(crate) fn grains(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Option<Grains> {
+    let grains = case.grains.as_ref()?;
+    let index = material(names, &grains.material, "grains.material", findings).unwrap_or(0);
+    needs_density(case, &grains.material, findings);
+    let mut known = Vec::new();
+    let cut = grains
+        .cut
+        .iter()
+        .enumerate()
+        .map(|(n, cut)| {
+            let path = format!("grains.cut[{n}]");
+            unique(&mut known, &cut.name, &format!("{path}.name"), findings);
+            (
+                cut.name.clone(),
+                Block::resolve(grid, &cut.region, &format!("{path}.box"), findings),
+            )
+        })
+        .collect();
+    let (source, radii, expected) = match &grains.initial {
+        Written::Growth(growth) => grow(growth, grid, findings)?,
+        Written::File { path } => {
+            let file = existing(&case.directory, path, "grains.initial.file.path", findings);
+            (GrainSource::File(file), None, 0)
+        }
+        Written::List(list) => {
+            if list.is_empty() {
+                findings.error(
+                    "grains.initial.list",
+                    "the list holds no grain",
+                    "add one, or leave `grains` out",
+                );
+            }
+            let mut resolved = Vec::with_capacity(list.len());
+            for (n, grain) in list.iter().enumerate() {
+                let path = format!("grains.initial.list[{n}]");
+                let (velocity, angular_velocity) = motion(
+                    grid,
+                    grain.velocity.as_ref(),
+                    grain.angular_velocity.as_ref(),
+                    &path,
+                    findings,
+                );
+                let position =
+                    Block::vector(grid, &grain.position, &format!("{path}.position"), findings);
+                if !grid.contains(position) {
+                    findings.error(
+                        &format!("{path}.position"),
+                        "the centre lies outside the domain",
+                        "move it inside",
+                    );
+                }
+                let own = grain.material.as_ref().map(|name| {
+                    needs_density(case, name, findings);
+                    material(names, name, &format!("{path}.material"), findings).unwrap_or(0)
+                });
+                resolved.push(Grain {
+                    position,
+                    radius: grain.radius,
+                    velocity,
+                    angular_velocity,
+                    material: own.unwrap_or(index),
+                });
+            }
+            let bounds = resolved
+                .iter()
+                .fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
+                    (lo.min(g.radius), hi.max(g.radius))
+                });
+            let expected = resolved.len();
+            (
+                GrainSource::List(resolved),
+                Some(bounds).filter(|b| b.1 > 0.0),
+                expected,
+            )
+        }
+    };
+    Some(Grains {
+        material: index,
+        source,
+        save: grains.save.clone(),
+        cut,
+        bond_at_start: grains.bond_at_start,
+        radii,
+        expected,
+    })
+}
+
+type Source = (GrainSource, Option<(f64, f64)>, usize);
+
+/// A radius distribution that can be used, or findings.
+pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {
+    let good = match radii {
+        Radii::Uniform { min, max } => {
+            if min > max {
+                findings.error(
+                    &format!("{path}.uniform"),
+                    "the smallest radius is above the largest",
+                    "exchange min and max",
+                );
+            }
+            min <= max && *min > 0.0
+        }
+        Radii::List(list) => {
+            let good = !list.is_empty() && list.iter().all(|r| *r > 0.0);
+            if !good {
+                findings.error(
+                    &format!("{path}.list"),
+                    "radii must be above 0, and there must be one",
+                    "correct the list",
+                );
+            }
+            good
+        }
+    };
+    good && radii.bounds().1.is_finite()
+}
+
+fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {
+    let path = "grains.initial.growth";
+    let block = growth.region.as_ref().map_or(
+        Block {
+            from: [0.0; 3],
+            to: grid.size,
+            dimension: grid.dimension,
+        },
+        |extent| Block::resolve(grid, extent, &format!("{path}.box"), findings),
+    );
+    if !check_radii(&growth.radii, &format!("{path}.radii"), findings) {
+        return None;
+    }
+    let flat = grid.dimension == 2;
+    let pi = std::f64::consts::PI;
+    let mean = if flat {
+        pi * growth.radii.mean_power(2)
+    } else {
+        4.0 / 3.0 * pi * growth.radii.mean_power(3)
+    };
+    let largest = 2.0 * growth.radii.bounds().1;
+    let narrowest = (0..grid.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    if largest > narrowest {
+        findings.error(
+            &format!("{path}.radii"),
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(largest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+        return None;
+    }
+    let (least, most) = if flat { (0.7, 0.9) } else { (0.5, 0.72) };
+    let (amount_path, number_of, fraction) = match growth.amount {
+        Amount::Number(n) => (
+            format!("{path}.amount.number"),
+            f64::from(n),
+            f64::from(n) * mean / block.measure(),
+        ),
+        Amount::SolidFraction(fraction) => (
+            format!("{path}.amount.solid_fraction"),
+            (fraction * block.measure() / mean).round().max(1.0),
+            fraction,
+        ),
+    };
+    if fraction > most {
+        findings.error(
+            &amount_path,
+            format!(
+                "the grains would fill {} of the box at full size; a packing holds at most {most}",
+                number(fraction)
+            ),
+            "use fewer or smaller grains",
+        );
+    } else if fraction < least {
+        findings.warn(
+            &amount_path,
+            format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
+            "use more or larger grains if the sample should hold together",
+        );
+    }
+    if number_of > 1e8 {
+        findings.error(
+            &amount_path,
+            format!("this makes {} grains; at most 1e8", number(number_of)),
+            "use larger grains or a smaller box",
+        );
+        return None;
+    }
+    let number_of = super::grid::whole(number_of);
+    Some((
+        GrainSource::Growth {
+            block,
+            number: number_of,
+            growth: growth.clone(),
+        },
+        Some(growth.radii.bounds()),
+        number_of,
+    ))
+}
+
+/// Grains of a list, bodies and walls start apart: an overlap of more than a twentieth of the smaller radius is a slip
+/// in the coordinates, which the springs would turn into an explosion.
+pub(crate) fn overlaps(
+    grid: &Grid,
+    grains: Option<&Grains>,
+    bodies: &[Body],
+    walls: &[Wall],
+    findings: &mut Findings,
+) {
+    const ALLOWED: f64 = 0.05;
+    let mut solids: Vec<(f64, [f64; 3], f64, String)> = Vec::new();
+    if let Some(Grains {
+        source: GrainSource::List(list),
+        ..
+    }) = grains
+    {
+        for (n, g) in list.iter().enumerate() {
+            solids.push((
+                g.position[0] - g.radius,
+                g.position,
+                g.radius,
+                format!("grains.initial.list[{n}].position"),
+            ));
+        }
+    }
+    for (n, b) in bodies.iter().enumerate() {
+        solids.push((
+            b.position[0] - b.radius,
+            b.position,
+            b.radius,
+            format!("bodies[{n}].position"),
+        ));
+    }
+    for (_, position, radius, path) in &solids {
+        for wall in walls {
+            let depth = radius
+                - (0..3)
+                    .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
+                    .sum::<f64>();
+            if depth > ALLOWED * radius {
+                findings.error(
+                    path,
+                    format!(
+                        "this overlaps the wall `{}` by {} m at the start",
+                        wall.name,
+                        number(depth)
+                    ),
+                    "move it away from the wall",
+                );
+            }
+        }
+    }
+    solids.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found = 0;
+    for (i, (_, centre, radius, path)) in solids.iter().enumerate() {
+        for (left, other_centre, other_radius, other_path) in &solids[i + 1..] {
+            if *left > centre[0] + radius {
+                break;
+            }
+            let squared: f64 = (0..grid.dimension)
+                .map(|a| (centre[a] - other_centre[a]).powi(2))
+                .sum();
+            let depth = radius + other_radius - squared.sqrt();
+            if depth > ALLOWED * radius.min(*other_radius) {
+                found += 1;
+                if found <= 20 {
+                    findings.error(
+                        other_path,
+                        format!(
+                            "this overlaps {} by {} m at the start",
+                            path.trim_end_matches(".position"),
+                            number(depth)
+                        ),
+                        "move them apart",
+                    );
+                }
+            }
+        }
+    }
+    if found > 20 {
+        findings.error(
+            "grains.initial.list",
+            format!("{} more pairs overlap", number(count(found - 20))),
+            "move them apart",
+        );
+    }
+}
