@@ -1,1 +1,345 @@
-//! Contacts, forces, motion.
+//! Grains: contacts, forces, motion.
+//!
+//! [`Dem`] holds what belongs to the contacts: the law, the walls, the lists and the histories. [`Particles`] holds the grains.
+//! One call of [`Dem::advance`] is one solid step:
+//!
+//! ```text
+//! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
+//! ```
+//!
+//! Everything is written over [`Space`], so that discs and spheres share the engine, and compiled once per contact law. The
+//! same bits come out on any number of ranks and threads, whenever lists are made, and across a restart.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `space` | two and three dimensions |
+//! | `particles`, `ghosts` | the grains of a rank, who owns and who sees them |
+//! | `neighbors` | candidate pairs |
+//! | `contact` | contact laws, one file each |
+//! | `walls` | planes |
+//! | `integrate` | velocity Verlet |
+//! | `engine` | the step |
+//! | `state` | grains and contacts as named columns |
+//! | `ranks` | what is asked of the ranks |
+
+pub mod contact;
+mod engine;
+mod ghosts;
+mod integrate;
+mod neighbors;
+pub mod particles;
+pub mod ranks;
+pub mod space;
+pub mod state;
+pub mod walls;
+
+pub use contact::{Failure, Law, PairTable, Partners};
+pub use ghosts::Region;
+pub use particles::{Body, Kind, Load, Motion, Particles};
+pub use ranks::{Alone, Ranks};
+pub use space::{Components, Plane, Space, Volume};
+pub use walls::Wall;
+
+use contact::ContactLaw;
+use contact::cohesive_frictional::CohesiveFrictional;
+use contact::linear::Linear;
+use engine::Engine;
+
+use crate::error::Error;
+
+/// How grains move and are found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings<S: Space> {
+    /// The box and the planes of the split.
+    pub region: Region<S>,
+    /// Solid time step (s).
+    pub time_step: f64,
+    /// Gravity (m/s²).
+    pub gravity: S::Vector,
+    /// Non-viscous damping, 0 (none) to below 1.
+    pub local_damping: f64,
+    /// How far apart surfaces of listed pairs may be (m): more makes lists longer and rarer. No result depends on it.
+    pub skin: f64,
+    /// How far beyond a slab, and beyond its radius, a grain is wanted as a ghost for other reasons than contacts (m).
+    pub ghost_margin: f64,
+}
+
+impl<S: Space> Settings<S> {
+    /// No gravity, no damping, no margin.
+    #[must_use]
+    pub fn new(region: Region<S>, time_step: f64, skin: f64) -> Self {
+        Self {
+            region,
+            time_step,
+            gravity: S::Vector::default(),
+            local_damping: 0.0,
+            skin,
+            ghost_margin: 0.0,
+        }
+    }
+}
+
+/// A bond that failed: one line of the ledger, written by one rank only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BondBreak<S: Space> {
+    /// Solid steps done, this one included.
+    pub step: u64,
+    /// Time (s) at the end of the step.
+    pub time: f64,
+    /// Id of the grain, the lower of the two.
+    pub grain: u64,
+    /// Id of the other grain.
+    pub other: Option<u64>,
+    /// Or the wall.
+    pub wall: Option<u32>,
+    /// Contact point (m).
+    pub position: S::Vector,
+    /// Pulled or sheared.
+    pub mode: Failure,
+    /// Magnitude of the fluid's force on `grain` (N).
+    pub fluid_force: f64,
+}
+
+/// A contact or bond as it is now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact<S: Space> {
+    /// Entry of the first grain, the lower id: owned here.
+    pub grain: usize,
+    /// Entry of the other grain.
+    pub other: Option<usize>,
+    /// Or the wall.
+    pub wall: Option<u32>,
+    /// Overlap (m), negative for a bond in tension.
+    pub overlap: f64,
+    /// Unit normal from the first grain to the second, from the wall to the grain.
+    pub normal: S::Vector,
+    /// Contact point (m).
+    pub position: S::Vector,
+    /// Force of the normal spring (N), positive in compression.
+    pub normal_force: f64,
+    /// Whether it is bonded.
+    pub bonded: bool,
+}
+
+/// What one rank has now; sums over ranks count each thing once.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Owned grains.
+    pub owned: u64,
+    /// Ghosts.
+    pub ghosts: u64,
+    /// Pairs in the lists.
+    pub listed: u64,
+    /// Pairs tested in each step.
+    pub active: u64,
+    /// Contacts, with walls.
+    pub contacts: u64,
+    /// Bonded ones among them.
+    pub bonds: u64,
+    /// Largest overlap over the smaller diameter.
+    pub largest_overlap: f64,
+    /// How often lists were made.
+    pub rebuilds: u64,
+    /// Pairs tested since the beginning.
+    pub tested: u64,
+}
+
+/// Contacts, walls and lists: see the module.
+#[derive(Debug)]
+pub struct Dem<S: Space> {
+    inner: Inner<S>,
+}
+
+#[derive(Debug)]
+enum Inner<S: Space> {
+    Linear(Box<Engine<S, Linear>>),
+    CohesiveFrictional(Box<Engine<S, CohesiveFrictional>>),
+}
+
+/// The same words for the engine of each law.
+macro_rules! engine {
+    ($dem:expr, $engine:ident => $body:expr) => {
+        match $dem {
+            Inner::Linear($engine) => $body,
+            Inner::CohesiveFrictional($engine) => $body,
+        }
+    };
+}
+
+impl<S: Space> Dem<S> {
+    /// Contacts under `law` between grains, and with `walls`.
+    ///
+    /// # Errors
+    /// Where the time step, skin or damping is out of range, or a wall faces along a periodic axis.
+    pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
+        let refuse = |what: String| Err(Error::Numerical(what));
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if !positive(settings.time_step) {
+            return refuse(format!("a solid time step of {} s", settings.time_step));
+        }
+        if !positive(settings.skin) {
+            return refuse(format!("a neighbour skin of {} m", settings.skin));
+        }
+        if !(0.0..1.0).contains(&settings.local_damping) {
+            return refuse(format!("a local damping of {}", settings.local_damping));
+        }
+        for axis in (0..S::DIMENSION).filter(|&axis| settings.region.periodic[axis]) {
+            if walls.iter().any(|wall| wall.normal.get(axis).abs() > 0.0) {
+                return refuse(format!("a wall across the periodic axis {axis}"));
+            }
+        }
+        let inner = match law {
+            Law::Linear(law) => Inner::Linear(Box::new(Engine::new(law, settings, walls))),
+            Law::CohesiveFrictional(law) => {
+                Inner::CohesiveFrictional(Box::new(Engine::new(law, settings, walls)))
+            }
+        };
+        Ok(Self { inner })
+    }
+
+    /// One solid step. Collective.
+    ///
+    /// # Errors
+    /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
+    pub fn advance(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+        self.advance_many(particles, ranks, 1)
+    }
+
+    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`]. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn advance_many(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+        steps: u64,
+    ) -> Result<(), Error> {
+        engine!(&mut self.inner, engine => engine.advance(particles, ranks, steps))
+    }
+
+    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
+    /// yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+        engine!(&mut self.inner, engine => engine.prepare(particles, ranks))
+    }
+
+    /// Switches cohesion on for the contacts that now exist (A-20), walls included; returns how many bonds this rank reports.
+    /// Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn bond_existing_contacts(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<u64, Error> {
+        self.prepare(particles, ranks)?;
+        Ok(engine!(&mut self.inner, engine => engine.bond(particles)))
+    }
+
+    /// Takes every bond away; contacts and their shear stay.
+    pub fn unbond(&mut self) {
+        engine!(&mut self.inner, engine => engine.unbond());
+    }
+
+    /// The bonds that failed since the last call, as this rank reports them.
+    pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
+        engine!(&mut self.inner, engine => std::mem::take(&mut engine.breaks))
+    }
+
+    /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
+    pub fn for_each_contact(&self, particles: &Particles<S>, visit: impl FnMut(Contact<S>)) {
+        engine!(&self.inner, engine => engine.for_each_contact(particles, visit));
+    }
+
+    /// What this rank has now.
+    #[must_use]
+    pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        engine!(&self.inner, engine => engine.statistics(particles))
+    }
+
+    /// Solid steps done.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        engine!(&self.inner, engine => engine.steps)
+    }
+
+    /// Solid steps done times the time step (s).
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        engine!(&self.inner, engine => engine.time())
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings<S> {
+        engine!(&self.inner, engine => &engine.settings)
+    }
+
+    /// Changes gravity (m/s²).
+    pub fn set_gravity(&mut self, gravity: S::Vector) {
+        engine!(&mut self.inner, engine => engine.settings.gravity = gravity);
+    }
+
+    /// Changes the non-viscous damping, 0 (none) to below 1; other values are brought there.
+    pub fn set_local_damping(&mut self, damping: f64) {
+        let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
+        engine!(&mut self.inner, engine => engine.settings.local_damping = damping);
+    }
+
+    /// The walls as they stand.
+    #[must_use]
+    pub fn walls(&self) -> &[Wall<S>] {
+        engine!(&self.inner, engine => &engine.walls)
+    }
+
+    /// Changes a wall's velocity (m/s).
+    pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
+        engine!(&mut self.inner, engine => {
+            if let Some(wall) = engine.walls.get_mut(wall) {
+                wall.velocity = velocity;
+            }
+        });
+    }
+}
+
+impl Law {
+    /// `sqrt(m/k)` (s) of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
+    /// explicit step must stay well below it (a pair rings with `pi sqrt(m/(2 k))` a half period; 0.1 to 0.2 of the
+    /// limit is usual).
+    #[must_use]
+    pub fn critical_time_step<'a, S: Space>(
+        &self,
+        grains: impl IntoIterator<Item = &'a Body> + Clone,
+        materials: u32,
+    ) -> f64 {
+        let largest = grains.clone().into_iter().map(|body| body.radius).fold(0.0, f64::max);
+        let mut limit = f64::INFINITY;
+        for body in grains.into_iter().filter(|body| body.kind == Kind::Free) {
+            for material in 0..materials.max(1) {
+                for diameter in [2.0 * body.radius, body.radius + largest] {
+                    let partners =
+                        Partners { materials: [body.material, material], diameter, mass: body.mass };
+                    let stiffness = match self {
+                        Self::Linear(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::CohesiveFrictional(law) => stiffness_of::<S, _>(law, &partners),
+                    };
+                    limit = limit.min((body.mass / stiffness).sqrt());
+                }
+            }
+        }
+        limit
+    }
+}
+
+fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64 {
+    let [normal, shear] = L::stiffness(&law.constants(partners));
+    normal.max(shear)
+}
+
+#[cfg(test)]
+mod tests;

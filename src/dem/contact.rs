@@ -1,0 +1,165 @@
+//! Contact laws: overlap and relative motion of two bodies to the force between them.
+//!
+//! A law is one file: its parameters (per pair of materials), what it computes once per pair ([`ContactLaw::constants`]), what
+//! it remembers from step to step ([`ContactLaw::Memory`]), and the force. The pair loop is compiled once per law. To add one:
+//! write the file, and add one line to [`Law`] and to the two matches in `dem.rs`.
+//!
+//! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the
+//! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
+
+pub mod cohesive_frictional;
+pub mod linear;
+
+use std::fmt::Debug;
+
+use super::space::{Components, Space};
+
+/// Parameters for every unordered pair of materials.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairTable<P> {
+    materials: u32,
+    rows: Vec<P>,
+}
+
+impl<P: Clone> PairTable<P> {
+    /// The same parameters for every pair of `materials` materials.
+    #[must_use]
+    pub fn uniform(materials: u32, parameters: P) -> Self {
+        let materials = materials.max(1);
+        Self {
+            materials,
+            rows: vec![parameters; materials as usize * materials as usize],
+        }
+    }
+
+    /// Sets the parameters of one pair.
+    pub fn set(&mut self, a: u32, b: u32, parameters: P) {
+        let [i, j] = [self.row(a, b), self.row(b, a)];
+        self.rows[i] = parameters.clone();
+        self.rows[j] = parameters;
+    }
+
+    /// The parameters of one pair; materials beyond the table use its last row.
+    #[must_use]
+    pub fn get(&self, a: u32, b: u32) -> &P {
+        &self.rows[self.row(a, b)]
+    }
+
+    /// Every row, each pair twice.
+    pub fn rows(&self) -> impl Iterator<Item = &P> {
+        self.rows.iter()
+    }
+
+    fn row(&self, a: u32, b: u32) -> usize {
+        let last = self.materials - 1;
+        a.min(last) as usize * self.materials as usize + b.min(last) as usize
+    }
+}
+
+/// Who meets whom: what a law may compute its constants from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Partners {
+    /// Both materials.
+    pub materials: [u32; 2],
+    /// Mean diameter (m) of two grains, the grain's own against a wall.
+    pub diameter: f64,
+    /// Effective mass (kg): `m1 m2 / (m1 + m2)`, the grain's own against a wall or a grain that forces do not move.
+    pub mass: f64,
+}
+
+/// How two bodies touch now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch<S: Space> {
+    /// Overlap (m); negative for a gap.
+    pub overlap: f64,
+    /// Unit normal from the first to the second.
+    pub normal: S::Vector,
+    /// Velocity of separation (m/s).
+    pub separation_rate: f64,
+    /// Sliding velocity of the second relative to the first at the contact point (m/s).
+    pub slip: S::Tangent,
+    /// Time step (s) over which the history advances.
+    pub time_step: f64,
+}
+
+/// How a bond failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Failure {
+    /// Pulled apart.
+    Tension,
+    /// Sheared off.
+    Shear,
+}
+
+/// The force on the second partner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reply<S: Space> {
+    /// Along the normal (N), positive in compression.
+    pub normal: f64,
+    /// Across it (N).
+    pub tangent: S::Tangent,
+    /// The bond failed in this step.
+    pub failure: Option<Failure>,
+}
+
+/// A contact law, compiled into the pair loop.
+pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
+    /// What is computed once per pair.
+    type Constants: Copy + Debug + Send + Sync;
+    /// What is remembered; its default is a contact just born.
+    type Memory: Copy + Debug + Default + PartialEq + Send + Sync;
+
+    /// The constants of a pair.
+    fn constants(&self, partners: &Partners) -> Self::Constants;
+    /// The force, and the memory after this step. Called where the surfaces overlap or the pair is bonded; where they do not
+    /// overlap and the pair is not bonded the memory is dropped instead.
+    fn reply(constants: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S>;
+    /// Whether the memory holds a bond.
+    fn bonded(memory: &Self::Memory) -> bool;
+    /// Bonds a pair; false where its materials do not bond.
+    fn bond(constants: &Self::Constants, memory: &mut Self::Memory) -> bool;
+    /// Takes the bond away.
+    fn unbond(memory: &mut Self::Memory);
+    /// The widest gap (m) over which a bonded pair still acts, for mean diameters (m) between the two.
+    fn widest_opening(&self, diameters: [f64; 2]) -> f64;
+    /// Normal and shear stiffness (N/m), for the critical time step.
+    fn stiffness(constants: &Self::Constants) -> [f64; 2];
+    /// How many numbers a memory is.
+    const NUMBERS: usize;
+    /// The memory as numbers, [`Self::NUMBERS`] of them.
+    fn save(memory: &Self::Memory, numbers: &mut Vec<f64>);
+    /// The memory from [`Self::NUMBERS`] numbers.
+    fn load(numbers: &[f64]) -> Self::Memory;
+}
+
+/// The laws a scene may choose from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Law {
+    /// Springs, dashpots and Coulomb friction: [`linear`].
+    Linear(linear::Linear),
+    /// Springs, cohesion and friction: [`cohesive_frictional`].
+    CohesiveFrictional(cohesive_frictional::CohesiveFrictional),
+}
+
+/// A length of a tangent cut down to `limit`, its direction kept.
+#[inline(always)]
+pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
+    if length > limit { tangent * (limit / length) } else { tangent }
+}
+
+/// A tangent from the front of `numbers`.
+pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
+    let mut tangent = T::default();
+    for (k, value) in numbers.iter().take(T::COUNT).enumerate() {
+        tangent.set(k, *value);
+    }
+    tangent
+}
+
+/// A tangent behind `numbers`.
+pub(super) fn save_tangent<T: Components>(tangent: &T, numbers: &mut Vec<f64>) {
+    for k in 0..T::COUNT {
+        numbers.push(tangent.get(k));
+    }
+}

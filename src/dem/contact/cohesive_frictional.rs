@@ -1,0 +1,167 @@
+//! The cohesive-frictional law of the piping paper (A-17 … A-21, E-04).
+//!
+//! ```text
+//! F_n = k_n overlap,                        while bonded also in tension, down to -C
+//! F_s = F_s' - k_s slip dt,                 |F_s| <= F_n tan(phi) + C while bonded, else F_n tan(phi)
+//! ```
+//!
+//! A bond that is pulled with more than C fails in tension and the contact is lost; one that is sheared beyond its limit loses
+//! both cohesions for good and drops at once to friction, or to nothing where it was in tension. Bonds are made once,
+//! where contacts then exist, at the forces they then carry (A-20): nothing heals.
+//! With k_n and C proportional to the pair's mean diameter d the bond opens by C/k_n whatever d.
+//! Optional dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do not
+//! take part in failure; without a bond they never pull.
+//! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
+//! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
+
+use serde::{Deserialize, Serialize};
+
+use super::super::space::{Components, Space};
+use super::{ContactLaw, Failure, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Normal stiffness (N/m; in the plane N/m per m of depth), or per metre of diameter: see `stiffness_per_diameter`.
+    pub normal_stiffness: f64,
+    /// Whether the stiffness is the given number times the pair's mean diameter (a wall: the grain's diameter).
+    #[serde(default)]
+    pub stiffness_per_diameter: bool,
+    /// Shear over normal stiffness.
+    pub stiffness_ratio: f64,
+    /// Friction angle (degrees).
+    pub friction_angle: f64,
+    /// Cohesion C (N; in the plane N per m of depth), or per metre of diameter: see `cohesion_per_diameter`.
+    pub cohesion: f64,
+    /// Whether the cohesion is the given number times the pair's mean diameter (a wall: the grain's diameter).
+    #[serde(default)]
+    pub cohesion_per_diameter: bool,
+    /// Normal dashpot as a fraction of critical damping.
+    #[serde(default)]
+    pub normal_damping: f64,
+    /// Shear dashpot as a fraction of critical damping.
+    #[serde(default)]
+    pub shear_damping: f64,
+}
+
+/// The law: see the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CohesiveFrictional {
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+/// Per pair: stiffnesses (N/m), dashpots (N s/m), friction, and the cohesion of a new bond (N).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    normal: f64,
+    shear: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    cohesion: f64,
+}
+
+/// The force of the shear spring (N) on the second partner, and the cohesion (N), 0 without a bond.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory<S: Space> {
+    shear: S::Tangent,
+    cohesion: f64,
+}
+
+impl<S: Space> ContactLaw<S> for CohesiveFrictional {
+    type Constants = Constants;
+    type Memory = Memory<S>;
+    const NUMBERS: usize = S::Tangent::COUNT + 1;
+
+    fn constants(&self, partners: &Partners) -> Constants {
+        let p = self.parameters.get(partners.materials[0], partners.materials[1]);
+        let scale = |per_diameter| if per_diameter { partners.diameter } else { 1.0 };
+        let normal = p.normal_stiffness * scale(p.stiffness_per_diameter);
+        let shear = normal * p.stiffness_ratio;
+        Constants {
+            normal,
+            shear,
+            normal_dashpot: 2.0 * p.normal_damping * (partners.mass * normal).sqrt(),
+            shear_dashpot: 2.0 * p.shear_damping * (partners.mass * shear).sqrt(),
+            friction: p.friction_angle.to_radians().tan(),
+            cohesion: p.cohesion * scale(p.cohesion_per_diameter),
+        }
+    }
+
+    #[inline(always)]
+    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
+        let normal = c.normal * touch.overlap;
+        let shear = S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
+        let length = shear.length();
+        let limit = normal * c.friction + memory.cohesion;
+        if length <= limit && normal >= -memory.cohesion {
+            memory.shear = shear;
+            let least = if memory.cohesion > 0.0 { f64::NEG_INFINITY } else { 0.0 };
+            return Reply {
+                normal: (normal - c.normal_dashpot * touch.separation_rate).max(least),
+                tangent: shear - touch.slip * c.shear_dashpot,
+                failure: None,
+            };
+        }
+        // Sliding, or the end of a bond: tension where it pulls more than the cohesion, else shear.
+        let failure = match memory.cohesion > 0.0 {
+            false => None,
+            true if normal < -memory.cohesion => Some(Failure::Tension),
+            true => Some(Failure::Shear),
+        };
+        let normal = normal.max(0.0);
+        let tangent = cut_to(shear, length, normal * c.friction);
+        *memory = Memory { shear: tangent, cohesion: 0.0 };
+        let dashpot = if touch.overlap > 0.0 { c.normal_dashpot } else { 0.0 };
+        Reply {
+            normal: (normal - dashpot * touch.separation_rate).max(0.0),
+            tangent,
+            failure,
+        }
+    }
+
+    #[inline(always)]
+    fn bonded(memory: &Memory<S>) -> bool {
+        memory.cohesion > 0.0
+    }
+
+    fn bond(c: &Constants, memory: &mut Memory<S>) -> bool {
+        memory.cohesion = c.cohesion;
+        c.cohesion > 0.0
+    }
+
+    fn unbond(memory: &mut Memory<S>) {
+        memory.cohesion = 0.0;
+    }
+
+    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
+        let scale = |per_diameter, d| if per_diameter { d } else { 1.0 };
+        // C/k_n is monotone in the diameter, or does not depend on it.
+        let opening = |p: &Parameters, d: f64| {
+            p.cohesion * scale(p.cohesion_per_diameter, d)
+                / (p.normal_stiffness * scale(p.stiffness_per_diameter, d))
+        };
+        self.parameters
+            .rows()
+            .flat_map(|p| diameters.map(|d| opening(p, d)))
+            .fold(0.0, f64::max)
+    }
+
+    fn stiffness(c: &Constants) -> [f64; 2] {
+        [c.normal, c.shear]
+    }
+
+    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&memory.shear, numbers);
+        numbers.push(memory.cohesion);
+    }
+
+    fn load(numbers: &[f64]) -> Memory<S> {
+        Memory {
+            shear: load_tangent(numbers),
+            cohesion: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
+        }
+    }
+}

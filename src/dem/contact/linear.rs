@@ -1,0 +1,125 @@
+//! Linear springs and dashpots with Coulomb friction (C-02).
+//!
+//! ```text
+//! F_n = k_n overlap - c_n d(gap)/dt              pushing; pulling only with `attraction`
+//! F_s = cut(F_s' - k_s slip dt - c_s slip)       cut to length mu max(F_n, 0)
+//! ```
+//!
+//! `F_s'` is the spring's force of the last step, turned with the contact. The dashpots are given as fractions of critical
+//! damping of the pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with attraction then
+//! restitutes `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`; without attraction
+//! it ends earlier and restitutes more. While sliding the spring holds the limit and the shear dashpot rests.
+//! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::space::{Components, Space};
+use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Normal stiffness (N/m; in the plane N/m per m of depth), or per metre of diameter: see `stiffness_per_diameter`.
+    pub normal_stiffness: f64,
+    /// Whether the stiffness is the given number times the pair's mean diameter (a wall: the grain's diameter).
+    #[serde(default)]
+    pub stiffness_per_diameter: bool,
+    /// Shear over normal stiffness.
+    pub stiffness_ratio: f64,
+    /// Coefficient of friction, the tangent of the friction angle.
+    pub friction: f64,
+    /// Normal dashpot as a fraction of critical damping.
+    #[serde(default)]
+    pub normal_damping: f64,
+    /// Shear dashpot as a fraction of critical damping.
+    #[serde(default)]
+    pub shear_damping: f64,
+    /// Whether the dashpot may pull.
+    #[serde(default)]
+    pub attraction: bool,
+}
+
+/// The law: see the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear {
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+/// Per pair: stiffnesses (N/m), dashpots (N s/m), friction, and the least normal force (N).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    normal: f64,
+    shear: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    least: f64,
+}
+
+impl<S: Space> ContactLaw<S> for Linear {
+    type Constants = Constants;
+    type Memory = Memory<S>;
+    const NUMBERS: usize = S::Tangent::COUNT;
+
+    fn constants(&self, partners: &Partners) -> Constants {
+        let p = self.parameters.get(partners.materials[0], partners.materials[1]);
+        let scale = if p.stiffness_per_diameter { partners.diameter } else { 1.0 };
+        let normal = p.normal_stiffness * scale;
+        let shear = normal * p.stiffness_ratio;
+        Constants {
+            normal,
+            shear,
+            normal_dashpot: 2.0 * p.normal_damping * (partners.mass * normal).sqrt(),
+            shear_dashpot: 2.0 * p.shear_damping * (partners.mass * shear).sqrt(),
+            friction: p.friction,
+            least: if p.attraction { f64::NEG_INFINITY } else { 0.0 },
+        }
+    }
+
+    #[inline(always)]
+    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
+        let normal = (c.normal * touch.overlap - c.normal_dashpot * touch.separation_rate).max(c.least);
+        let spring = S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
+        let dashpot = touch.slip * c.shear_dashpot;
+        let total = spring - dashpot;
+        let (length, limit) = (total.length(), c.friction * normal.max(0.0));
+        let tangent = cut_to(total, length, limit);
+        memory.shear = if length > limit { tangent } else { spring };
+        Reply { normal, tangent, failure: None }
+    }
+
+    #[inline(always)]
+    fn bonded(_: &Memory<S>) -> bool {
+        false
+    }
+
+    fn bond(_: &Constants, _: &mut Memory<S>) -> bool {
+        false
+    }
+
+    fn unbond(_: &mut Memory<S>) {}
+
+    fn widest_opening(&self, _: [f64; 2]) -> f64 {
+        0.0
+    }
+
+    fn stiffness(c: &Constants) -> [f64; 2] {
+        [c.normal, c.shear]
+    }
+
+    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&memory.shear, numbers);
+    }
+
+    fn load(numbers: &[f64]) -> Memory<S> {
+        Memory { shear: load_tangent(numbers) }
+    }
+}
+
+/// The force of the shear spring (N) on the second partner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory<S: Space> {
+    shear: S::Tangent,
+}

@@ -1,0 +1,899 @@
+//! The solid step, compiled once per contact law.
+//!
+//! Lists are made when a grain may have moved half the skin since they were last made. Nothing depends on when: separations
+//! come from raw positions and whole box lengths, forces are added in the order of the other grain's id (walls after
+//! grains), and the memory of a contact lives exactly as long as the surfaces overlap or the bond holds.
+//! Of the listed pairs only the *active* ones are tested: those whose gap, when the lists were made, was no more than grains may
+//! have moved since; in a bed at rest these are the contacts.
+
+use super::contact::{ContactLaw, Failure, Partners, Touch};
+use super::ghosts::{self, Region};
+use super::integrate::{self, Kick};
+use super::neighbors::Search;
+use super::particles::{Load, Motion, Particles};
+use super::ranks::{Ranks, Reader, Writer, agree};
+use super::space::{Components, Space};
+use super::walls::Wall;
+use super::{BondBreak, Settings, Statistics};
+use crate::error::Error;
+
+/// A listed pair: the lower id first.
+#[derive(Clone, Copy, Debug)]
+struct Pair<C, M> {
+    first: u32,
+    second: u32,
+    /// Sum of the radii (m).
+    reach: f64,
+    /// Radius of the first (m).
+    radius: f64,
+    constants: C,
+    memory: M,
+}
+
+/// A listed pair of a wall and an owned grain.
+#[derive(Clone, Copy, Debug)]
+struct WallPair<C, M> {
+    wall: u32,
+    grain: u32,
+    radius: f64,
+    constants: C,
+    memory: M,
+}
+
+/// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Key {
+    pub(super) first: u64,
+    pub(super) second: u64,
+    pub(super) shift: [i32; 3],
+}
+
+/// What a pair does in one step.
+#[derive(Clone, Copy, Debug)]
+struct Action<S: Space> {
+    /// On the second; the first feels the opposite.
+    force: S::Vector,
+    on_first: S::Spin,
+    on_second: S::Spin,
+    failure: Option<Failure>,
+}
+
+impl<S: Space> Default for Action<S> {
+    fn default() -> Self {
+        Self {
+            force: S::Vector::default(),
+            on_first: S::Spin::default(),
+            on_second: S::Spin::default(),
+            failure: None,
+        }
+    }
+}
+
+/// Contacts and lists of one law.
+#[derive(Debug)]
+pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
+    pub(super) law: L,
+    pub(super) settings: Settings<S>,
+    pub(super) walls: Vec<Wall<S>>,
+    pub(super) steps: u64,
+    pub(super) breaks: Vec<BondBreak<S>>,
+    pub(super) rebuilds: u64,
+    pub(super) tested: u64,
+    listed: bool,
+    total: Option<u64>,
+    search: Search,
+    pairs: Vec<Pair<L::Constants, L::Memory>>,
+    /// Per pair, only with periodic axes: what to add to the separation (m).
+    offsets: Vec<S::Vector>,
+    gaps: Vec<f64>,
+    active: Vec<u32>,
+    wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
+    /// Id and shift of each entry when the lists were made, and how many were owned.
+    names: Vec<(u64, [i32; 3])>,
+    named_owned: usize,
+    pub(super) memories: Vec<(Key, L::Memory)>,
+    pub(super) wall_memories: Vec<((u64, u32), L::Memory)>,
+    /// How far any grain or wall may have moved since the lists were made (m).
+    path: f64,
+    /// Pairs are active up to this path (m).
+    activated: f64,
+    parallel: bool,
+    actions: Vec<Action<S>>,
+    /// Per owned grain its active pairs, in order: twice the place in `active`, plus 1 for the second.
+    incident: Vec<u32>,
+    incident_start: Vec<u32>,
+    failures: Vec<(u32, Failure)>,
+    wall_failures: Vec<(u32, Failure)>,
+}
+
+/// Own grains per thread from which threads pay.
+const PER_THREAD: usize = 3000;
+
+impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
+    pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
+        Self {
+            law,
+            settings,
+            walls,
+            steps: 0,
+            breaks: Vec::new(),
+            rebuilds: 0,
+            tested: 0,
+            listed: false,
+            total: None,
+            search: Search::default(),
+            pairs: Vec::new(),
+            offsets: Vec::new(),
+            gaps: Vec::new(),
+            active: Vec::new(),
+            wall_pairs: Vec::new(),
+            names: Vec::new(),
+            named_owned: 0,
+            memories: Vec::new(),
+            wall_memories: Vec::new(),
+            path: 0.0,
+            activated: 0.0,
+            parallel: false,
+            actions: Vec::new(),
+            incident: Vec::new(),
+            incident_start: Vec::new(),
+            failures: Vec::new(),
+            wall_failures: Vec::new(),
+        }
+    }
+
+    /// Lists and ghosts for the present grains, and the contact loads where they are not known yet. Collective.
+    pub(super) fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+        let need = match (particles.stale || !self.listed, particles.loaded) {
+            (true, false) => 3.0,
+            (true, true) => 2.0,
+            (false, false) => 1.0,
+            (false, true) => 0.0,
+        };
+        let need = ranks.maximum(need)?;
+        if need >= 2.0 {
+            self.rebuild(particles, ranks)?;
+        }
+        // A rank without grains has loaded nothing, and decides nothing.
+        if need == 3.0 || need == 1.0 {
+            self.forces(particles, 0.0);
+        }
+        particles.loaded = true;
+        Ok(())
+    }
+
+    /// `steps` solid steps. Collective.
+    pub(super) fn advance(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+        steps: u64,
+    ) -> Result<(), Error> {
+        self.prepare(particles, ranks)?;
+        let kick = Kick {
+            gravity: self.settings.gravity,
+            time_step: self.settings.time_step,
+            damping: self.settings.local_damping,
+        };
+        let dt = kick.time_step;
+        for step in 0..steps {
+            let fastest = integrate::drift(particles, &kick, step > 0, self.parallel);
+            self.steps += 1;
+            let mut speed = fastest.speed_squared.sqrt();
+            for wall in &mut self.walls {
+                wall.point += wall.velocity * dt;
+                speed = speed.max(wall.normal.scalar(&wall.velocity).abs());
+            }
+            // Longer than the true path by more than any rounding.
+            let path = self.path + speed * dt * (1.0 + 1e-9);
+            self.path = ranks.maximum(if fastest.bad { f64::INFINITY } else { path })?;
+            if self.path == f64::INFINITY {
+                return agree(ranks, sane(particles)).and(Err(Error::Numerical(
+                    "a grain moves too far in one step".into(),
+                )));
+            }
+            if self.path >= 0.5 * self.settings.skin {
+                self.rebuild(particles, ranks)?;
+            } else {
+                particles.refresh_ghosts(ranks)?;
+                if self.path > self.activated {
+                    self.activate(particles);
+                }
+            }
+            self.forces(particles, dt);
+        }
+        if steps > 0 {
+            integrate::finish(particles, &kick);
+        }
+        Ok(())
+    }
+
+    /// Hands grains to their owners, makes ghosts and lists.
+    fn rebuild(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+        self.rebuilds += 1;
+        let region = self.settings.region;
+        self.remember();
+        particles.lengths = region.periodic_lengths();
+        particles.drop_ghosts();
+        agree(ranks, ghosts::wrap(particles, &region))?;
+        if ranks.size() > 1 {
+            self.migrate(particles, &region, ranks)?;
+        }
+        particles.sort();
+        if let Some(pair) = particles.body.windows(2).find(|pair| pair[0].id == pair[1].id) {
+            return Err(Error::Internal(format!("two grains have the id {}", pair[0].id)));
+        }
+        let census = ghosts::census(particles, ranks)?;
+        let total: u64 = census.iter().map(|one| one.owned).sum();
+        if let Some(before) = self.total {
+            let added: u64 = census.iter().map(|one| one.added).sum();
+            let removed: u64 = census.iter().map(|one| one.removed).sum();
+            if before + added != total + removed {
+                return Err(Error::Internal(format!(
+                    "grains were lost: {before} + {added} added - {removed} removed are now {total}"
+                )));
+            }
+        }
+        self.total = Some(total);
+        particles.added = 0;
+        particles.removed = 0;
+        let smallest = census.iter().map(|one| one.smallest).fold(f64::INFINITY, f64::min);
+        let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
+        let gap = self.settings.skin
+            + if total > 0 { self.law.widest_opening([2.0 * smallest, 2.0 * largest]) } else { 0.0 };
+        ghosts::make(particles, &region, &census, gap, self.settings.ghost_margin, ranks)?;
+        self.list(particles, gap);
+        particles.stale = false;
+        self.listed = true;
+        Ok(())
+    }
+
+    /// Moves the memories of all contacts out of the lists, by rising key, each once.
+    fn remember(&mut self) {
+        for pair in &self.pairs {
+            if pair.memory != L::Memory::default() {
+                let key = key(self.names[pair.first as usize], self.names[pair.second as usize]);
+                self.memories.push((key, pair.memory));
+            }
+        }
+        for pair in &self.wall_pairs {
+            if pair.memory != L::Memory::default() {
+                self.wall_memories.push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
+            }
+        }
+        self.pairs.clear();
+        self.wall_pairs.clear();
+        self.names.clear();
+        self.put_memories_in_order();
+    }
+
+    fn put_memories_in_order(&mut self) {
+        self.memories.sort_unstable_by_key(|(key, _)| *key);
+        self.memories.dedup_by_key(|(key, _)| *key);
+        self.wall_memories.sort_unstable_by_key(|(key, _)| *key);
+        self.wall_memories.dedup_by_key(|(key, _)| *key);
+    }
+
+    /// Sends grains that left the slab, with their contacts, to their owners.
+    fn migrate(
+        &mut self,
+        particles: &mut Particles<S>,
+        region: &Region<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
+        let owners = ghosts::owners(particles, region, ranks)?;
+        let mut messages = Vec::new();
+        let mut numbers = Vec::new();
+        for target in (0..ranks.size()).filter(|&target| target != ranks.rank()) {
+            let leaving: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] == target).collect();
+            if leaving.is_empty() {
+                continue;
+            }
+            let mut ids: Vec<u64> = leaving.iter().map(|&k| particles.body[k].id).collect();
+            ids.sort_unstable();
+            let leaves = |id: u64| ids.binary_search(&id).is_ok();
+            let mut writer = Writer::default();
+            writer.integer(leaving.len() as u64);
+            for &k in &leaving {
+                particles.pack(k, &mut writer);
+            }
+            let grains = || self.memories.iter().filter(|(key, _)| leaves(key.first) || leaves(key.second));
+            let walls = || self.wall_memories.iter().filter(|((id, _), _)| leaves(*id));
+            writer.integer(grains().count() as u64);
+            for (key, memory) in grains() {
+                writer.integer(key.first);
+                writer.integer(key.second);
+                for n in key.shift {
+                    writer.signed(n);
+                }
+                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+            }
+            writer.integer(walls().count() as u64);
+            for ((id, wall), memory) in walls() {
+                writer.integer(*id);
+                writer.integer(u64::from(*wall));
+                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+            }
+            messages.push((target, writer.0));
+        }
+        particles.keep(|k| owners[k] == ranks.rank());
+        for (_, bytes) in ranks.exchange(messages)? {
+            let mut reader = Reader(&bytes);
+            for _ in 0..reader.integer()? {
+                particles.unpack(&mut reader)?;
+            }
+            for _ in 0..reader.integer()? {
+                let (first, second) = (reader.integer()?, reader.integer()?);
+                let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
+                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
+                self.memories.push((Key { first, second, shift }, memory));
+            }
+            for _ in 0..reader.integer()? {
+                let id = reader.integer()?;
+                let wall = u32::try_from(reader.integer()?)
+                    .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))?;
+                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
+                self.wall_memories.push(((id, wall), memory));
+            }
+        }
+        self.put_memories_in_order();
+        Ok(())
+    }
+
+    /// Lists all pairs whose surfaces are at most `gap` (m) apart, and gives each contact its memory back.
+    fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
+        let periodic = self.settings.region.any_periodic();
+        self.names.extend(
+            particles.body.iter().zip(&particles.shift).map(|(body, shift)| (body.id, *shift)),
+        );
+        self.named_owned = particles.owned();
+        self.offsets.clear();
+        self.gaps.clear();
+        let mut search = std::mem::take(&mut self.search);
+        search.pairs(particles, gap, |i, j| {
+            let (a, b) = (&particles.body[i], &particles.body[j]);
+            let key = key(self.names[i], self.names[j]);
+            let mut offset = S::Vector::default();
+            for axis in 0..S::DIMENSION {
+                offset.set(axis, f64::from(key.shift[axis]) * particles.lengths[axis]);
+            }
+            let partners = Partners {
+                materials: [a.material, b.material],
+                diameter: a.radius + b.radius,
+                mass: effective_mass(particles, i, j),
+            };
+            let reach = a.radius + b.radius;
+            let squared = separation(&particles.motion, (i, j), &offset, periodic).1;
+            let held = self
+                .memories
+                .binary_search_by_key(&key, |(key, _)| *key)
+                .map_or(L::Memory::default(), |at| self.memories[at].1);
+            let lives = squared < reach * reach || L::bonded(&held);
+            self.pairs.push(Pair {
+                first: ghosts::index(i),
+                second: ghosts::index(j),
+                reach,
+                radius: a.radius,
+                constants: self.law.constants(&partners),
+                memory: if lives { held } else { L::Memory::default() },
+            });
+            self.gaps.push(squared.sqrt() - reach);
+            if periodic {
+                self.offsets.push(offset);
+            }
+        });
+        self.search = search;
+        for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
+            let (body, motion) = (&particles.body[k], &particles.motion[k]);
+            for (w, wall) in self.walls.iter().enumerate() {
+                let distance = wall.distance(&motion.position);
+                if distance > body.radius + gap {
+                    continue;
+                }
+                let wall_index = ghosts::index(w);
+                let held = self
+                    .wall_memories
+                    .binary_search_by_key(&(body.id, wall_index), |(key, _)| *key)
+                    .map_or(L::Memory::default(), |at| self.wall_memories[at].1);
+                let lives = distance < body.radius || L::bonded(&held);
+                let partners = Partners {
+                    materials: [wall.material, body.material],
+                    diameter: 2.0 * body.radius,
+                    mass: body.mass,
+                };
+                self.wall_pairs.push(WallPair {
+                    wall: wall_index,
+                    grain: ghosts::index(k),
+                    radius: body.radius,
+                    constants: self.law.constants(&partners),
+                    memory: if lives { held } else { L::Memory::default() },
+                });
+            }
+        }
+        self.memories.clear();
+        self.wall_memories.clear();
+        self.path = 0.0;
+        let threads = rayon::current_num_threads();
+        self.parallel = threads > 1 && particles.owned() >= PER_THREAD * threads;
+        self.activate(particles);
+    }
+
+    /// Chooses the pairs to test until grains have moved further.
+    fn activate(&mut self, particles: &Particles<S>) {
+        let half = 0.5 * self.settings.skin;
+        self.activated = [1.0 / 64.0, 1.0 / 16.0, 0.25]
+            .iter()
+            .map(|part| part * half)
+            .find(|&path| self.path <= 0.5 * path)
+            .unwrap_or(half);
+        let far = 2.0 * self.activated * (1.0 + 1e-9);
+        self.active.clear();
+        for ((k, pair), gap) in (0..).zip(&self.pairs).zip(&self.gaps) {
+            // The slack is far above the rounding of a separation, far below any gap that costs.
+            if *gap <= far + 1e-12 * pair.reach || L::bonded(&pair.memory) {
+                self.active.push(k);
+            }
+        }
+        if self.parallel {
+            self.note_incidence(particles.owned());
+        }
+    }
+
+    fn note_incidence(&mut self, owned: usize) {
+        self.incident_start.clear();
+        self.incident_start.resize(owned + 1, 0);
+        let ends = |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
+        for &k in &self.active {
+            for end in ends(&self.pairs[k as usize]).into_iter().filter(|&end| end < owned) {
+                self.incident_start[end + 1] += 1;
+            }
+        }
+        for k in 0..owned {
+            self.incident_start[k + 1] += self.incident_start[k];
+        }
+        self.incident.clear();
+        self.incident.resize(self.incident_start[owned] as usize, 0);
+        let mut cursor = self.incident_start.clone();
+        for (place, &k) in (0..).zip(&self.active) {
+            for (role, end) in (0..).zip(ends(&self.pairs[k as usize])) {
+                if end < owned {
+                    self.incident[cursor[end] as usize] = 2 * place + role;
+                    cursor[end] += 1;
+                }
+            }
+        }
+    }
+
+    /// Contact loads of all owned grains at the present positions and velocities; histories advance by `dt` (s).
+    fn forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        self.tested += self.active.len() as u64;
+        self.failures.clear();
+        self.wall_failures.clear();
+        match (self.settings.region.any_periodic(), self.parallel) {
+            (false, false) => self.grain_forces::<false>(particles, dt),
+            (true, false) => self.grain_forces::<true>(particles, dt),
+            (false, true) => self.grain_forces_by_threads::<false>(particles, dt),
+            (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
+        }
+        self.wall_forces(particles, dt);
+        if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
+            self.report_failures(particles);
+        }
+    }
+
+    fn grain_forces<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let Particles { motion, contact, .. } = particles;
+        contact.fill(Load::default());
+        for &k in &self.active {
+            let offset = if PERIODIC { self.offsets[k as usize] } else { S::Vector::default() };
+            let pair = &mut self.pairs[k as usize];
+            let Some(action) = act::<S, L, PERIODIC>(pair, motion, &offset, dt) else {
+                continue;
+            };
+            let first = &mut contact[pair.first as usize];
+            first.force -= action.force;
+            first.torque += action.on_first;
+            let second = &mut contact[pair.second as usize];
+            second.force += action.force;
+            second.torque += action.on_second;
+            if let Some(failure) = action.failure {
+                self.failures.push((k, failure));
+            }
+        }
+    }
+
+    /// The same sums in the same order: actions by pair, then added up by grain.
+    fn grain_forces_by_threads<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
+        use rayon::prelude::*;
+        let owned = particles.owned();
+        let Particles { motion, contact, .. } = particles;
+        self.actions.resize(self.active.len(), Action::default());
+        let failed = act_on_pieces::<S, L, PERIODIC>(
+            (&self.active, 0),
+            &mut self.pairs,
+            &self.offsets,
+            &mut self.actions,
+            motion,
+            dt,
+        );
+        if failed {
+            for (&k, action) in self.active.iter().zip(&self.actions) {
+                if let Some(failure) = action.failure {
+                    self.failures.push((k, failure));
+                }
+            }
+        }
+        let (start, incident, actions) = (&self.incident_start, &self.incident, &self.actions);
+        contact[..owned].par_iter_mut().with_min_len(512).enumerate().for_each(|(k, load)| {
+            *load = Load::default();
+            for &at in &incident[start[k] as usize..start[k + 1] as usize] {
+                let action = &actions[at as usize / 2];
+                if at % 2 == 0 {
+                    load.force -= action.force;
+                    load.torque += action.on_first;
+                } else {
+                    load.force += action.force;
+                    load.torque += action.on_second;
+                }
+            }
+        });
+    }
+
+    fn wall_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let Particles { motion, contact, .. } = particles;
+        for (k, pair) in (0..).zip(&mut self.wall_pairs) {
+            let (wall, grain) = (&self.walls[pair.wall as usize], &motion[pair.grain as usize]);
+            let distance = wall.distance(&grain.position);
+            if distance >= pair.radius && !L::bonded(&pair.memory) {
+                pair.memory = L::Memory::default();
+                continue;
+            }
+            let overlap = pair.radius - distance;
+            let arm = pair.radius - 0.5 * overlap;
+            let velocity = grain.velocity - wall.velocity;
+            let touch = Touch {
+                overlap,
+                normal: wall.normal,
+                separation_rate: wall.normal.scalar(&velocity),
+                slip: S::slip(&wall.normal, &velocity, &(grain.spin * arm)),
+                time_step: dt,
+            };
+            let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
+            let load = &mut contact[pair.grain as usize];
+            load.force += wall.normal * reply.normal + S::embed(&reply.tangent, &wall.normal);
+            load.torque += S::tangent_moment(&reply.tangent, &wall.normal) * -arm;
+            if let Some(failure) = reply.failure {
+                self.wall_failures.push((k, failure));
+            }
+        }
+    }
+
+    /// Writes each failed bond into the ledger once: at the owner of the lower id, or of the grain at a wall.
+    #[cold]
+    fn report_failures(&mut self, particles: &Particles<S>) {
+        let time = self.time();
+        for &(k, mode) in &self.failures {
+            let pair = &self.pairs[k as usize];
+            let (first, second) = (pair.first as usize, pair.second as usize);
+            if first < particles.owned() {
+                let offset = self.offsets.get(k as usize).copied().unwrap_or_default();
+                let (between, squared) =
+                    separation(&particles.motion, (first, second), &offset, !self.offsets.is_empty());
+                let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
+                self.breaks.push(BondBreak {
+                    step: self.steps,
+                    time,
+                    grain: particles.body[first].id,
+                    other: Some(particles.body[second].id),
+                    wall: None,
+                    position: particles.location(first) + between * (arm / squared.sqrt()),
+                    mode,
+                    fluid_force: particles.fluid[first].force.length(),
+                });
+            }
+        }
+        for &(k, mode) in &self.wall_failures {
+            let pair = &self.wall_pairs[k as usize];
+            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+            let at = particles.location(grain);
+            self.breaks.push(BondBreak {
+                step: self.steps,
+                time,
+                grain: particles.body[grain].id,
+                other: None,
+                wall: Some(pair.wall),
+                position: at - wall.normal * wall.distance(&particles.motion[grain].position),
+                mode,
+                fluid_force: particles.fluid[grain].force.length(),
+            });
+        }
+    }
+
+    pub(super) fn time(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a run of 2^53 steps would not end")]
+        let steps = self.steps as f64;
+        steps * self.settings.time_step
+    }
+
+    /// Bonds every contact that exists now; returns how many this rank reports (the owner of the lower id).
+    pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
+        let mut bonds = 0;
+        let periodic = self.settings.region.any_periodic();
+        for (k, pair) in self.pairs.iter_mut().enumerate() {
+            let offset = self.offsets.get(k).copied().unwrap_or_default();
+            let ends = (pair.first as usize, pair.second as usize);
+            let squared = separation(&particles.motion, ends, &offset, periodic).1;
+            if squared < pair.reach * pair.reach
+                && L::bond(&pair.constants, &mut pair.memory)
+                && ends.0 < particles.owned()
+            {
+                bonds += 1;
+            }
+        }
+        for pair in &mut self.wall_pairs {
+            let distance =
+                self.walls[pair.wall as usize].distance(&particles.motion[pair.grain as usize].position);
+            if distance < pair.radius && L::bond(&pair.constants, &mut pair.memory) {
+                bonds += 1;
+            }
+        }
+        bonds
+    }
+
+    /// Takes every bond away; the contacts stay.
+    pub(super) fn unbond(&mut self) {
+        for pair in &mut self.pairs {
+            L::unbond(&mut pair.memory);
+        }
+        for pair in &mut self.wall_pairs {
+            L::unbond(&mut pair.memory);
+        }
+    }
+
+    /// Every contact this rank reports: `(entries, overlap, normal, position, bonded)`, walls as `Err(wall)`.
+    pub(super) fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(super::Contact<S>)) {
+        let periodic = self.settings.region.any_periodic();
+        for (k, pair) in self.pairs.iter().enumerate() {
+            let (first, second) = (pair.first as usize, pair.second as usize);
+            if first >= particles.owned() {
+                continue;
+            }
+            let offset = self.offsets.get(k).copied().unwrap_or_default();
+            let (between, squared) = separation(&particles.motion, (first, second), &offset, periodic);
+            let bonded = L::bonded(&pair.memory);
+            if squared < pair.reach * pair.reach || bonded {
+                let distance = squared.sqrt();
+                let overlap = pair.reach - distance;
+                let normal = between * (1.0 / distance);
+                visit(super::Contact {
+                    grain: first,
+                    other: Some(second),
+                    wall: None,
+                    overlap,
+                    normal,
+                    position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
+                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    bonded,
+                });
+            }
+        }
+        for pair in &self.wall_pairs {
+            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+            let distance = wall.distance(&particles.motion[grain].position);
+            let bonded = L::bonded(&pair.memory);
+            if distance < pair.radius || bonded {
+                let overlap = pair.radius - distance;
+                visit(super::Contact {
+                    grain,
+                    other: None,
+                    wall: Some(pair.wall),
+                    overlap,
+                    normal: wall.normal,
+                    position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    bonded,
+                });
+            }
+        }
+    }
+
+    /// What this rank has now.
+    pub(super) fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        let mut now = Statistics {
+            owned: particles.owned() as u64,
+            ghosts: (particles.len() - particles.owned()) as u64,
+            listed: (self.pairs.len() + self.wall_pairs.len()) as u64,
+            active: self.active.len() as u64,
+            rebuilds: self.rebuilds,
+            tested: self.tested,
+            ..Statistics::default()
+        };
+        self.for_each_contact(particles, |contact| {
+            now.contacts += 1;
+            now.bonds += u64::from(contact.bonded);
+            let diameter = 2.0
+                * contact.other.map_or(particles.body[contact.grain].radius, |other| {
+                    particles.body[contact.grain].radius.min(particles.body[other].radius)
+                });
+            now.largest_overlap = now.largest_overlap.max(contact.overlap / diameter);
+        });
+        now
+    }
+
+    /// The memories of all contacts this rank reports, grains then walls, by rising key.
+    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
+    pub(super) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<((u64, u32), L::Memory)>) {
+        let fresh = L::Memory::default();
+        let mut grains: Vec<_> = self
+            .pairs
+            .iter()
+            .filter(|pair| pair.memory != fresh && (pair.first as usize) < self.named_owned)
+            .map(|pair| {
+                (key(self.names[pair.first as usize], self.names[pair.second as usize]), pair.memory)
+            })
+            .collect();
+        grains.sort_unstable_by_key(|(key, _)| *key);
+        let mut walls: Vec<_> = self
+            .wall_pairs
+            .iter()
+            .filter(|pair| pair.memory != fresh)
+            .map(|pair| ((self.names[pair.grain as usize].0, pair.wall), pair.memory))
+            .collect();
+        walls.sort_unstable_by_key(|(key, _)| *key);
+        (grains, walls)
+    }
+
+    /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
+    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
+    pub(super) fn restore(
+        &mut self,
+        grains: Vec<(Key, L::Memory)>,
+        walls: Vec<((u64, u32), L::Memory)>,
+        steps: u64,
+    ) {
+        self.pairs.clear();
+        self.wall_pairs.clear();
+        self.memories = grains;
+        self.wall_memories = walls;
+        self.put_memories_in_order();
+        self.listed = false;
+        self.total = None;
+        self.steps = steps;
+    }
+}
+
+fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
+    Key {
+        first: first.0,
+        second: second.0,
+        shift: std::array::from_fn(|axis| second.1[axis] - first.1[axis]),
+    }
+}
+
+fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+    let masses = [particles.body[i].mass, particles.body[j].mass];
+    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+        [true, false] => masses[0],
+        [false, true] => masses[1],
+        _ => masses[0] * masses[1] / (masses[0] + masses[1]),
+    }
+}
+
+/// From the first centre to the second, and the square of its length: the one place where it is computed.
+#[inline(always)]
+fn separation<S: Space>(
+    motion: &[Motion<S>],
+    (first, second): (usize, usize),
+    offset: &S::Vector,
+    periodic: bool,
+) -> (S::Vector, f64) {
+    let mut between = motion[second].position - motion[first].position;
+    if periodic {
+        between += *offset;
+    }
+    (between, between.scalar(&between))
+}
+
+/// The action of one pair, or none where it neither touches nor is bonded.
+#[inline(always)]
+fn act<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
+    pair: &mut Pair<L::Constants, L::Memory>,
+    motion: &[Motion<S>],
+    offset: &S::Vector,
+    dt: f64,
+) -> Option<Action<S>> {
+    let ends = (pair.first as usize, pair.second as usize);
+    let (between, squared) = separation(motion, ends, offset, PERIODIC);
+    if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
+        pair.memory = L::Memory::default();
+        return None;
+    }
+    let distance = squared.sqrt();
+    let normal = between * (1.0 / distance);
+    let overlap = pair.reach - distance;
+    let first_arm = pair.radius - 0.5 * overlap;
+    let second_arm = distance - first_arm;
+    let (first, second) = (&motion[ends.0], &motion[ends.1]);
+    let velocity = second.velocity - first.velocity;
+    let rolling = first.spin * first_arm + second.spin * second_arm;
+    let touch = Touch {
+        overlap,
+        normal,
+        separation_rate: normal.scalar(&velocity),
+        slip: S::slip(&normal, &velocity, &rolling),
+        time_step: dt,
+    };
+    let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
+    let moment = S::tangent_moment(&reply.tangent, &normal);
+    Some(Action {
+        force: normal * reply.normal + S::embed(&reply.tangent, &normal),
+        on_first: moment * -first_arm,
+        on_second: moment * -second_arm,
+        failure: reply.failure,
+    })
+}
+
+/// Pairs per piece of parallel work.
+const PIECE: usize = 2048;
+
+/// [`act`] on all active pairs, by threads; true where a bond failed. `active` counts from `base` in `pairs`.
+fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
+    (active, base): (&[u32], usize),
+    pairs: &mut [Pair<L::Constants, L::Memory>],
+    offsets: &[S::Vector],
+    actions: &mut [Action<S>],
+    motion: &[Motion<S>],
+    dt: f64,
+) -> bool {
+    if active.len() <= PIECE {
+        let mut failed = false;
+        for (&k, action) in active.iter().zip(actions) {
+            let offset = if PERIODIC { offsets[k as usize] } else { S::Vector::default() };
+            let pair = &mut pairs[k as usize - base];
+            *action = act::<S, L, PERIODIC>(pair, motion, &offset, dt).unwrap_or_default();
+            failed |= action.failure.is_some();
+        }
+        return failed;
+    }
+    let middle = active.len() / 2;
+    let cut = active[middle] as usize;
+    let (left, right) = active.split_at(middle);
+    let (left_pairs, right_pairs) = pairs.split_at_mut(cut - base);
+    let (left_actions, right_actions) = actions.split_at_mut(middle);
+    let (a, b) = rayon::join(
+        || act_on_pieces::<S, L, PERIODIC>((left, base), left_pairs, offsets, left_actions, motion, dt),
+        || act_on_pieces::<S, L, PERIODIC>((right, cut), right_pairs, offsets, right_actions, motion, dt),
+    );
+    a || b
+}
+
+fn pack_memory<S: Space, L: ContactLaw<S>>(memory: &L::Memory, numbers: &mut Vec<f64>, to: &mut Writer) {
+    numbers.clear();
+    L::save(memory, numbers);
+    for number in &*numbers {
+        to.float(*number);
+    }
+}
+
+fn unpack_memory<S: Space, L: ContactLaw<S>>(
+    numbers: &mut Vec<f64>,
+    from: &mut Reader<'_>,
+) -> Result<L::Memory, Error> {
+    numbers.clear();
+    for _ in 0..L::NUMBERS {
+        numbers.push(from.float()?);
+    }
+    Ok(L::load(numbers))
+}
+
+/// An error that names the first own grain whose numbers went bad.
+fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
+    let finite = |v: &S::Vector| v.scalar(v).is_finite();
+    match (0..particles.owned()).find(|&k| {
+        let motion = &particles.motion[k];
+        !(finite(&motion.position) && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
+    }) {
+        None => Ok(()),
+        Some(k) => Err(ghosts::lost(particles, k, "has no finite motion")),
+    }
+}

@@ -1,0 +1,151 @@
+//! Motion: velocity Verlet (A-22), kick - drift - kick.
+//!
+//! ```text
+//! v' = v + a(t) dt/2,   x(t+dt) = x + v' dt,   a(t+dt) from x(t+dt) and v',   v(t+dt) = v' + a(t+dt) dt/2
+//! ```
+//!
+//! and the same for spins. `a = (contact + fluid)/m + g`; fixed and driven grains keep their velocity. Optional non-viscous
+//! damping (P. A. Cundall 1987) shortens each component of the total force by the fraction `damping` where it
+//! pushes along the velocity and lengthens it where it pushes against.
+
+use rayon::prelude::*;
+
+use super::particles::{Load, Mobility, Motion, Particles};
+use super::space::{Components, Space};
+
+/// How velocities change.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kick<S: Space> {
+    pub(super) gravity: S::Vector,
+    pub(super) time_step: f64,
+    pub(super) damping: f64,
+}
+
+/// The fastest grain after a drift: its squared speed, and whether any number went bad.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fastest {
+    pub(super) speed_squared: f64,
+    pub(super) bad: bool,
+}
+
+impl Fastest {
+    fn or(self, other: Self) -> Self {
+        Self {
+            speed_squared: self.speed_squared.max(other.speed_squared),
+            bad: self.bad || other.bad,
+        }
+    }
+}
+
+/// Beyond this squared speed (m²/s²) a grain counts as blown up.
+pub(super) const SPEED_LIMIT: f64 = 1e16;
+
+#[inline(always)]
+fn kick<S: Space, const DAMPED: bool>(
+    motion: &mut Motion<S>,
+    contact: &Load<S>,
+    fluid: &Load<S>,
+    mobility: &Mobility,
+    kick: &Kick<S>,
+) {
+    let half = 0.5 * kick.time_step;
+    let mut linear =
+        (contact.force + fluid.force) * mobility.inverse_mass + kick.gravity * mobility.free;
+    let mut angular = (contact.torque + fluid.torque) * mobility.inverse_inertia;
+    if DAMPED {
+        let damp = |a: f64, v: f64| {
+            let power = a * v;
+            if power > 0.0 {
+                a * (1.0 - kick.damping)
+            } else if power < 0.0 {
+                a * (1.0 + kick.damping)
+            } else {
+                a
+            }
+        };
+        linear = linear.combine(&motion.velocity, damp);
+        angular = angular.combine(&motion.spin, damp);
+    }
+    motion.velocity += linear * half;
+    motion.spin += angular * half;
+}
+
+#[inline(always)]
+fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
+    motion: &mut [Motion<S>],
+    contact: &[Load<S>],
+    fluid: &[Load<S>],
+    mobility: &[Mobility],
+    how: &Kick<S>,
+) -> Fastest {
+    let mut speed_squared = 0.0;
+    let mut bad = false;
+    for (((motion, contact), fluid), mobility) in motion.iter_mut().zip(contact).zip(fluid).zip(mobility) {
+        if AGAIN {
+            kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
+        }
+        kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
+        motion.position += motion.velocity * how.time_step;
+        let squared = motion.velocity.scalar(&motion.velocity);
+        // A comparison that a NaN fails too.
+        let sane = squared < SPEED_LIMIT;
+        bad |= !sane;
+        speed_squared = if squared > speed_squared { squared } else { speed_squared };
+    }
+    Fastest { speed_squared, bad }
+}
+
+/// Grains per piece of parallel work.
+const PIECE: usize = 2048;
+
+fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool>(
+    particles: &mut Particles<S>,
+    how: &Kick<S>,
+    parallel: bool,
+) -> Fastest {
+    let owned = particles.owned();
+    let motion = &mut particles.motion[..owned];
+    let contact = &particles.contact[..owned];
+    let fluid = &particles.fluid[..owned];
+    let mobility = &particles.mobility[..owned];
+    if !parallel {
+        return drift_all::<S, DAMPED, AGAIN>(motion, contact, fluid, mobility, how);
+    }
+    motion
+        .par_chunks_mut(PIECE)
+        .zip(contact.par_chunks(PIECE))
+        .zip(fluid.par_chunks(PIECE))
+        .zip(mobility.par_chunks(PIECE))
+        .map(|(((motion, contact), fluid), mobility)| {
+            drift_all::<S, DAMPED, AGAIN>(motion, contact, fluid, mobility, how)
+        })
+        .reduce(Fastest::default, Fastest::or)
+}
+
+/// First half kick and drift; `again`: the second half kick of the step before comes first.
+pub(super) fn drift<S: Space>(
+    particles: &mut Particles<S>,
+    how: &Kick<S>,
+    again: bool,
+    parallel: bool,
+) -> Fastest {
+    match (how.damping > 0.0, again) {
+        (false, false) => drift_pieces::<S, false, false>(particles, how, parallel),
+        (false, true) => drift_pieces::<S, false, true>(particles, how, parallel),
+        (true, false) => drift_pieces::<S, true, false>(particles, how, parallel),
+        (true, true) => drift_pieces::<S, true, true>(particles, how, parallel),
+    }
+}
+
+/// Second half kick.
+pub(super) fn finish<S: Space>(particles: &mut Particles<S>, how: &Kick<S>) {
+    for k in 0..particles.owned() {
+        let (motion, contact) = (&mut particles.motion[k], &particles.contact[k]);
+        let (fluid, mobility) = (&particles.fluid[k], &particles.mobility[k]);
+        if how.damping > 0.0 {
+            kick::<S, true>(motion, contact, fluid, mobility, how);
+        } else {
+            kick::<S, false>(motion, contact, fluid, mobility, how);
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What the grains ask of the ranks: who owns which planes of the split axis, and to carry bytes.
+
+use std::ops::Range;
+
+use crate::error::Error;
+
+/// The ranks of a run, cut into slabs of whole planes along one axis. Methods that return a `Result` are collective: every
+/// rank calls them at the same point.
+pub trait Ranks {
+    /// This rank.
+    fn rank(&self) -> usize;
+    /// How many ranks.
+    fn size(&self) -> usize;
+    /// The split axis: 0, 1 or 2.
+    fn axis(&self) -> usize;
+    /// How many planes there are along the axis.
+    fn planes(&self) -> i64;
+    /// The planes of `rank`, empty where it has none.
+    fn planes_of(&self, rank: usize) -> Range<i64>;
+    /// The largest of all ranks' values.
+    ///
+    /// # Errors
+    /// Where the message failed.
+    fn maximum(&self, value: f64) -> Result<f64, Error>;
+    /// Sends each message to its rank (never this one) and returns what the others sent here, by rising source.
+    ///
+    /// # Errors
+    /// Where the message failed.
+    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Result<Vec<(usize, Vec<u8>)>, Error>;
+    /// A pattern of messages of known lengths, to be used again and again: `(rank, bytes)` of every message that leaves and
+    /// of every message that arrives.
+    ///
+    /// # Errors
+    /// Where the pattern cannot be set up.
+    fn pattern(
+        &self,
+        sends: &[(usize, usize)],
+        receives: &[(usize, usize)],
+    ) -> Result<Box<dyn Pattern>, Error>;
+}
+
+/// Messages of known lengths between the same ranks.
+pub trait Pattern: Send {
+    /// Sends `sends` and fills `receives`, in the order and with the lengths given when the pattern was made.
+    ///
+    /// # Errors
+    /// Where a message failed.
+    fn run(&mut self, sends: &[Vec<u8>], receives: &mut [Vec<u8>]) -> Result<(), Error>;
+}
+
+/// One rank that owns everything; needs no MPI.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Alone;
+
+impl Ranks for Alone {
+    fn rank(&self) -> usize {
+        0
+    }
+    fn size(&self) -> usize {
+        1
+    }
+    fn axis(&self) -> usize {
+        0
+    }
+    fn planes(&self) -> i64 {
+        1
+    }
+    fn planes_of(&self, _: usize) -> Range<i64> {
+        0..1
+    }
+    fn maximum(&self, value: f64) -> Result<f64, Error> {
+        Ok(value)
+    }
+    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Result<Vec<(usize, Vec<u8>)>, Error> {
+        if messages.is_empty() {
+            Ok(Vec::new())
+        } else {
+            Err(Error::Internal("a message to a rank that is not there".into()))
+        }
+    }
+    fn pattern(&self, _: &[(usize, usize)], _: &[(usize, usize)]) -> Result<Box<dyn Pattern>, Error> {
+        Ok(Box::new(Self))
+    }
+}
+
+impl Pattern for Alone {
+    fn run(&mut self, _: &[Vec<u8>], _: &mut [Vec<u8>]) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+/// Every rank's bytes, by rank.
+pub(super) fn gather_all(ranks: &dyn Ranks, mine: &[u8]) -> Result<Vec<Vec<u8>>, Error> {
+    let messages = (0..ranks.size())
+        .filter(|&rank| rank != ranks.rank())
+        .map(|rank| (rank, mine.to_vec()))
+        .collect();
+    let mut all = vec![Vec::new(); ranks.size()];
+    if let Some(own) = all.get_mut(ranks.rank()) {
+        *own = mine.to_vec();
+    }
+    for (rank, bytes) in ranks.exchange(messages)? {
+        if let Some(slot) = all.get_mut(rank) {
+            *slot = bytes;
+        }
+    }
+    Ok(all)
+}
+
+/// Ends every rank with the same error where any rank has one. Collective.
+pub(super) fn agree(ranks: &dyn Ranks, mine: Result<(), Error>) -> Result<(), Error> {
+    if ranks.size() == 1 {
+        return mine;
+    }
+    let text = mine.as_ref().err().map(ToString::to_string).unwrap_or_default();
+    let all = gather_all(ranks, text.as_bytes())?;
+    mine?;
+    match all.iter().position(|text| !text.is_empty()) {
+        None => Ok(()),
+        Some(rank) => Err(Error::Numerical(format!(
+            "rank {rank}: {}",
+            String::from_utf8_lossy(&all[rank])
+        ))),
+    }
+}
+
+/// Bytes of numbers, little-endian.
+#[derive(Debug, Default)]
+pub(super) struct Writer(pub(super) Vec<u8>);
+
+impl Writer {
+    #[inline]
+    pub(super) fn float(&mut self, value: f64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+    #[inline]
+    pub(super) fn integer(&mut self, value: u64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+    #[inline]
+    pub(super) fn signed(&mut self, value: i32) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+}
+
+/// Reads what [`Writer`] wrote.
+#[derive(Debug)]
+pub(super) struct Reader<'a>(pub(super) &'a [u8]);
+
+impl Reader<'_> {
+    #[inline]
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], Error> {
+        let (head, tail) = self
+            .0
+            .split_first_chunk::<N>()
+            .ok_or_else(|| Error::Internal("a message between ranks is too short".into()))?;
+        self.0 = tail;
+        Ok(*head)
+    }
+    #[inline]
+    pub(super) fn float(&mut self) -> Result<f64, Error> {
+        Ok(f64::from_le_bytes(self.take()?))
+    }
+    #[inline]
+    pub(super) fn integer(&mut self) -> Result<u64, Error> {
+        Ok(u64::from_le_bytes(self.take()?))
+    }
+    #[inline]
+    pub(super) fn signed(&mut self) -> Result<i32, Error> {
+        Ok(i32::from_le_bytes(self.take()?))
+    }
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}

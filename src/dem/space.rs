@@ -1,0 +1,253 @@
+//! Two and three dimensions behind one trait, so that discs and spheres share every line of the engine.
+//!
+//! In the plane spin, moments and shear histories are scalars; in the volume they are vectors, and a shear history turns
+//! with the contact. The unit normal `n` of a contact points from the first to the second partner; in the plane the
+//! tangent is `t = (-n_y, n_x)`, so that `w x n = w t`.
+
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
+
+use nalgebra::{SVector, Vector3};
+
+/// A small fixed number of components with the arithmetic of a vector space.
+pub trait Components:
+    Copy
+    + Debug
+    + Default
+    + PartialEq
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + AddAssign
+    + Mul<f64, Output = Self>
+    + Neg<Output = Self>
+    + Sub<Output = Self>
+    + SubAssign
+{
+    /// How many components.
+    const COUNT: usize;
+    /// Component `k`, below [`Self::COUNT`].
+    fn get(&self, k: usize) -> f64;
+    /// Sets component `k`, below [`Self::COUNT`].
+    fn set(&mut self, k: usize, value: f64);
+    /// The scalar product.
+    fn scalar(&self, other: &Self) -> f64;
+    /// Each component from the same component of `self` and `other`.
+    #[must_use]
+    fn combine(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self;
+    /// The Euclidean length.
+    fn length(&self) -> f64 {
+        self.scalar(self).sqrt()
+    }
+}
+
+impl Components for f64 {
+    const COUNT: usize = 1;
+    #[inline(always)]
+    fn get(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
+    #[inline(always)]
+    fn scalar(&self, other: &Self) -> f64 {
+        self * other
+    }
+    #[inline(always)]
+    fn combine(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        f(*self, *other)
+    }
+    #[inline(always)]
+    fn length(&self) -> f64 {
+        self.abs()
+    }
+}
+
+macro_rules! components {
+    ($count:literal, $($k:literal),*) => {
+        impl Components for SVector<f64, $count> {
+            const COUNT: usize = $count;
+            #[inline(always)]
+            fn get(&self, k: usize) -> f64 {
+                self[k]
+            }
+            #[inline(always)]
+            fn set(&mut self, k: usize, value: f64) {
+                self[k] = value;
+            }
+            #[inline(always)]
+            fn scalar(&self, other: &Self) -> f64 {
+                0.0 $(+ self[$k] * other[$k])*
+            }
+            #[inline(always)]
+            fn combine(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
+                Self::new($(f(self[$k], other[$k])),*)
+            }
+        }
+    };
+}
+components!(2, 0, 1);
+components!(3, 0, 1, 2);
+
+/// The number of dimensions as a type: [`Plane`] or [`Volume`].
+pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+    /// 2 or 3.
+    const DIMENSION: usize;
+    /// Positions, velocities, forces.
+    type Vector: Components;
+    /// Angular velocities and moments.
+    type Spin: Components;
+    /// Shear displacements, shear forces, sliding velocities.
+    type Tangent: Components;
+
+    /// Area of a disc, volume of a sphere.
+    fn measure(radius: f64) -> f64;
+    /// Moment of inertia about the centre: m r² / 2 of a disc, 2 m r² / 5 of a sphere.
+    fn inertia(mass: f64, radius: f64) -> f64;
+    /// Mass of a grain; in the plane per unit depth.
+    fn mass(density: f64, radius: f64) -> f64 {
+        density * Self::measure(radius)
+    }
+    /// Velocity `spin x arm` that a spin gives to a point of the body.
+    fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector;
+    /// Moment `arm x force`.
+    fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin;
+    /// Sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where `velocity` is the
+    /// second centre's relative to the first's and `rolling` the sum of both spins times their lever arms.
+    fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent;
+    /// A history carried along with the contact frame: turned into the plane across the new normal, its length kept.
+    fn turn(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;
+    /// A tangent as a vector in space.
+    fn embed(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Vector;
+    /// Moment `normal x tangent`.
+    fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin;
+}
+
+/// The plane: discs of unit depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Plane;
+
+/// Space: spheres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Volume;
+
+impl Space for Plane {
+    const DIMENSION: usize = 2;
+    type Vector = SVector<f64, 2>;
+    type Spin = f64;
+    type Tangent = f64;
+
+    fn measure(radius: f64) -> f64 {
+        std::f64::consts::PI * radius * radius
+    }
+    fn inertia(mass: f64, radius: f64) -> f64 {
+        0.5 * mass * radius * radius
+    }
+    #[inline(always)]
+    fn surface_velocity(spin: &f64, arm: &Self::Vector) -> Self::Vector {
+        SVector::<f64, 2>::new(-spin * arm[1], spin * arm[0])
+    }
+    #[inline(always)]
+    fn moment(arm: &Self::Vector, force: &Self::Vector) -> f64 {
+        arm[0] * force[1] - arm[1] * force[0]
+    }
+    #[inline(always)]
+    fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &f64) -> f64 {
+        velocity[1] * normal[0] - velocity[0] * normal[1] - rolling
+    }
+    #[inline(always)]
+    fn turn(tangent: &f64, _: &Self::Vector) -> f64 {
+        *tangent
+    }
+    #[inline(always)]
+    fn embed(tangent: &f64, normal: &Self::Vector) -> Self::Vector {
+        SVector::<f64, 2>::new(-tangent * normal[1], tangent * normal[0])
+    }
+    #[inline(always)]
+    fn tangent_moment(tangent: &f64, _: &Self::Vector) -> f64 {
+        *tangent
+    }
+}
+
+impl Space for Volume {
+    const DIMENSION: usize = 3;
+    type Vector = Vector3<f64>;
+    type Spin = Vector3<f64>;
+    type Tangent = Vector3<f64>;
+
+    fn measure(radius: f64) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius
+    }
+    fn inertia(mass: f64, radius: f64) -> f64 {
+        0.4 * mass * radius * radius
+    }
+    #[inline(always)]
+    fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector {
+        spin.cross(arm)
+    }
+    #[inline(always)]
+    fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin {
+        arm.cross(force)
+    }
+    #[inline(always)]
+    fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent {
+        velocity - normal * normal.scalar(velocity) - rolling.cross(normal)
+    }
+    #[inline(always)]
+    fn turn(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent {
+        let flat = tangent - normal * normal.scalar(tangent);
+        let squared = flat.scalar(&flat);
+        if squared > 0.0 {
+            flat * (tangent.scalar(tangent) / squared).sqrt()
+        } else {
+            flat
+        }
+    }
+    #[inline(always)]
+    fn embed(tangent: &Self::Tangent, _: &Self::Vector) -> Self::Vector {
+        *tangent
+    }
+    #[inline(always)]
+    fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin {
+        normal.cross(tangent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn the_plane_is_the_volume_seen_from_above() {
+        let (x, y) = (0.6, 0.8);
+        let (v, w) = (SVector::<f64, 2>::new(0.3, -1.1), 2.5);
+        let n = SVector::<f64, 2>::new(x, y);
+        let n3 = Vector3::new(x, y, 0.0);
+        let slip = Plane::slip(&n, &v, &w);
+        let flat = Plane::embed(&slip, &n);
+        let full = Volume::slip(&n3, &Vector3::new(v[0], v[1], 0.0), &Vector3::new(0.0, 0.0, w));
+        assert_relative_eq!(flat[0], full[0], epsilon = 1e-14);
+        assert_relative_eq!(flat[1], full[1], epsilon = 1e-14);
+        let moment = Volume::tangent_moment(&full, &n3);
+        assert_relative_eq!(Plane::tangent_moment(&slip, &n), moment[2], epsilon = 1e-14);
+        assert_relative_eq!(
+            Plane::moment(&n, &v),
+            Volume::moment(&n3, &Vector3::new(v[0], v[1], 0.0))[2],
+            epsilon = 1e-14
+        );
+    }
+
+    #[test]
+    fn a_turned_history_is_tangent_and_keeps_its_length() {
+        let old = Vector3::new(0.0, 3.0, 4.0);
+        let normal = Vector3::new(0.8, 0.6, 0.0);
+        let new = Volume::turn(&old, &normal);
+        assert_relative_eq!(new.scalar(&normal), 0.0, epsilon = 1e-14);
+        assert_relative_eq!(new.length(), 5.0, epsilon = 1e-14);
+        assert_eq!(Volume::turn(&Vector3::default(), &normal), Vector3::default());
+    }
+}

@@ -1,0 +1,360 @@
+//! Grains and contacts as named columns, for checkpoints and output, and back.
+//!
+//! A table of grains holds all that the next step depends on; any rank may take any rows back, since the first lists hand
+//! grains to their owners. Contacts are keyed by the ids of both ends, so that they too fit any number of ranks: give every
+//! rank the rows of all ranks, each keeps what its lists need. A run restored from them goes on bit by bit as the
+//! uninterrupted one.
+
+use super::contact::ContactLaw;
+use super::engine::{Engine, Key};
+use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
+use super::space::{Components, Space};
+use super::walls::Wall;
+use super::{Dem, Inner};
+use crate::error::Error;
+
+/// The values of one column.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Real numbers.
+    Real(Vec<f64>),
+    /// Whole numbers; negative ones in two's complement.
+    Whole(Vec<u64>),
+}
+
+impl Values {
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Real(values) => values.len(),
+            Self::Whole(values) => values.len(),
+        }
+    }
+
+    /// None at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Columns of equal length, each with a name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Name and values.
+    pub columns: Vec<(String, Values)>,
+}
+
+impl Table {
+    /// How many rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |(_, values)| values.len())
+    }
+
+    /// Appends the rows of a table with the same columns.
+    ///
+    /// # Errors
+    /// Where the columns differ.
+    pub fn append(&mut self, other: &Self) -> Result<(), Error> {
+        if self.columns.is_empty() {
+            *self = other.clone();
+            return Ok(());
+        }
+        for ((name, mine), (other_name, theirs)) in self.columns.iter_mut().zip(&other.columns) {
+            match (mine, theirs) {
+                (Values::Real(mine), Values::Real(theirs)) if name == other_name => mine.extend(theirs),
+                (Values::Whole(mine), Values::Whole(theirs)) if name == other_name => mine.extend(theirs),
+                _ => return Err(Error::Io(format!("column {name} does not match column {other_name}"))),
+            }
+        }
+        Ok(())
+    }
+
+    /// The rows for which `keep(row)` holds.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(usize) -> bool) -> Self {
+        fn pick<T: Copy>(values: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
+            values.iter().enumerate().filter(|(row, _)| keep(*row)).map(|(_, value)| *value).collect()
+        }
+        let columns = self
+            .columns
+            .iter()
+            .map(|(name, values)| {
+                let values = match values {
+                    Values::Real(values) => Values::Real(pick(values, &keep)),
+                    Values::Whole(values) => Values::Whole(pick(values, &keep)),
+                };
+                (name.clone(), values)
+            })
+            .collect();
+        Self { columns }
+    }
+
+    fn real(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) {
+        self.columns.push((name.into(), Values::Real(values.into_iter().collect())));
+    }
+
+    fn whole(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = u64>) {
+        self.columns.push((name.into(), Values::Whole(values.into_iter().collect())));
+    }
+
+    fn find(&self, name: &str) -> Result<&Values, Error> {
+        let rows = self.rows();
+        self.columns
+            .iter()
+            .find(|(column, values)| column == name && values.len() == rows)
+            .map(|(_, values)| values)
+            .ok_or_else(|| Error::Io(format!("no column {name} with {rows} rows")))
+    }
+
+    fn get_real(&self, name: &str) -> Result<&[f64], Error> {
+        match self.find(name)? {
+            Values::Real(values) => Ok(values),
+            Values::Whole(_) => Err(Error::Io(format!("column {name} should hold real numbers"))),
+        }
+    }
+
+    fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
+        match self.find(name)? {
+            Values::Whole(values) => Ok(values),
+            Values::Real(_) => Err(Error::Io(format!("column {name} should hold whole numbers"))),
+        }
+    }
+}
+
+/// What a run restored from it needs to know of the contacts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contacts {
+    /// Grain with grain.
+    pub grains: Table,
+    /// Grain with wall.
+    pub walls: Table,
+    /// The walls themselves, the same on every rank.
+    pub faces: Table,
+    /// Solid steps done.
+    pub steps: u64,
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+fn components<C: Components>(table: &mut Table, name: &str, values: impl Iterator<Item = C> + Clone) {
+    for k in 0..C::COUNT {
+        let name = if C::COUNT == 1 { name.to_owned() } else { format!("{name}_{}", AXES[k]) };
+        table.real(name, values.clone().map(|value| value.get(k)));
+    }
+}
+
+fn read_components<C: Components>(table: &Table, name: &str) -> Result<Vec<C>, Error> {
+    let mut all = vec![C::default(); table.rows()];
+    for k in 0..C::COUNT {
+        let name = if C::COUNT == 1 { name.to_owned() } else { format!("{name}_{}", AXES[k]) };
+        for (value, number) in all.iter_mut().zip(table.get_real(&name)?) {
+            value.set(k, *number);
+        }
+    }
+    Ok(all)
+}
+
+fn small(value: u64) -> Result<u32, Error> {
+    u32::try_from(value).map_err(|_| Error::Io(format!("{value} is beyond 32 bits")))
+}
+
+/// A shift from its column.
+fn signed(value: u64) -> Result<i32, Error> {
+    i32::try_from(value.cast_signed()).map_err(|_| Error::Io(format!("{value} is no count of box lengths")))
+}
+
+fn unsigned(value: i32) -> u64 {
+    i64::from(value).cast_unsigned()
+}
+
+impl<S: Space> Particles<S> {
+    /// The owned grains with all that the next step depends on, in rising order of id.
+    #[must_use]
+    pub fn table(&self) -> Table {
+        let owned = self.owned();
+        let body = &self.body[..owned];
+        let mut table = Table::default();
+        table.whole("id", body.iter().map(|b| b.id));
+        table.real("radius", body.iter().map(|b| b.radius));
+        table.real("mass", body.iter().map(|b| b.mass));
+        table.real("inertia", body.iter().map(|b| b.inertia));
+        table.whole("material", body.iter().map(|b| u64::from(b.material)));
+        table.whole("kind", body.iter().map(|b| b.kind.code()));
+        for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
+            let shift = self.shift[..owned].iter().map(|shift| unsigned(shift[axis]));
+            table.whole(format!("shift_{name}"), shift);
+        }
+        let motion = self.motion[..owned].iter();
+        components(&mut table, "position", motion.clone().map(|m| m.position));
+        components(&mut table, "velocity", motion.clone().map(|m| m.velocity));
+        components(&mut table, "spin", motion.map(|m| m.spin));
+        for (name, loads) in [("contact", &self.contact), ("fluid", &self.fluid)] {
+            let loads = loads[..owned].iter();
+            components(&mut table, &format!("{name}_force"), loads.clone().map(|load| load.force));
+            components(&mut table, &format!("{name}_torque"), loads.map(|load| load.torque));
+        }
+        for k in 0..EXTRA {
+            table.real(format!("extra_{k}"), self.extra[..owned].iter().map(|extra| extra[k]));
+        }
+        table
+    }
+
+    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. `lengths` of the box along periodic
+    /// axes are set when the lists are made.
+    ///
+    /// # Errors
+    /// Where a column is missing, short or of another type.
+    pub fn from_table(table: &Table) -> Result<Self, Error> {
+        let mut particles = Self::new();
+        let [ids, materials, kinds] =
+            [table.get_whole("id")?, table.get_whole("material")?, table.get_whole("kind")?];
+        let [radii, masses, inertias] =
+            [table.get_real("radius")?, table.get_real("mass")?, table.get_real("inertia")?];
+        let position = read_components::<S::Vector>(table, "position")?;
+        let velocity = read_components::<S::Vector>(table, "velocity")?;
+        let spin = read_components::<S::Spin>(table, "spin")?;
+        let contact_force = read_components::<S::Vector>(table, "contact_force")?;
+        let contact_torque = read_components::<S::Spin>(table, "contact_torque")?;
+        let fluid_force = read_components::<S::Vector>(table, "fluid_force")?;
+        let fluid_torque = read_components::<S::Spin>(table, "fluid_torque")?;
+        for k in 0..table.rows() {
+            let body = Body {
+                id: ids[k],
+                radius: radii[k],
+                mass: masses[k],
+                inertia: inertias[k],
+                material: small(materials[k])?,
+                kind: Kind::from_code(kinds[k])?,
+            };
+            let motion = Motion { position: position[k], velocity: velocity[k], spin: spin[k] };
+            particles.push(body, motion, [0; 3]);
+            particles.contact[k] = Load { force: contact_force[k], torque: contact_torque[k] };
+            particles.fluid[k] = Load { force: fluid_force[k], torque: fluid_torque[k] };
+        }
+        for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
+            for (shift, value) in particles.shift.iter_mut().zip(table.get_whole(&format!("shift_{name}"))?) {
+                shift[axis] = signed(*value)?;
+            }
+        }
+        for n in 0..EXTRA {
+            for (extra, value) in particles.extra.iter_mut().zip(table.get_real(&format!("extra_{n}"))?) {
+                extra[n] = *value;
+            }
+        }
+        particles.owned = table.rows();
+        particles.loaded = true;
+        Ok(particles)
+    }
+}
+
+impl<S: Space> Dem<S> {
+    /// The contacts this rank reports, the walls, and the steps done.
+    #[must_use]
+    pub fn contacts(&self) -> Contacts {
+        match &self.inner {
+            Inner::Linear(engine) => save(engine),
+            Inner::CohesiveFrictional(engine) => save(engine),
+        }
+    }
+
+    /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
+    /// [`Particles::from_table`].
+    ///
+    /// # Errors
+    /// Where a column is missing, short or of another type, or the number of walls differs.
+    pub fn restore(&mut self, contacts: &Contacts) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Linear(engine) => restore(engine, contacts),
+            Inner::CohesiveFrictional(engine) => restore(engine, contacts),
+        }
+    }
+}
+
+fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Table, memories: &[L::Memory]) {
+    let mut numbers = Vec::new();
+    for memory in memories {
+        L::save(memory, &mut numbers);
+    }
+    for n in 0..L::NUMBERS {
+        table.real(format!("memory_{n}"), numbers.iter().skip(n).step_by(L::NUMBERS).copied());
+    }
+}
+
+fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Memory>, Error> {
+    let columns = (0..L::NUMBERS)
+        .map(|n| table.get_real(&format!("memory_{n}")))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok((0..table.rows())
+        .map(|row| {
+            let numbers: Vec<f64> = columns.iter().map(|column| column[row]).collect();
+            L::load(&numbers)
+        })
+        .collect())
+}
+
+fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
+    let (pairs, at_walls) = engine.saved();
+    let mut grains = Table::default();
+    grains.whole("first", pairs.iter().map(|(key, _)| key.first));
+    grains.whole("second", pairs.iter().map(|(key, _)| key.second));
+    for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
+        grains.whole(format!("shift_{name}"), pairs.iter().map(|(key, _)| unsigned(key.shift[axis])));
+    }
+    let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
+    memory_columns::<S, L>(&mut grains, &memories);
+    let mut walls = Table::default();
+    walls.whole("grain", at_walls.iter().map(|((grain, _), _)| *grain));
+    walls.whole("wall", at_walls.iter().map(|((_, wall), _)| u64::from(*wall)));
+    let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
+    memory_columns::<S, L>(&mut walls, &memories);
+    let mut faces = Table::default();
+    components(&mut faces, "point", engine.walls.iter().map(|wall| wall.point));
+    components(&mut faces, "normal", engine.walls.iter().map(|wall| wall.normal));
+    components(&mut faces, "velocity", engine.walls.iter().map(|wall| wall.velocity));
+    faces.whole("material", engine.walls.iter().map(|wall| u64::from(wall.material)));
+    Contacts { grains, walls, faces, steps: engine.steps }
+}
+
+fn restore<S: Space, L: ContactLaw<S>>(engine: &mut Engine<S, L>, contacts: &Contacts) -> Result<(), Error> {
+    let (grains, walls, faces) = (&contacts.grains, &contacts.walls, &contacts.faces);
+    if faces.rows() != engine.walls.len() {
+        return Err(Error::Io(format!("{} walls saved, {} here", faces.rows(), engine.walls.len())));
+    }
+    let points = read_components::<S::Vector>(faces, "point")?;
+    let normals = read_components::<S::Vector>(faces, "normal")?;
+    let velocities = read_components::<S::Vector>(faces, "velocity")?;
+    let materials = faces.get_whole("material")?;
+    engine.walls = (0..faces.rows())
+        .map(|k| {
+            Ok(Wall {
+                point: points[k],
+                normal: normals[k],
+                velocity: velocities[k],
+                material: small(materials[k])?,
+            })
+        })
+        .collect::<Result<_, Error>>()?;
+    let (first, second) = (grains.get_whole("first")?, grains.get_whole("second")?);
+    let mut shifts = vec![[0; 3]; grains.rows()];
+    for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
+        for (shift, value) in shifts.iter_mut().zip(grains.get_whole(&format!("shift_{name}"))?) {
+            shift[axis] = signed(*value)?;
+        }
+    }
+    let pairs = read_memories::<S, L>(grains)?
+        .into_iter()
+        .enumerate()
+        .map(|(k, memory)| (Key { first: first[k], second: second[k], shift: shifts[k] }, memory))
+        .collect();
+    let (grain, wall) = (walls.get_whole("grain")?, walls.get_whole("wall")?);
+    let at_walls = read_memories::<S, L>(walls)?
+        .into_iter()
+        .enumerate()
+        .map(|(k, memory)| Ok(((grain[k], small(wall[k])?), memory)))
+        .collect::<Result<_, Error>>()?;
+    engine.restore(pairs, at_walls, contacts.steps);
+    Ok(())
+}
