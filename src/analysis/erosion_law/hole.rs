@@ -300,12 +300,8 @@ mod tests {
     fn carried_grains_and_gaps_in_the_packing_do_not_move_the_faces() {
         let (mut solid, _) = channel(30.0 * H, 70.0 * H, 1.0, 1.0);
         let clean = hole_faces(profile(&solid), 0.8, 50.0 * H).unwrap();
-        for cell in 55..60 {
-            solid[cell] = 0.55; // a cluster passes
-        }
-        for cell in 80..84 {
-            solid[cell] = 0.2; // a void in the packing
-        }
+        solid[55..60].fill(0.55); // a cluster passes
+        solid[80..84].fill(0.2); // a void in the packing
         solid[0] = 0.1; // discs touch a wall in points
         solid[CELLS - 1] = 0.1;
         let faces = hole_faces(profile(&solid), 0.8, 50.0 * H).unwrap();
