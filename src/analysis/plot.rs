@@ -1,7 +1,7 @@
 //! Figures as SVG: axes, lines, points with error bars, bands and bounds; enough for the figures of a study.
 //!
 //! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the
-//! same data on any machine. Colours are Okabe and Ito's for things that differ in kind ([`CATEGORY`]) and cividis for
+//! same data on any machine. Colours are Okabe and Ito's for things that differ in kind ([`CATEGORY`]) and viridis for
 //! things in an order ([`sequential`]); both are told apart by colour-blind readers and in grey.
 //!
 //! Labels may hold `_{sub}` and `^{super}`.
@@ -13,17 +13,17 @@ pub const CATEGORY: [&str; 8] = [
     "#222222", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442",
 ];
 
-/// The colour of entry `index` of `count` in an order, from dark blue to ochre (after cividis, Nuñez et al., PLoS ONE
-/// 13, e0199239, 2018; the palest yellow, unreadable on white, is left out).
+/// The colour of entry `index` of `count` in an order, from dark violet to light green (after viridis, van der Walt and
+/// Smith, SciPy 2015; the yellow end, unreadable on white, is left out).
 #[must_use]
 pub fn sequential(index: usize, count: usize) -> String {
     const STOPS: [[f64; 3]; 6] = [
-        [0.0, 34.0, 78.0],
-        [43.0, 68.0, 110.0],
-        [87.0, 92.0, 109.0],
-        [124.0, 123.0, 120.0],
-        [165.0, 152.0, 104.0],
-        [212.0, 178.0, 60.0],
+        [68.0, 1.0, 84.0],
+        [68.0, 57.0, 131.0],
+        [49.0, 104.0, 142.0],
+        [33.0, 145.0, 140.0],
+        [53.0, 183.0, 121.0],
+        [151.0, 204.0, 56.0],
     ];
     let share = if count > 1 {
         number(index) / number(count - 1)
@@ -122,6 +122,17 @@ impl Mark {
     }
 }
 
+/// How a point looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// A disc of its colour.
+    Filled,
+    /// A white disc with a rim.
+    Hollow,
+    /// A wide ring, through which what lies beneath is seen.
+    Ring,
+}
+
 /// What a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
@@ -141,8 +152,8 @@ pub enum Shape {
     Marks {
         /// The points.
         marks: Vec<Mark>,
-        /// Filled or hollow.
-        filled: bool,
+        /// How they look.
+        style: Style,
     },
     /// Lower bounds: a bar from which an arrow points up.
     LowerBounds {
@@ -239,7 +250,7 @@ impl Figure {
         let mut pen = Pen::default();
         pen.put(format_args!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
-             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif\" \
              font-size=\"{TEXT}\" fill=\"{INK}\">"
         ));
         pen.put(format_args!(
@@ -366,16 +377,19 @@ impl Mapping {
         });
         let few = (high / low).log10() < 1.6;
         let mut ticks = Vec::new();
-        for decade in whole(low.log10().floor())..=whole(high.log10().ceil()) {
+        let decades = whole(low.log10().floor())..=whole(high.log10().ceil());
+        // All labels plain or all powers: a mixture reads badly.
+        let simple = low > 0.9e-2 && high < 1.1e4;
+        for decade in decades {
             for digit in 1..10 {
                 let value = f64::from(digit) * 10_f64.powi(decade);
                 if value < low * (1.0 - 1e-9) || value > high * (1.0 + 1e-9) {
                     continue;
                 }
                 let label = match digit {
-                    1 if (-2..=3).contains(&decade) => plain(value),
+                    1 if simple => plain(value),
                     1 => format!("10^{{{}}}", minus(decade)),
-                    2 | 5 if few && (-3..=3).contains(&decade) => plain(value),
+                    2 | 5 if few && simple => plain(value),
                     2 | 5 if few => format!("{digit}·10^{{{}}}", minus(decade)),
                     _ => String::new(),
                 };
@@ -443,22 +457,32 @@ fn minus(value: i32) -> String {
 fn rich(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
+    // What brings the text after a raised or lowered span back to its line.
+    let mut back = 0.0;
+    let mut run = |text: &str, shift: f64, small: bool| {
+        let size = if small { " font-size=\"10\"" } else { "" };
+        // Writing to a string cannot fail.
+        let _ = if text.is_empty() {
+            Ok(())
+        } else if shift.abs() > 0.0 || small {
+            write!(out, "<tspan dy=\"{shift}\"{size}>{}</tspan>", escape(text))
+        } else {
+            write!(out, "{}", escape(text))
+        };
+    };
     while let Some(at) = rest.find("_{").into_iter().chain(rest.find("^{")).min() {
         let (before, mark) = rest.split_at(at);
         let inner = &mark[2..];
         let Some(end) = inner.find('}') else { break };
+        run(before, back, false);
+        // Two spans in a row, as in `x_{i}^{2}`: the second starts from where the first lies.
+        let from = if before.is_empty() { back } else { 0.0 };
         let shift = if mark.starts_with('_') { 3.5 } else { -5.0 };
-        // The second span undoes the shift for the text that follows.
-        let _ = write!(
-            out,
-            "{}<tspan dy=\"{shift}\" font-size=\"10\">{}</tspan><tspan dy=\"{}\">\u{200b}</tspan>",
-            escape(before),
-            escape(&inner[..end]),
-            -shift
-        );
+        run(&inner[..end], from + shift, true);
+        back = -shift;
         rest = &inner[end + 1..];
     }
-    out.push_str(&escape(rest));
+    run(rest, back, false);
     out
 }
 
@@ -627,12 +651,12 @@ impl<'a> Drawing<'a> {
                     ));
                 }
             }
-            Shape::Marks { marks, filled } => {
+            Shape::Marks { marks, style } => {
                 for mark in marks {
                     self.bars(pen, mark, colour);
                 }
                 for place in marks.iter().filter_map(|mark| self.place(mark.x, mark.y)) {
-                    dot(pen, place, colour, *filled);
+                    dot(pen, place, colour, *style);
                 }
             }
             Shape::LowerBounds { points } => {
@@ -726,8 +750,8 @@ impl<'a> Drawing<'a> {
                     "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" fill-opacity=\"0.18\"/>",
                     y - 5.0
                 )),
-                Shape::Marks { filled, .. } => {
-                    dot(pen, (0.5 * (from + to), y), colour, *filled);
+                Shape::Marks { style, .. } => {
+                    dot(pen, (0.5 * (from + to), y), colour, *style);
                 }
                 Shape::LowerBounds { .. } => arrow(pen, (0.5 * (from + to), y + 7.0), colour),
             }
@@ -737,10 +761,14 @@ impl<'a> Drawing<'a> {
     }
 }
 
-fn dot(pen: &mut Pen, (x, y): (f64, f64), colour: &str, filled: bool) {
-    let fill = if filled { colour } else { "white" };
+fn dot(pen: &mut Pen, (x, y): (f64, f64), colour: &str, style: Style) {
+    let (fill, radius) = match style {
+        Style::Filled => (colour, 3.8),
+        Style::Hollow => ("white", 3.8),
+        Style::Ring => ("none", 7.0),
+    };
     pen.put(format_args!(
-        "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3.8\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
+        "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
     ));
 }
 
@@ -762,9 +790,14 @@ fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
 /// The values of a shape along both axes.
 fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     match shape {
-        Shape::Line { points, .. } | Shape::LowerBounds { points } => {
+        Shape::Line { points, .. } => {
             xs.extend(points.iter().map(|p| p.0));
             ys.extend(points.iter().map(|p| p.1));
+        }
+        Shape::LowerBounds { points } => {
+            xs.extend(points.iter().map(|p| p.0));
+            // Room for the arrow, and for the legend above it.
+            ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
         Shape::Band { points } => {
             xs.extend(points.iter().map(|p| p.0));
@@ -839,7 +872,7 @@ mod tests {
         assert_eq!(rich("a < b & c"), "a &lt; b &amp; c");
         assert_eq!(
             rich("τ_{h} x"),
-            "τ<tspan dy=\"3.5\" font-size=\"10\">h</tspan><tspan dy=\"-3.5\">\u{200b}</tspan> x"
+            "τ<tspan dy=\"3.5\" font-size=\"10\">h</tspan><tspan dy=\"-3.5\"> x</tspan>"
         );
         assert_eq!(rich("open_{"), "open_{");
     }
@@ -896,8 +929,8 @@ mod tests {
 
     #[test]
     fn colours_of_an_order_run_from_dark_to_light() {
-        assert_eq!(sequential(0, 10), "rgb(0,34,78)");
-        assert_eq!(sequential(9, 10), "rgb(212,178,60)");
-        assert_eq!(sequential(0, 1), "rgb(0,34,78)");
+        assert_eq!(sequential(0, 10), "rgb(68,1,84)");
+        assert_eq!(sequential(9, 10), "rgb(151,204,56)");
+        assert_eq!(sequential(0, 1), "rgb(68,1,84)");
     }
 }

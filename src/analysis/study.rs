@@ -21,7 +21,7 @@ use super::erosion_law::{
     RateWindow, RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump,
     read_rows,
 };
-use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, sequential};
+use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use crate::error::Error;
 use serde_json::Value;
 use std::fmt;
@@ -531,20 +531,28 @@ fn with_interval(value: f64, interval: Interval) -> String {
 /// Three significant digits.
 fn digits(value: f64) -> String {
     if (0.01..1000.0).contains(&value.abs()) {
-        let decimals = if value.abs() >= 100.0 {
-            0
-        } else if value.abs() >= 10.0 {
-            1
-        } else if value.abs() >= 1.0 {
-            2
-        } else {
-            4
+        let decimals = match value.abs() {
+            100.0.. => 0,
+            10.0.. => 1,
+            1.0.. => 2,
+            0.1.. => 3,
+            _ => 4,
         };
         format!("{value:.decimals$}")
     } else if value.abs() < f64::MIN_POSITIVE {
         "0".to_owned()
     } else {
         format!("{value:.2e}")
+    }
+}
+
+/// The same for a figure, `9.71·10^{-4}`.
+fn digits_in_figure(value: f64) -> String {
+    match digits(value).split_once('e') {
+        Some((mantissa, power)) => {
+            format!("{mantissa}·10^{{{}}}", power.replace('-', "\u{2212}"))
+        }
+        None => digits(value),
     }
 }
 
@@ -571,8 +579,8 @@ fn figure5(cohesion: &CohesionReport) -> Figure {
             .collect();
         let label = format!(
             "k_{{d}} = {} s/m, τ_{{c}} = {} Pa",
-            digits(fit.coefficient),
-            digits(fit.critical_shear)
+            digits_in_figure(fit.coefficient),
+            digits_in_figure(fit.critical_shear)
         );
         layers.push(Layer::new(
             Shape::Line {
@@ -606,7 +614,11 @@ fn figure5(cohesion: &CohesionReport) -> Figure {
             layers.push(Layer::new(
                 Shape::Marks {
                     marks,
-                    filled: eroding,
+                    style: if eroding {
+                        Style::Filled
+                    } else {
+                        Style::Hollow
+                    },
                 },
                 CATEGORY[0],
                 label,
@@ -654,18 +666,18 @@ fn figure6(cohesions: &[CohesionReport]) -> Figure {
         Layer::new(
             Shape::Marks {
                 marks: vec![Mark::at(PAPER_COHESION, y)],
-                filled: false,
+                style: Style::Ring,
             },
             CATEGORY[2],
             "paper, C/d = 0.506 N/m",
         )
     };
-    let marks = |marks: Vec<Mark>, filled, label: &str| {
-        Layer::new(Shape::Marks { marks, filled }, CATEGORY[1], label)
+    let marks = |marks: Vec<Mark>, style, label: &str| {
+        Layer::new(Shape::Marks { marks, style }, CATEGORY[1], label)
     };
-    let mut first = vec![paper(PAPER_CRITICAL_SHEAR)];
+    let mut first = Vec::new();
     if !brackets.is_empty() {
-        first.push(marks(brackets, false, "bracket"));
+        first.push(marks(brackets, Style::Hollow, "bracket"));
     }
     if !lower.is_empty() {
         first.push(Layer::new(
@@ -674,15 +686,16 @@ fn figure6(cohesions: &[CohesionReport]) -> Figure {
             "no erosion: lower bound",
         ));
     }
-    first.push(marks(thresholds, true, "fit, 95 % interval"));
+    first.push(marks(thresholds, Style::Filled, "fit, 95 % interval"));
+    first.push(paper(PAPER_CRITICAL_SHEAR));
     let top = slopes
         .iter()
         .filter_map(|mark| mark.y_bar)
         .map(|bar| bar.1)
         .fold(PAPER_COEFFICIENT, f64::max);
     let second = vec![
+        marks(slopes, Style::Filled, "fit, 95 % interval"),
         paper(PAPER_COEFFICIENT),
-        marks(slopes, true, "fit, 95 % interval"),
     ];
     // Both panels share the cohesions, with room for a point at either end.
     let (low, high) = cohesions
@@ -1007,10 +1020,14 @@ mod tests {
         );
         let folder = write_run(root.path(), 0.3, 0.506, (9e-4, 9.1), true);
         fs::remove_file(folder.join("summary.json")).unwrap();
-        let error = run(&[folder.clone()], root.path()).unwrap_err().to_string();
+        let error = run(std::slice::from_ref(&folder), root.path())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("case.json"), "{error}");
         fs::write(folder.join("case.json"), "{}").unwrap();
-        let error = run(&[folder.clone()], root.path()).unwrap_err().to_string();
+        let error = run(std::slice::from_ref(&folder), root.path())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("per_diameter"), "{error}");
         fs::write(folder.join("erosion.csv"), ErosionRecord::header() + "\n").unwrap();
         fs::write(folder.join("summary.json"), "{").unwrap();
