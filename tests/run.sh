@@ -86,12 +86,13 @@ readers() {
 
 scripts() {
   local file
-  for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch tests/run.sh .ci/run; do
+  for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch tests/*.sh .ci/run; do
     bash -n "$file" || return 1
   done
 }
 
 gate "scripts parse" scripts
+gate "study loop" timeout 60 bash tests/study_loop.sh
 gate "cargo fmt" cargo fmt --all --check
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
 rust_tests

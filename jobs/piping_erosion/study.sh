@@ -147,9 +147,9 @@ prepare() {
 
 stop=0
 child=
-# Passed on; a member told to stop is not resumed by this call.
+# Passed on; a member told to stop is not resumed by this call. Counts, so that `wait` knows of every signal.
 pass_on() {
-  stop=1
+  stop=$((stop + 1))
   if [ -n "$child" ]; then
     kill -USR2 "$child" 2>/dev/null || true
   fi
