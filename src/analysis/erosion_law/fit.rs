@@ -1,0 +1,990 @@
+//! The erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9; ).
+//!
+//! **Least squares.** `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so its least value is
+//! found exactly: for every set of points above the threshold the weighted line through them, or, where its threshold
+//! falls outside the gap that belongs to the set, the best law with the threshold at the end of the gap. The least of
+//! these is the fit; no start value, no iteration, no local minimum. `tau_c >= 0`.
+//!
+//! **Weights** are one over the variance that the *law* predicts, not the data, since weights from observed rates pull a
+//! law down: `b q max(rate, q) + (s rate)^2` with the quantum q of the window (one grain), its burstiness b (batch
+//! variance over Poisson variance, at least 1) and a relative scatter s from run to run, the smallest with which the
+//! weighted misfit of the points above the threshold is no more than their number less two (Paule and Mandel, J. Res. Natl.
+//! Bur. Stand. 87, 377, 1982). Weights and law are iterated to rest.
+//!
+//! **Intervals** of 95 %: from the covariance of the line (Student's t) and from a bootstrap that draws whole runs, since
+//! windows of one run share its packing; the hull of both is reported. The bootstrap is seeded: same data, same numbers.
+//!
+//! **Lower bound** (A-32): where the run with the highest stress does not erode, tau_c is at least that stress, and there
+//! is no k_d. Where it erodes but fewer than two stresses do, tau_c lies between the stresses on both sides.
+
+use super::hole::as_f64;
+use super::rate::RateWindow;
+
+/// An interval of confidence, 95 % unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Interval {
+    /// Whether a value lies inside.
+    #[must_use]
+    pub fn contains(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+
+    /// The smallest interval around both.
+    #[must_use]
+    fn hull(self, other: Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
+    }
+}
+
+/// One measured pair of stress and rate.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct RatePoint {
+    /// Which run it is from; the bootstrap draws runs.
+    pub run: usize,
+    /// Hydraulic shear stress, Pa.
+    pub shear: f64,
+    /// Erosion rate, kg/(m^2 s).
+    pub rate: f64,
+    /// Standard error of the rate, kg/(m^2 s).
+    pub error: f64,
+    /// Rate that one grain makes, kg/(m^2 s).
+    pub quantum: f64,
+    /// Whether it counts as eroding.
+    pub eroding: bool,
+}
+
+impl RatePoint {
+    /// A window as a point.
+    #[must_use]
+    pub fn new(run: usize, window: &RateWindow) -> Self {
+        Self {
+            run,
+            shear: window.shear,
+            rate: window.rate,
+            error: window.rate_error,
+            quantum: window.quantum,
+            eroding: window.eroding,
+        }
+    }
+
+    /// Batch variance over Poisson variance, at least 1.
+    fn burstiness(&self) -> f64 {
+        (self.error * self.error / (self.quantum * self.rate.max(self.quantum))).max(1.0)
+    }
+
+    /// Variance of the rate if the law gives `rate`.
+    fn variance(&self, rate: f64, scatter: f64) -> f64 {
+        let counting = if self.quantum > 0.0 {
+            self.burstiness() * self.quantum * rate.max(self.quantum)
+        } else {
+            self.error * self.error
+        };
+        counting + (scatter * rate).powi(2)
+    }
+}
+
+/// How intervals are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FitOptions {
+    /// Samples of the bootstrap.
+    pub replicates: usize,
+    /// Its seed.
+    pub seed: u64,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            replicates: 2000,
+            seed: 2012,
+        }
+    }
+}
+
+/// What the points say about the law.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// Threshold and slope are known.
+    Fitted(LinearLaw),
+    /// Nothing erodes at the highest stress: `tau_c >= at_least`.
+    LowerBound {
+        /// Highest stress applied, Pa.
+        at_least: f64,
+    },
+    /// Erosion starts between two stresses, and only one stress erodes.
+    Bracketed {
+        /// Highest stress without erosion below the first with erosion, Pa; 0 where there is none.
+        above: f64,
+        /// Lowest stress with erosion, Pa.
+        below: f64,
+    },
+}
+
+/// The fitted law.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct LinearLaw {
+    /// Critical shear stress tau_c, Pa.
+    pub critical_shear: f64,
+    /// Its interval, Pa.
+    pub critical_shear_interval: Interval,
+    /// Erosion coefficient k_d, s/m.
+    pub coefficient: f64,
+    /// Its interval, s/m.
+    pub coefficient_interval: Interval,
+    /// Share of the variance of the eroding points' rates that the law explains.
+    pub r_squared: f64,
+    /// Relative scatter from run to run beyond counting grains.
+    pub scatter: f64,
+    /// Points used.
+    pub points: usize,
+    /// Points that erode.
+    pub eroding_points: usize,
+    /// Runs used.
+    pub runs: usize,
+    /// k_d from Theil and Sen's median of slopes over the eroding points, s/m.
+    pub coefficient_median: f64,
+    /// tau_c that goes with it, Pa.
+    pub critical_shear_median: f64,
+    /// Bootstrap samples `(k_d, tau_c)`.
+    #[serde(skip)]
+    pub replicates: Vec<(f64, f64)>,
+    #[serde(skip)]
+    line: Line,
+}
+
+impl LinearLaw {
+    /// Rate at a stress, kg/(m^2 s).
+    #[must_use]
+    pub fn rate(&self, shear: f64) -> f64 {
+        self.coefficient * (shear - self.critical_shear).max(0.0)
+    }
+
+    /// Interval of the mean rate at a stress, kg/(m^2 s).
+    #[must_use]
+    pub fn rate_interval(&self, shear: f64) -> Interval {
+        let rate = self.rate(shear);
+        let half = if shear > self.critical_shear {
+            self.line.half_width(shear)
+        } else {
+            0.0
+        };
+        let analytic = Interval {
+            low: (rate - half).max(0.0),
+            high: rate + half,
+        };
+        let mut rates: Vec<f64> = self
+            .replicates
+            .iter()
+            .map(|&(k, c)| k * (shear - c).max(0.0))
+            .collect();
+        percentiles(&mut rates).map_or(analytic, |drawn| drawn.hull(analytic))
+    }
+}
+
+/// Covariance of a weighted line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Line {
+    /// Weighted mean stress.
+    centre: f64,
+    /// Variance of the line's value there.
+    variance: f64,
+    /// Variance of the slope.
+    slope_variance: f64,
+    /// Student's t.
+    quantile: f64,
+}
+
+impl Line {
+    /// Half the interval of the line's value.
+    fn half_width(&self, shear: f64) -> f64 {
+        let distance = shear - self.centre;
+        self.quantile * (self.variance + self.slope_variance * distance * distance).sqrt()
+    }
+}
+
+/// Fits the law, or says which bound the points give. `None` without a point that has a finite stress and rate.
+#[must_use]
+pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
+    let mut points: Vec<RatePoint> = points
+        .iter()
+        .filter(|point| point.shear.is_finite() && point.rate.is_finite())
+        .copied()
+        .collect();
+    sort(&mut points);
+    let highest = *points.last()?;
+    // The run under the highest load decides, not one of its windows.
+    let highest_erodes = points
+        .iter()
+        .any(|point| point.run == highest.run && point.eroding);
+    if !highest_erodes {
+        return Some(Law::LowerBound {
+            at_least: highest.shear,
+        });
+    }
+    let eroding: Vec<RatePoint> = points
+        .iter()
+        .filter(|point| point.eroding)
+        .copied()
+        .collect();
+    let first = eroding.first()?;
+    let bracket = Law::Bracketed {
+        above: points
+            .iter()
+            .filter(|point| !point.eroding && point.shear < first.shear)
+            .map(|point| point.shear)
+            .fold(0.0, f64::max),
+        below: first.shear,
+    };
+    let (Some(scatter), Some(last)) = (scatter(&points), eroding.last()) else {
+        return Some(bracket);
+    };
+    if eroding.len() < 2 || last.shear <= first.shear {
+        return Some(bracket);
+    }
+    let Some(best) = minimise(&points, scatter) else {
+        return Some(bracket);
+    };
+    Some(Law::Fitted(describe(
+        &points, &eroding, scatter, best, options,
+    )))
+}
+
+/// Intervals and figures of merit of a fit.
+fn describe(
+    points: &[RatePoint],
+    eroding: &[RatePoint],
+    scatter: f64,
+    best: Threshold,
+    options: FitOptions,
+) -> LinearLaw {
+    let Threshold { k, c } = best;
+    let line = line_covariance(points, best, scatter);
+    let spread = line.slope_variance.sqrt() * line.quantile;
+    let shift = line.half_width(c) / k;
+    let mut coefficient_interval = Interval {
+        low: (k - spread).max(0.0),
+        high: k + spread,
+    };
+    let mut critical_shear_interval = Interval {
+        low: (c - shift).max(0.0),
+        high: c + shift,
+    };
+    let replicates = bootstrap(points, scatter, options);
+    let drawn = |pick: fn(&(f64, f64)) -> f64| {
+        percentiles(&mut replicates.iter().map(pick).collect::<Vec<_>>())
+    };
+    if let Some(drawn) = drawn(|sample| sample.0) {
+        coefficient_interval = coefficient_interval.hull(drawn);
+    }
+    if let Some(drawn) = drawn(|sample| sample.1) {
+        critical_shear_interval = critical_shear_interval.hull(drawn);
+    }
+    let n = as_f64(eroding.len());
+    let mean = eroding.iter().map(|point| point.rate).sum::<f64>() / n;
+    let total: f64 = eroding
+        .iter()
+        .map(|point| (point.rate - mean).powi(2))
+        .sum();
+    let left: f64 = eroding
+        .iter()
+        .map(|point| (point.rate - best.rate(point.shear)).powi(2))
+        .sum();
+    let (coefficient_median, critical_shear_median) = theil_sen(eroding);
+    LinearLaw {
+        critical_shear: c,
+        critical_shear_interval,
+        coefficient: k,
+        coefficient_interval,
+        r_squared: if total > 0.0 {
+            1.0 - left / total
+        } else {
+            f64::NAN
+        },
+        scatter,
+        points: points.len(),
+        eroding_points: eroding.len(),
+        runs: runs_of(points).len(),
+        coefficient_median,
+        critical_shear_median,
+        replicates,
+        line,
+    }
+}
+
+/// Slope and threshold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Threshold {
+    k: f64,
+    c: f64,
+}
+
+impl Threshold {
+    fn rate(&self, shear: f64) -> f64 {
+        self.k * (shear - self.c).max(0.0)
+    }
+}
+
+fn sort(points: &mut [RatePoint]) {
+    points.sort_by(|a, b| a.shear.total_cmp(&b.shear).then(a.rate.total_cmp(&b.rate)));
+}
+
+/// The runs in order of first appearance.
+fn runs_of(points: &[RatePoint]) -> Vec<usize> {
+    let mut runs: Vec<usize> = points.iter().map(|point| point.run).collect();
+    runs.sort_unstable();
+    runs.dedup();
+    runs
+}
+
+/// Least squares with weights from the law itself, iterated to rest. Points sorted by stress.
+fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
+    let start =
+        |point: &RatePoint| 1.0 / point.variance(point.rate, scatter).max(f64::MIN_POSITIVE);
+    let mut weights: Vec<f64> = points.iter().map(start).collect();
+    let mut best = scan(points, &weights)?;
+    for _ in 0..50 {
+        for (weight, point) in weights.iter_mut().zip(points) {
+            let variance = point.variance(best.rate(point.shear), scatter);
+            *weight = 1.0 / variance.max(f64::MIN_POSITIVE);
+        }
+        let next = scan(points, &weights)?;
+        let rest = (next.k - best.k).abs() <= 1e-9 * best.k
+            && (next.c - best.c).abs() <= 1e-9 * next.c.max(best.c);
+        best = next;
+        if rest {
+            break;
+        }
+    }
+    Some(best)
+}
+
+/// The exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at least two
+/// points rises.
+fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
+    let reference = points.last()?.shear;
+    // Sums over the points from the present one to the last: 1, x, y, xx, xy, yy with x from the highest stress.
+    let (mut w, mut wx, mut wy, mut wxx, mut wxy, mut wyy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut below: f64 = points
+        .iter()
+        .zip(weights)
+        .map(|(point, weight)| weight * point.rate * point.rate)
+        .sum();
+    let mut best: Option<(f64, Threshold)> = None;
+    for at in (0..points.len()).rev() {
+        let (point, weight) = (&points[at], weights[at]);
+        let x = point.shear - reference;
+        w += weight;
+        wx += weight * x;
+        wy += weight * point.rate;
+        wxx += weight * x * x;
+        wxy += weight * x * point.rate;
+        wyy += weight * point.rate * point.rate;
+        below = (below - weight * point.rate * point.rate).max(0.0);
+        if at + 1 == points.len() {
+            continue;
+        }
+        let (low, high) = (
+            if at == 0 { 0.0 } else { points[at - 1].shear } - reference,
+            x,
+        );
+        if high < low {
+            continue;
+        }
+        let mut offer = |c: f64| {
+            // The best slope for a threshold at c, and the misfit it leaves.
+            let xx = wxx - 2.0 * c * wx + c * c * w;
+            let xy = wxy - c * wy;
+            if xx > 0.0 && xy > 0.0 {
+                let k = xy / xx;
+                let misfit = below + (wyy - k * xy).max(0.0);
+                if best.is_none_or(|(least, _)| misfit < least) {
+                    best = Some((
+                        misfit,
+                        Threshold {
+                            k,
+                            c: c + reference,
+                        },
+                    ));
+                }
+            }
+        };
+        let (xx, xy) = (wxx - wx * wx / w, wxy - wx * wy / w);
+        if xx > 0.0 && xy > 0.0 {
+            let c = wx / w - wy / w * xx / xy;
+            if (low..=high).contains(&c) {
+                offer(c);
+                continue;
+            }
+        }
+        offer(low);
+        if at + 2 < points.len() {
+            offer(high);
+        }
+    }
+    best.map(|(_, law)| Threshold {
+        c: law.c.max(0.0),
+        ..law
+    })
+}
+
+/// The smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
+fn scatter(points: &[RatePoint]) -> Option<f64> {
+    // Misfit per degree of freedom, less one.
+    let excess = |scatter: f64| {
+        let law = minimise(points, scatter)?;
+        let above: Vec<f64> = points
+            .iter()
+            .filter(|point| point.shear > law.c)
+            .map(|point| {
+                let rate = law.rate(point.shear);
+                (point.rate - rate).powi(2) / point.variance(rate, scatter).max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let free = as_f64(above.len()) - 2.0;
+        Some(if free > 0.0 {
+            above.iter().sum::<f64>() / free - 1.0
+        } else {
+            -1.0
+        })
+    };
+    if excess(0.0)? <= 0.0 {
+        return Some(0.0);
+    }
+    let (mut low, mut high) = (0.0, 2.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if excess(middle)? > 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Some(high)
+}
+
+/// Covariance of the line through the points above the threshold.
+fn line_covariance(points: &[RatePoint], law: Threshold, scatter: f64) -> Line {
+    let above: Vec<(f64, f64)> = points
+        .iter()
+        .filter(|point| point.shear > law.c)
+        .map(|point| {
+            let variance = point.variance(law.rate(point.shear), scatter);
+            (point.shear, 1.0 / variance.max(f64::MIN_POSITIVE))
+        })
+        .collect();
+    let w: f64 = above.iter().map(|&(_, w)| w).sum();
+    let centre = above.iter().map(|&(x, w)| w * x).sum::<f64>() / w;
+    let xx: f64 = above.iter().map(|&(x, w)| w * (x - centre).powi(2)).sum();
+    Line {
+        centre,
+        variance: 1.0 / w,
+        slope_variance: 1.0 / xx,
+        quantile: student(above.len().saturating_sub(2)),
+    }
+}
+
+/// Draws whole runs with replacement and fits each sample; samples without a fit are left out.
+fn bootstrap(points: &[RatePoint], scatter: f64, options: FitOptions) -> Vec<(f64, f64)> {
+    let runs = runs_of(points);
+    if runs.len() < 3 {
+        return Vec::new();
+    }
+    let members: Vec<Vec<RatePoint>> = runs
+        .iter()
+        .map(|&run| {
+            points
+                .iter()
+                .filter(|point| point.run == run)
+                .copied()
+                .collect()
+        })
+        .collect();
+    let mut random = SplitMix::new(options.seed);
+    let mut sample: Vec<RatePoint> = Vec::new();
+    (0..options.replicates)
+        .filter_map(|_| {
+            sample.clear();
+            for _ in 0..members.len() {
+                sample.extend_from_slice(&members[random.below(members.len())]);
+            }
+            sort(&mut sample);
+            let eroding = |point: &&RatePoint| point.eroding;
+            let first = sample.iter().find(eroding)?.shear;
+            let last = sample.iter().rev().find(eroding)?.shear;
+            if last <= first {
+                return None;
+            }
+            minimise(&sample, scatter).map(|law| (law.k, law.c))
+        })
+        .collect()
+}
+
+/// The middle 95 %; `None` for fewer than forty values.
+fn percentiles(values: &mut [f64]) -> Option<Interval> {
+    if values.len() < 40 {
+        return None;
+    }
+    values.sort_by(f64::total_cmp);
+    let skip = values.len() / 40;
+    Some(Interval {
+        low: values[skip],
+        high: values[values.len() - 1 - skip],
+    })
+}
+
+/// Theil and Sen: median slope over all pairs, and the threshold of the median intercept.
+fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
+    let mut slopes: Vec<f64> = points
+        .iter()
+        .enumerate()
+        .flat_map(|(i, a)| points[i + 1..].iter().map(move |b| (a, b)))
+        .filter(|(a, b)| b.shear > a.shear)
+        .map(|(a, b)| (b.rate - a.rate) / (b.shear - a.shear))
+        .collect();
+    let slope = median(&mut slopes);
+    let mut intercepts: Vec<f64> = points
+        .iter()
+        .map(|point| point.rate - slope * point.shear)
+        .collect();
+    (slope, -median(&mut intercepts) / slope)
+}
+
+/// The median; `NaN` of nothing.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    if values.len() % 2 == 1 {
+        values[half]
+    } else {
+        0.5 * (values[half - 1] + values[half])
+    }
+}
+
+/// Student's t for a two-sided interval of 95 %.
+pub(super) fn student(freedom: usize) -> f64 {
+    const TABLE: [f64; 30] = [
+        12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+        2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056,
+        2.052, 2.048, 2.045, 2.042,
+    ];
+    match freedom {
+        // Two points leave nothing to judge by: the counting errors are all there is.
+        0 => 1.960,
+        1..=30 => TABLE[freedom - 1],
+        // Second-order expansion in 1 / freedom, right to 1e-3 here.
+        _ => 1.960 + 2.372 / as_f64(freedom),
+    }
+}
+
+/// What the fits of a cohesion series say together.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct CohesionTrend {
+    /// Slope of ln k_d against ln C; `None` for fewer than three fits.
+    pub coefficient_exponent: Option<f64>,
+    /// Its interval.
+    pub coefficient_exponent_interval: Option<Interval>,
+    /// Whether the interval excludes zero.
+    pub coefficient_has_trend: bool,
+    /// `(max - min) / mean` of k_d over the fits.
+    pub coefficient_variation: f64,
+    /// Whether tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
+    pub critical_shear_increases: bool,
+    /// Pairs of neighbours at which tau_c falls beyond both intervals.
+    pub reversals: usize,
+}
+
+/// The trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two fits.
+///
+/// A lower bound cannot contradict a rise and is left to the reader.
+#[must_use]
+pub fn cohesion_trend(laws: &[(f64, Law)]) -> Option<CohesionTrend> {
+    let mut fits: Vec<(f64, &LinearLaw)> = laws
+        .iter()
+        .filter_map(|(cohesion, law)| match law {
+            Law::Fitted(fit) if *cohesion > 0.0 && fit.coefficient > 0.0 => Some((*cohesion, fit)),
+            _ => None,
+        })
+        .collect();
+    fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (first, last) = (fits.first()?.1, fits.last()?.1);
+    if fits.len() < 2 {
+        return None;
+    }
+    let reversals = fits
+        .windows(2)
+        .filter(|pair| {
+            pair[1].1.critical_shear_interval.high < pair[0].1.critical_shear_interval.low
+        })
+        .count();
+    let coefficients: Vec<f64> = fits.iter().map(|(_, fit)| fit.coefficient).collect();
+    let n = as_f64(fits.len());
+    let mean = coefficients.iter().sum::<f64>() / n;
+    let most = coefficients.iter().copied().fold(f64::MIN, f64::max);
+    let least = coefficients.iter().copied().fold(f64::MAX, f64::min);
+    let trend = log_slope(&fits);
+    Some(CohesionTrend {
+        coefficient_exponent: trend.map(|(slope, _)| slope),
+        coefficient_exponent_interval: trend.map(|(_, interval)| interval),
+        coefficient_has_trend: trend.is_some_and(|(_, interval)| !interval.contains(0.0)),
+        coefficient_variation: (most - least) / mean,
+        critical_shear_increases: reversals == 0 && last.critical_shear > first.critical_shear,
+        reversals,
+    })
+}
+
+/// Slope of ln k_d against ln C with its interval; `None` for fewer than three fits or a single cohesion.
+fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
+    if fits.len() < 3 {
+        return None;
+    }
+    let n = as_f64(fits.len());
+    let points: Vec<(f64, f64)> = fits
+        .iter()
+        .map(|(c, fit)| (c.ln(), fit.coefficient.ln()))
+        .collect();
+    let (mx, my) = (
+        points.iter().map(|p| p.0).sum::<f64>() / n,
+        points.iter().map(|p| p.1).sum::<f64>() / n,
+    );
+    let xx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    if xx <= 0.0 {
+        return None;
+    }
+    let slope = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum::<f64>() / xx;
+    let left: f64 = points
+        .iter()
+        .map(|p| (p.1 - my - slope * (p.0 - mx)).powi(2))
+        .sum();
+    let half = student(fits.len() - 2) * (left / (n - 2.0) / xx).sqrt();
+    Some((
+        slope,
+        Interval {
+            low: slope - half,
+            high: slope + half,
+        },
+    ))
+}
+
+/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a counter put through a mixer, enough to draw runs.
+#[derive(Clone, Debug)]
+struct SplitMix {
+    state: u64,
+}
+
+impl SplitMix {
+    fn new(seed: u64) -> Self {
+        Self { state: seed }
+    }
+
+    fn next(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A whole number below `limit`, with a bias below `limit / 2^64`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the product's high half is below `limit`"
+    )]
+    fn below(&mut self, limit: usize) -> usize {
+        ((u128::from(self.next()) * limit as u128) >> 64) as usize
+    }
+}
+
+#[cfg(test)]
+pub(in crate::analysis) mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// Random numbers of the tests of this folder.
+    pub(in crate::analysis) struct Draws(SplitMix);
+
+    impl Draws {
+        pub(in crate::analysis) fn new(seed: u64) -> Self {
+            Self(SplitMix::new(seed))
+        }
+        /// In (0, 1).
+        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+        pub(in crate::analysis) fn uniform(&mut self) -> f64 {
+            ((self.0.next() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        }
+        pub(in crate::analysis) fn normal(&mut self) -> f64 {
+            (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+        }
+        pub(in crate::analysis) fn exponential(&mut self, rate: f64) -> f64 {
+            -self.uniform().ln() / rate
+        }
+    }
+
+    const TRUTH: Threshold = Threshold { k: 9.1, c: 9e-4 };
+
+    fn exact(run: usize, shear: f64) -> RatePoint {
+        let rate = TRUTH.rate(shear);
+        RatePoint {
+            run,
+            shear,
+            rate,
+            error: 1e-4,
+            quantum: 1e-6,
+            eroding: rate > 0.0,
+        }
+    }
+
+    fn fitted(law: Option<Law>) -> LinearLaw {
+        match law {
+            Some(Law::Fitted(fit)) => fit,
+            other => panic!("no fit: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn an_exact_law_comes_back() {
+        let points: Vec<RatePoint> = [4e-4, 8e-4, 1.2e-3, 3e-3, 8e-3, 2e-2]
+            .iter()
+            .enumerate()
+            .map(|(i, &t)| exact(i, t))
+            .collect();
+        let fit = fitted(fit_law(&points, FitOptions::default()));
+        assert_relative_eq!(fit.coefficient, TRUTH.k, max_relative = 1e-9);
+        assert_relative_eq!(fit.critical_shear, TRUTH.c, max_relative = 1e-9);
+        assert_relative_eq!(fit.coefficient_median, TRUTH.k, max_relative = 1e-9);
+        assert_relative_eq!(fit.critical_shear_median, TRUTH.c, max_relative = 1e-9);
+        assert_relative_eq!(fit.r_squared, 1.0, max_relative = 1e-12);
+        assert!(fit.scatter.abs() < 1e-12);
+        assert_eq!((fit.points, fit.eroding_points, fit.runs), (6, 4, 6));
+        assert!(fit.coefficient_interval.contains(TRUTH.k));
+        assert!(fit.rate_interval(1e-2).contains(TRUTH.rate(1e-2)));
+        assert!(fit.rate_interval(1e-5).low.abs() < 1e-300);
+    }
+
+    #[test]
+    fn the_scan_finds_the_least_squares_of_a_fine_search() {
+        let mut draws = Draws::new(3);
+        for _ in 0..40 {
+            let mut points: Vec<RatePoint> = (0..12)
+                .map(|run| {
+                    let mut point = exact(run, 1e-2 * draws.uniform());
+                    point.rate = (point.rate + 0.02 * draws.normal()).max(0.0);
+                    point
+                })
+                .collect();
+            sort(&mut points);
+            let weights: Vec<f64> = points.iter().map(|_| 0.5 + draws.uniform()).collect();
+            let misfit = |law: Threshold| -> f64 {
+                points
+                    .iter()
+                    .zip(&weights)
+                    .map(|(p, w)| w * (p.rate - law.rate(p.shear)).powi(2))
+                    .sum()
+            };
+            let found = scan(&points, &weights).unwrap();
+            let least = misfit(found);
+            let top = points[points.len() - 2].shear;
+            for step in 0..2000 {
+                let c = top * f64::from(step) / 2000.0;
+                let (mut xy, mut xx) = (0.0, 0.0);
+                for (p, w) in points.iter().zip(&weights).filter(|(p, _)| p.shear > c) {
+                    xy += w * p.rate * (p.shear - c);
+                    xx += w * (p.shear - c).powi(2);
+                }
+                let searched = misfit(Threshold { k: xy / xx, c });
+                assert!(
+                    least <= searched * (1.0 + 1e-9),
+                    "{found:?} {least} {c} {searched}"
+                );
+            }
+        }
+    }
+
+    /// A study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
+    fn study(draws: &mut Draws, scatter: f64) -> Vec<RatePoint> {
+        let mut points = Vec::new();
+        for run in 0..10_u32 {
+            let load = 5e-4 * 1.45_f64.powi(i32::try_from(run).unwrap());
+            let factor = (scatter * draws.normal()).exp();
+            for window in 0..4 {
+                let shear = load * (1.0 + 0.08 * f64::from(window));
+                let rate = TRUTH.rate(shear) * factor;
+                let quantum = 2e-4;
+                // Grains in the window: a Poisson process by its waiting times.
+                let (mut clock, mut grains) = (0.0, 0_u32);
+                loop {
+                    clock += draws.exponential(1.0);
+                    if clock > rate / quantum {
+                        break;
+                    }
+                    grains += 1;
+                }
+                let rate = quantum * f64::from(grains);
+                points.push(RatePoint {
+                    run: usize::try_from(run).unwrap(),
+                    shear,
+                    rate,
+                    error: (rate.max(quantum) * quantum).sqrt(),
+                    quantum,
+                    eroding: grains >= 3,
+                });
+            }
+        }
+        points
+    }
+
+    /// Shares of 200 studies whose intervals hold k_d and tau_c, and the mean k_d over the truth.
+    fn coverage(scatter: f64) -> (f64, f64, f64) {
+        let mut draws = Draws::new(42);
+        let options = FitOptions {
+            replicates: 300,
+            seed: 1,
+        };
+        let (mut slope, mut threshold, mut mean) = (0, 0, 0.0);
+        for _ in 0..200 {
+            let fit = fitted(fit_law(&study(&mut draws, scatter), options));
+            slope += i32::from(fit.coefficient_interval.contains(TRUTH.k));
+            threshold += i32::from(fit.critical_shear_interval.contains(TRUTH.c));
+            mean += fit.coefficient / TRUTH.k / 200.0;
+        }
+        (f64::from(slope) / 200.0, f64::from(threshold) / 200.0, mean)
+    }
+
+    #[test]
+    fn intervals_hold_the_truth_with_counting_noise() {
+        let (slope, threshold, mean) = coverage(0.0);
+        assert!(slope >= 0.90 && threshold >= 0.90, "{slope} {threshold}");
+        assert_relative_eq!(mean, 1.0, max_relative = 0.01);
+    }
+
+    #[test]
+    fn intervals_hold_the_truth_when_runs_scatter() {
+        let (slope, threshold, mean) = coverage(0.1);
+        assert!(slope >= 0.90 && threshold >= 0.90, "{slope} {threshold}");
+        assert_relative_eq!(mean, 1.0, max_relative = 0.03);
+    }
+
+    #[test]
+    fn the_same_points_give_the_same_bits_in_any_order() {
+        let mut draws = Draws::new(5);
+        let points = study(&mut draws, 0.1);
+        let options = FitOptions {
+            replicates: 100,
+            seed: 9,
+        };
+        let mut turned = points.clone();
+        turned.reverse();
+        assert_eq!(fit_law(&points, options), fit_law(&turned, options));
+    }
+
+    #[test]
+    fn no_erosion_at_the_highest_load_is_a_lower_bound() {
+        let mut points: Vec<RatePoint> =
+            (1..=5_u32).map(|i| exact(0, 1e-4 * f64::from(i))).collect();
+        let law = fit_law(&points, FitOptions::default());
+        assert_eq!(law, Some(Law::LowerBound { at_least: 5e-4 }));
+        // Grains that left at a lower load do not make a law.
+        points.push(RatePoint {
+            run: 1,
+            eroding: true,
+            rate: 0.01,
+            ..exact(1, 2.5e-4)
+        });
+        let law = fit_law(&points, FitOptions::default());
+        assert_eq!(law, Some(Law::LowerBound { at_least: 5e-4 }));
+        assert_eq!(fit_law(&[], FitOptions::default()), None);
+    }
+
+    #[test]
+    fn erosion_at_one_stress_brackets_the_threshold() {
+        let points = [exact(0, 3e-4), exact(1, 6e-4), exact(2, 2e-3)];
+        assert_eq!(
+            fit_law(&points, FitOptions::default()),
+            Some(Law::Bracketed {
+                above: 6e-4,
+                below: 2e-3
+            })
+        );
+    }
+
+    #[test]
+    fn a_stress_that_is_not_a_number_is_left_out() {
+        let mut points: Vec<RatePoint> = [4e-4, 8e-4, 3e-3, 8e-3]
+            .iter()
+            .enumerate()
+            .map(|(i, &t)| exact(i, t))
+            .collect();
+        points.push(RatePoint {
+            shear: f64::NAN,
+            ..exact(9, 1.0)
+        });
+        assert_eq!(fitted(fit_law(&points, FitOptions::default())).points, 4);
+    }
+
+    fn law(threshold: f64, k: f64) -> Law {
+        let points: Vec<RatePoint> = (0..6_u32)
+            .map(|i| {
+                let shear = 1e-3 * f64::from(i + 1);
+                let rate = Threshold { k, c: threshold }.rate(shear);
+                RatePoint {
+                    rate,
+                    eroding: rate > 0.0,
+                    ..exact(0, shear)
+                }
+            })
+            .collect();
+        Law::Fitted(fitted(fit_law(&points, FitOptions::default())))
+    }
+
+    #[test]
+    fn a_series_with_steady_slope_has_no_trend_and_a_rising_threshold() {
+        let series = [
+            (2.53, law(3e-3, 9.3)),
+            (0.152, law(5e-4, 9.0)),
+            (0.506, law(9e-4, 9.2)),
+            (1.27, law(2e-3, 8.9)),
+            (12.7, Law::LowerBound { at_least: 1.0 }),
+        ];
+        let trend = cohesion_trend(&series).unwrap();
+        assert!(!trend.coefficient_has_trend, "{trend:?}");
+        assert!(trend.critical_shear_increases);
+        assert!(trend.coefficient_variation < 0.05);
+    }
+
+    #[test]
+    fn a_slope_that_grows_with_cohesion_is_a_trend_and_a_falling_threshold_a_reversal() {
+        let series: Vec<(f64, Law)> = [0.1_f64, 0.3, 1.0, 3.0]
+            .iter()
+            .map(|&c| (c, law(3e-3 - 8e-4 * c, 9.0 * c.powf(0.5))))
+            .collect();
+        let trend = cohesion_trend(&series).unwrap();
+        assert!(trend.coefficient_has_trend);
+        assert_relative_eq!(
+            trend.coefficient_exponent.unwrap(),
+            0.5,
+            max_relative = 1e-6
+        );
+        assert!(trend.reversals > 0 && !trend.critical_shear_increases);
+        assert_eq!(cohesion_trend(&series[..1]), None);
+    }
+
+    #[test]
+    fn quantiles_are_students() {
+        assert_relative_eq!(student(8), 2.306);
+        assert_relative_eq!(student(40), 2.021, epsilon = 2e-3);
+        assert_relative_eq!(student(1_000_000), 1.960, epsilon = 1e-3);
+    }
+}

@@ -1,0 +1,464 @@
+//! What a run writes down about erosion, and how it is read back.
+//!
+//! | file | row | one row per |
+//! |---|---|---|
+//! | `erosion.csv` | [`ErosionRecord`] | interval of the erosion record |
+//! | `removed.csv` | [`RemovedGrain`] | grain that left the domain (A-27) |
+//! | `bonds.csv` | [`BondBreak`] | bond that broke (A-09, A-18) |
+//! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
+//!
+//! Each struct is declared once, with the name and unit of every column beside the field, so that header, writer and
+//! reader cannot drift apart. Numbers are written with the shortest text that reads back to the same bits; a value
+//! that does not exist (the shear on a hole that is gone) is `NaN`.
+
+use crate::error::Error;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+/// One row of a CSV file.
+pub trait Row: Sized {
+    /// The columns in order, `name [unit]`.
+    const COLUMNS: &'static [&'static str];
+
+    /// The row as text, without the end of line.
+    fn to_csv(&self) -> String;
+
+    /// The row from its fields, in the order of [`Row::COLUMNS`].
+    ///
+    /// # Errors
+    /// The name of the column and the text that does not read as its value.
+    fn from_fields(fields: &[&str]) -> Result<Self, String>;
+
+    /// The first line of the file, without the end of line.
+    #[must_use]
+    fn header() -> String {
+        Self::COLUMNS.join(",")
+    }
+}
+
+/// A struct whose fields are the columns of a CSV file.
+macro_rules! csv_row {
+    (
+        $(#[$about:meta])*
+        pub struct $name:ident {
+            $( $(#[$doc:meta])* $field:ident: $kind:ty = $column:literal, )*
+        }
+    ) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name { $( $(#[$doc])* pub $field: $kind, )* }
+
+        impl Row for $name {
+            const COLUMNS: &'static [&'static str] = &[$($column),*];
+
+            fn to_csv(&self) -> String {
+                let mut line = String::new();
+                $(
+                    if !line.is_empty() {
+                        line.push(',');
+                    }
+                    self.$field.put(&mut line);
+                )*
+                line
+            }
+
+            fn from_fields(fields: &[&str]) -> Result<Self, String> {
+                let mut rest = fields.iter();
+                $(
+                    let text = rest.next().ok_or_else(|| format!("column `{}` is missing", $column))?;
+                    let $field = <$kind as Value>::take(text)
+                        .ok_or_else(|| format!("column `{}` cannot be `{text}`", $column))?;
+                )*
+                Ok(Self { $($field),* })
+            }
+        }
+    };
+}
+
+/// A value of one column.
+trait Value: Sized {
+    fn put(&self, line: &mut String);
+    fn take(text: &str) -> Option<Self>;
+}
+
+impl Value for u64 {
+    fn put(&self, line: &mut String) {
+        // Writing to a string cannot fail.
+        let _ = write!(line, "{self}");
+    }
+    fn take(text: &str) -> Option<Self> {
+        text.trim().parse().ok()
+    }
+}
+
+impl Value for f64 {
+    fn put(&self, line: &mut String) {
+        // Writing to a string cannot fail.
+        let _ = if self.is_nan() || (1e-3..1e6).contains(&self.abs()) {
+            write!(line, "{self}")
+        } else if self.abs() < f64::MIN_POSITIVE {
+            write!(line, "0")
+        } else {
+            write!(line, "{self:e}")
+        };
+    }
+    fn take(text: &str) -> Option<Self> {
+        text.trim().parse().ok()
+    }
+}
+
+csv_row! {
+/// The state of an eroding hole at one time: a row of `erosion.csv`. Per metre of depth in 2-D.
+pub struct ErosionRecord {
+    /// Fluid step.
+    step: u64 = "step",
+    /// Time since the flow was started, s.
+    time: f64 = "time [s]",
+    /// Mass that left through the outlet so far, M_e, kg/m.
+    eroded_mass: f64 = "eroded_mass [kg/m]",
+    /// M_e / M_0, M_0 the mass of the grains at the start of the flow.
+    eroded_fraction: f64 = "eroded_fraction [1]",
+    /// Grains that left through the outlet so far.
+    eroded_grains: u64 = "eroded_grains [1]",
+    /// Mean position of the lower face of the hole, m.
+    lower_face: f64 = "lower_face [m]",
+    /// Mean position of the upper face of the hole, m.
+    upper_face: f64 = "upper_face [m]",
+    /// Distance between the faces, m.
+    hole_width: f64 = "hole_width [m]",
+    /// Length of the pipe along the flow, m.
+    hole_length: f64 = "hole_length [m]",
+    /// Shear stress from the velocity gradient at the faces, mean of both, Pa (E-05).
+    shear_gradient: f64 = "shear_gradient [Pa]",
+    /// Shear stress from the balance of forces, `dP d_h / (2 L)`, Pa.
+    shear_balance: f64 = "shear_balance [Pa]",
+    /// Shear stress from the force of the fluid on the grains of the faces, Pa.
+    shear_traction: f64 = "shear_traction [Pa]",
+    /// Pressure difference applied at this time, Pa (it differs from the case's while a ramp lasts).
+    pressure_difference: f64 = "pressure_difference [Pa]",
+    /// Discharge through the hole, m^2/s.
+    discharge: f64 = "discharge [m^2/s]",
+    /// Bonds broken so far.
+    bonds_broken: u64 = "bonds_broken [1]",
+    /// Of these, in the bulk of the packing.
+    bonds_broken_inside: u64 = "bonds_broken_inside [1]",
+    /// Of these, at the wall of the hole.
+    bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
+    /// Largest speed over the lattice velocity C = h/dt.
+    mach: f64 = "mach [1]",
+    /// Fluid mass now over fluid mass expected, less one.
+    mass_error: f64 = "mass_error [1]",
+}
+}
+
+csv_row! {
+/// A grain that left the domain: a row of `removed.csv`.
+pub struct RemovedGrain {
+    /// Fluid step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// The grain.
+    id: u64 = "id",
+    /// Its mass, kg/m.
+    mass: f64 = "mass [kg/m]",
+    /// Its radius, m.
+    radius: f64 = "radius [m]",
+    /// Where it was, m.
+    x: f64 = "x [m]",
+    /// Where it was, m.
+    y: f64 = "y [m]",
+}
+}
+
+/// How a bond broke.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BreakMode {
+    /// The normal force passed the tensile strength.
+    Tension,
+    /// The shear force passed its limit.
+    Shear,
+}
+
+/// Where a bond broke.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BreakPlace {
+    /// In the bulk of the packing, where only a pressure wave reaches.
+    Inside,
+    /// At the wall of the hole.
+    HoleWall,
+}
+
+impl Value for BreakMode {
+    fn put(&self, line: &mut String) {
+        line.push_str(match self {
+            Self::Tension => "tension",
+            Self::Shear => "shear",
+        });
+    }
+    fn take(text: &str) -> Option<Self> {
+        match text.trim() {
+            "tension" => Some(Self::Tension),
+            "shear" => Some(Self::Shear),
+            _ => None,
+        }
+    }
+}
+
+impl Value for BreakPlace {
+    fn put(&self, line: &mut String) {
+        line.push_str(match self {
+            Self::Inside => "inside",
+            Self::HoleWall => "hole_wall",
+        });
+    }
+    fn take(text: &str) -> Option<Self> {
+        match text.trim() {
+            "inside" => Some(Self::Inside),
+            "hole_wall" => Some(Self::HoleWall),
+            _ => None,
+        }
+    }
+}
+
+csv_row! {
+/// A bond that broke: a row of the ledger `bonds.csv`.
+pub struct BondBreak {
+    /// Fluid step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// The grain with the smaller id.
+    id_a: u64 = "id_a",
+    /// The other grain, or the wall.
+    id_b: u64 = "id_b",
+    /// Contact point, m.
+    x: f64 = "x [m]",
+    /// Contact point, m.
+    y: f64 = "y [m]",
+    /// How it broke.
+    mode: BreakMode = "mode",
+    /// Where it broke.
+    place: BreakPlace = "place",
+}
+}
+
+/// What a study needs to know of a run beside its record: the value of the key `erosion` of `summary.json`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ErosionSummary {
+    /// Cohesion over mean diameter, C/d, N/m.
+    pub cohesion: f64,
+    /// Pressure difference over the box once any ramp is over, Pa.
+    pub pressure_difference: f64,
+    /// Time at which a ramp of the pressure ends, s; 0 without a ramp.
+    pub ramp_end: f64,
+    /// Mass of the grains at the start of the flow, M_0, kg/m.
+    pub initial_mass: f64,
+    /// Mass that left through the outlet, kg/m.
+    pub eroded_mass: f64,
+    /// Initial hole width d_h, m.
+    pub hole_width: f64,
+    /// Initial hole length L, m.
+    pub hole_length: f64,
+}
+
+/// Reads a CSV file whose first line is exactly the header of the row.
+///
+/// A run that was killed and resumed may have written rows after its last checkpoint twice: of rows with the same
+/// `key` the last is kept, in the place of the first. Lines that start with `#` are skipped.
+///
+/// # Errors
+/// [`Error::Io`] with file, line and column where the file cannot be read.
+pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>, Error> {
+    let fail = |what: String| Error::Io(format!("{}: {what}", path.display()));
+    let text = fs::read_to_string(path).map_err(|error| fail(error.to_string()))?;
+    let mut lines = text
+        .lines()
+        .enumerate()
+        .filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
+    match lines.next() {
+        Some((_, header)) if header.trim() == R::header() => {}
+        Some((_, header)) => {
+            return Err(fail(format!(
+                "the columns are `{header}`, expected `{}`",
+                R::header()
+            )));
+        }
+        None => return Err(fail("the file is empty".to_owned())),
+    }
+    let mut rows: Vec<R> = Vec::new();
+    let mut places: HashMap<u64, usize> = HashMap::new();
+    for (number, line) in lines {
+        let fields: Vec<&str> = line.split(',').collect();
+        if fields.len() != R::COLUMNS.len() {
+            return Err(fail(format!(
+                "line {} has {} columns, expected {}",
+                number + 1,
+                fields.len(),
+                R::COLUMNS.len()
+            )));
+        }
+        let row = R::from_fields(&fields)
+            .map_err(|reason| fail(format!("line {}: {reason}", number + 1)))?;
+        match places.get(&key(&row)) {
+            Some(&place) => {
+                if let Some(old) = rows.get_mut(place) {
+                    *old = row;
+                }
+            }
+            None => {
+                places.insert(key(&row), rows.len());
+                rows.push(row);
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// Writes a whole CSV file: header and rows.
+///
+/// # Errors
+/// [`Error::Io`] where the file cannot be written.
+pub fn write_rows<R: Row>(path: &Path, rows: &[R]) -> Result<(), Error> {
+    let mut text = R::header();
+    text.push('\n');
+    for row in rows {
+        text.push_str(&row.to_csv());
+        text.push('\n');
+    }
+    fs::write(path, text).map_err(|error| Error::Io(format!("{}: {error}", path.display())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(step: u64) -> ErosionRecord {
+        ErosionRecord {
+            step,
+            time: 0.1 + 0.2,
+            eroded_mass: 1.0 / 3.0,
+            eroded_fraction: 5e-324,
+            eroded_grains: 17,
+            lower_face: 3.5e-3,
+            upper_face: 4.5e-3,
+            hole_width: 1e-3,
+            hole_length: 1.2e-2,
+            shear_gradient: -1.25e-9,
+            shear_balance: 1.5e300,
+            shear_traction: f64::NAN,
+            pressure_difference: 0.5,
+            discharge: 1e-6,
+            bonds_broken: u64::MAX,
+            bonds_broken_inside: 2,
+            bonds_broken_at_wall: 3,
+            mach: 0.0,
+            mass_error: -0.0,
+        }
+    }
+
+    #[test]
+    fn rows_come_back_bit_for_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("erosion.csv");
+        // Subnormal fractions are below anything a run can mean and are written as zero.
+        let rows: Vec<ErosionRecord> = (0..3).map(record).collect();
+        write_rows(&path, &rows).unwrap();
+        let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
+        assert_eq!(back.len(), 3);
+        for (a, b) in rows.iter().zip(&back) {
+            assert_eq!(a.time.to_bits(), b.time.to_bits());
+            assert_eq!(a.eroded_mass.to_bits(), b.eroded_mass.to_bits());
+            assert_eq!(a.shear_gradient.to_bits(), b.shear_gradient.to_bits());
+            assert_eq!(a.shear_balance.to_bits(), b.shear_balance.to_bits());
+            assert_eq!(a.bonds_broken, b.bonds_broken);
+            assert!(b.shear_traction.is_nan());
+            assert!(b.eroded_fraction.abs() < f64::MIN_POSITIVE);
+        }
+    }
+
+    #[test]
+    fn every_column_names_its_unit_or_is_a_label() {
+        let labels = ["step", "id", "id_a", "id_b", "mode", "place"];
+        for columns in [
+            ErosionRecord::COLUMNS,
+            RemovedGrain::COLUMNS,
+            BondBreak::COLUMNS,
+        ] {
+            for column in columns {
+                assert!(
+                    labels.contains(column) || (column.contains(" [") && column.ends_with(']')),
+                    "{column}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn rows_written_twice_after_a_restart_count_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("erosion.csv");
+        let mut late = record(2);
+        late.eroded_grains = 99;
+        write_rows(&path, &[record(1), record(2), record(3), late]).unwrap();
+        let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
+        assert_eq!(
+            back.iter().map(|row| row.step).collect::<Vec<_>>(),
+            [1, 2, 3]
+        );
+        assert_eq!(back[1].eroded_grains, 99);
+    }
+
+    #[test]
+    fn the_ledger_keeps_mode_and_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bonds.csv");
+        let row = BondBreak {
+            step: 5,
+            time: 0.5,
+            id_a: 1,
+            id_b: 2,
+            x: 0.001,
+            y: 0.002,
+            mode: BreakMode::Shear,
+            place: BreakPlace::HoleWall,
+        };
+        write_rows(&path, &[row]).unwrap();
+        assert_eq!(
+            read_rows::<BondBreak>(&path, |row| row.step).unwrap(),
+            [row]
+        );
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(
+            text,
+            "step,time [s],id_a,id_b,x [m],y [m],mode,place\n5,0.5,1,2,0.001,0.002,shear,hole_wall\n"
+        );
+    }
+
+    #[test]
+    fn a_broken_file_is_named_with_line_and_column() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("removed.csv");
+        let header = RemovedGrain::header();
+        fs::write(&path, format!("{header}\n1,0.5,7,oops,1e-4,0,0\n")).unwrap();
+        let error = read_rows::<RemovedGrain>(&path, |row| row.id)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("line 2") && error.contains("mass [kg/m]"),
+            "{error}"
+        );
+        fs::write(&path, format!("{header}\n1,0.5\n")).unwrap();
+        let error = read_rows::<RemovedGrain>(&path, |row| row.id)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("2 columns, expected 7"), "{error}");
+        fs::write(&path, "a,b\n").unwrap();
+        let error = read_rows::<RemovedGrain>(&path, |row| row.id)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("expected `step"), "{error}");
+    }
+}

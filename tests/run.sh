@@ -1,0 +1,111 @@
+#!/usr/bin/env bash
+# Every test: installs what the tests need, then runs formatting, lints, the Rust tests of all packages (real mpirun among
+# them), and VTK's readers on the files of a real run. Ends with one line `N passed, N failed` and status 1 if any failed.
+#
+#   bash tests/run.sh
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# shellcheck source=jobs/install.sh
+. "$root/jobs/install.sh"
+install_needs --tests
+use_environment
+cd "$root"
+
+target=${CARGO_TARGET_DIR:-$root/target}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+passed=0
+failed=0
+failures=()
+begin=$SECONDS
+
+# gate NAME COMMAND...: one test; its output is shown only when it fails.
+gate() {
+  local name=$1
+  shift
+  local start=$SECONDS
+  if "$@" >"$work/gate.log" 2>&1; then
+    passed=$((passed + 1))
+    echo "ok      $name ($((SECONDS - start)) s)"
+  else
+    failed=$((failed + 1))
+    failures+=("$name")
+    cat "$work/gate.log"
+    echo "FAILED  $name"
+  fi
+}
+
+# The Rust tests, each counted. A part that does not build or is killed is one failure.
+rust_tests() {
+  local status=0 ok bad
+  timeout --kill-after=30 780 cargo test --workspace --locked --no-fail-fast 2>&1 | tee "$work/rust.log" ||
+    status=$?
+  ok=$(awk '/^test result:/ { sum += $4 } END { print sum + 0 }' "$work/rust.log")
+  bad=$(awk '/^test result:/ { sum += $6 } END { print sum + 0 }' "$work/rust.log")
+  if [ "$status" -ne 0 ] && [ "$bad" -eq 0 ]; then
+    bad=1
+  fi
+  passed=$((passed + ok))
+  failed=$((failed + bad))
+  if [ "$bad" -ne 0 ]; then
+    failures+=("cargo test ($bad)")
+  fi
+}
+
+# The environment of Python, made once for a list of packages and kept with the build.
+make_venv() {
+  local stamp
+  stamp=$(cksum <tests/python/requirements.txt)
+  if [ "$(cat "$target/venv/stamp" 2>/dev/null)" = "$stamp" ]; then
+    return 0
+  fi
+  rm -rf "$target/venv" &&
+    python3 -m venv "$target/venv" &&
+    "$target/venv/bin/pip" install -q --disable-pip-version-check -r tests/python/requirements.txt &&
+    echo "$stamp" >"$target/venv/stamp"
+}
+
+# A small coupled run on two ranks that writes every kind of file.
+small_run() {
+  "$target/debug/solver" example piping >"$work/piping.json" &&
+    timeout --kill-after=10 180 mpirun --oversubscribe -n 2 "$target/debug/solver" "$work/piping.json" \
+      --output "$work/run" --set time.end=0.004 --set time.warm_up=null \
+      --set output.fluid.every=0.002 --set output.grains='{"every": 0.002}' --set output.contacts='{"every": 0.002}'
+}
+
+# Every file of that run, through VTK's readers.
+readers() {
+  local files
+  mapfile -t files < <(find "$work/run" -name '*.xmf' -o -name '*.vtkhdf' | sort)
+  if [ "${#files[@]}" -eq 0 ]; then
+    echo "the run wrote no .xmf and no .vtkhdf"
+    return 1
+  fi
+  timeout 120 "$target/venv/bin/python" tests/read_outputs.py "${files[@]}"
+}
+
+scripts() {
+  local file
+  for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch tests/*.sh .ci/run; do
+    bash -n "$file" || return 1
+  done
+}
+
+gate "scripts parse" scripts
+gate "study loop" timeout 60 bash tests/study_loop.sh
+gate "cargo fmt" cargo fmt --all --check
+gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
+rust_tests
+gate "python environment" make_venv
+# Built by cargo test already; this only makes sure of the binary.
+gate "cargo build" cargo build --locked --bin solver
+gate "small run on 2 ranks" small_run
+gate "VTK reads every output" readers
+
+echo
+if [ "$failed" -ne 0 ]; then
+  printf 'failed: %s\n' "${failures[@]}"
+fi
+echo "took $((SECONDS - begin)) s"
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
