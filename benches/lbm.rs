@@ -24,7 +24,13 @@ fn lid(axis: usize) -> Patch {
     }
 }
 
-fn measure<S: Stored>(set: Set, operator: Operator, force: Force, cells: [usize; 3], steps: usize) -> f64
+fn measure<S: Stored>(
+    set: Set,
+    operator: Operator,
+    force: Force,
+    cells: [usize; 3],
+    steps: usize,
+) -> f64
 where
     Everywhere<S>: OnEveryLevel<S>,
 {
@@ -77,7 +83,11 @@ fn main() {
     let numbers: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let n = numbers.first().copied().unwrap_or(2400);
     let steps = numbers.get(1).copied().unwrap_or(20);
-    if rayon::ThreadPoolBuilder::new().num_threads(1).build_global().is_err() {
+    if rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build_global()
+        .is_err()
+    {
         println!("the thread pool was set before");
     }
     let bandwidth = update_in_place();
@@ -85,19 +95,58 @@ fn main() {
     let trt = Operator::Trt { magic: 3.0 / 16.0 };
     let force = Force::Constant([1e-6, 0.0, 0.0]);
     let show = |name: &str, mlups: f64, bytes: f64| {
-        println!("{name:34} {mlups:8.1} MLUPS  {:.2} of in-place bandwidth", mlups * 1e6 * bytes / bandwidth);
+        println!(
+            "{name:34} {mlups:8.1} MLUPS  {:.2} of in-place bandwidth",
+            mlups * 1e6 * bytes / bandwidth
+        );
     };
     let square = [n, n, 1];
-    show("D2Q9 BGK f64", measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps), 144.0);
-    show("D2Q9 TRT f64", measure::<f64>(Set::D2Q9, trt, Force::None, square, steps), 144.0);
-    show("D2Q9 BGK + force f64", measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps), 144.0);
-    show("D2Q9 BGK f32", measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps), 72.0);
+    show(
+        "D2Q9 BGK f64",
+        measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        144.0,
+    );
+    show(
+        "D2Q9 TRT f64",
+        measure::<f64>(Set::D2Q9, trt, Force::None, square, steps),
+        144.0,
+    );
+    show(
+        "D2Q9 BGK + force f64",
+        measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps),
+        144.0,
+    );
+    show(
+        "D2Q9 BGK f32",
+        measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        72.0,
+    );
     let small = [840, 400, 1];
-    show("D2Q9 BGK f64 840 x 400", measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200), 144.0);
+    show(
+        "D2Q9 BGK f64 840 x 400",
+        measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200),
+        144.0,
+    );
     let m = (n / 12).max(16);
     let cube = [m, m, m];
-    show("D3Q19 BGK f64", measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2), 304.0);
-    show("D3Q27 BGK f64", measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2), 432.0);
-    show("D3Q27 TRT f64", measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2), 432.0);
-    show("D3Q27 BGK f32", measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2), 216.0);
+    show(
+        "D3Q19 BGK f64",
+        measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2),
+        304.0,
+    );
+    show(
+        "D3Q27 BGK f64",
+        measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        432.0,
+    );
+    show(
+        "D3Q27 TRT f64",
+        measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2),
+        432.0,
+    );
+    show(
+        "D3Q27 BGK f32",
+        measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        216.0,
+    );
 }

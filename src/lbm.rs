@@ -12,4 +12,5 @@ pub mod initial;
 pub mod kernel;
 pub mod lanes;
 pub mod lattice;
+pub mod links;
 pub mod populations;

@@ -143,7 +143,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// Lists and ghosts for the present grains, and the contact loads where they are not known yet. Collective.
-    pub(super) fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+    pub(super) fn prepare(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
         let need = match (particles.stale || !self.listed, particles.loaded) {
             (true, false) => 3.0,
             (true, true) => 2.0,
@@ -220,8 +224,15 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             self.migrate(particles, &region, ranks)?;
         }
         particles.sort();
-        if let Some(pair) = particles.body.windows(2).find(|pair| pair[0].id == pair[1].id) {
-            return Err(Error::Internal(format!("two grains have the id {}", pair[0].id)));
+        if let Some(pair) = particles
+            .body
+            .windows(2)
+            .find(|pair| pair[0].id == pair[1].id)
+        {
+            return Err(Error::Internal(format!(
+                "two grains have the id {}",
+                pair[0].id
+            )));
         }
         let census = ghosts::census(particles, ranks)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
@@ -237,11 +248,25 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.total = Some(total);
         particles.added = 0;
         particles.removed = 0;
-        let smallest = census.iter().map(|one| one.smallest).fold(f64::INFINITY, f64::min);
+        let smallest = census
+            .iter()
+            .map(|one| one.smallest)
+            .fold(f64::INFINITY, f64::min);
         let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
         let gap = self.settings.skin
-            + if total > 0 { self.law.widest_opening([2.0 * smallest, 2.0 * largest]) } else { 0.0 };
-        ghosts::make(particles, &region, &census, gap, self.settings.ghost_margin, ranks)?;
+            + if total > 0 {
+                self.law.widest_opening([2.0 * smallest, 2.0 * largest])
+            } else {
+                0.0
+            };
+        ghosts::make(
+            particles,
+            &region,
+            &census,
+            gap,
+            self.settings.ghost_margin,
+            ranks,
+        )?;
         self.list(particles, gap);
         particles.stale = false;
         self.listed = true;
@@ -252,13 +277,17 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn remember(&mut self) {
         for pair in &self.pairs {
             if pair.memory != L::Memory::default() {
-                let key = key(self.names[pair.first as usize], self.names[pair.second as usize]);
+                let key = key(
+                    self.names[pair.first as usize],
+                    self.names[pair.second as usize],
+                );
                 self.memories.push((key, pair.memory));
             }
         }
         for pair in &self.wall_pairs {
             if pair.memory != L::Memory::default() {
-                self.wall_memories.push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
+                self.wall_memories
+                    .push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
             }
         }
         self.pairs.clear();
@@ -297,7 +326,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             for &k in &leaving {
                 particles.pack(k, &mut writer);
             }
-            let grains = || self.memories.iter().filter(|(key, _)| leaves(key.first) || leaves(key.second));
+            let grains = || {
+                self.memories
+                    .iter()
+                    .filter(|(key, _)| leaves(key.first) || leaves(key.second))
+            };
             let walls = || self.wall_memories.iter().filter(|((id, _), _)| leaves(*id));
             writer.integer(grains().count() as u64);
             for (key, memory) in grains() {
@@ -326,7 +359,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 let (first, second) = (reader.integer()?, reader.integer()?);
                 let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
                 let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.memories.push((Key { first, second, shift }, memory));
+                self.memories.push((
+                    Key {
+                        first,
+                        second,
+                        shift,
+                    },
+                    memory,
+                ));
             }
             for _ in 0..reader.integer()? {
                 let id = reader.integer()?;
@@ -344,7 +384,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
         let periodic = self.settings.region.any_periodic();
         self.names.extend(
-            particles.body.iter().zip(&particles.shift).map(|(body, shift)| (body.id, *shift)),
+            particles
+                .body
+                .iter()
+                .zip(&particles.shift)
+                .map(|(body, shift)| (body.id, *shift)),
         );
         self.named_owned = particles.owned();
         self.offsets.clear();
@@ -442,9 +486,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn note_incidence(&mut self, owned: usize) {
         self.incident_start.clear();
         self.incident_start.resize(owned + 1, 0);
-        let ends = |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
+        let ends =
+            |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
         for &k in &self.active {
-            for end in ends(&self.pairs[k as usize]).into_iter().filter(|&end| end < owned) {
+            for end in ends(&self.pairs[k as usize])
+                .into_iter()
+                .filter(|&end| end < owned)
+            {
                 self.incident_start[end + 1] += 1;
             }
         }
@@ -482,10 +530,16 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     fn grain_forces<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         contact.fill(Load::default());
         for &k in &self.active {
-            let offset = if PERIODIC { self.offsets[k as usize] } else { S::Vector::default() };
+            let offset = if PERIODIC {
+                self.offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
             let pair = &mut self.pairs[k as usize];
             let Some(action) = act::<S, L, PERIODIC>(pair, motion, &offset, dt) else {
                 continue;
@@ -503,10 +557,16 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// The same sums in the same order: actions by pair, then added up by grain.
-    fn grain_forces_by_threads<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
+    fn grain_forces_by_threads<const PERIODIC: bool>(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+    ) {
         use rayon::prelude::*;
         let owned = particles.owned();
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         self.actions.resize(self.active.len(), Action::default());
         let failed = act_on_pieces::<S, L, PERIODIC>(
             (&self.active, 0),
@@ -524,25 +584,34 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
         }
         let (start, incident, actions) = (&self.incident_start, &self.incident, &self.actions);
-        contact[..owned].par_iter_mut().with_min_len(512).enumerate().for_each(|(k, load)| {
-            *load = Load::default();
-            for &at in &incident[start[k] as usize..start[k + 1] as usize] {
-                let action = &actions[at as usize / 2];
-                if at % 2 == 0 {
-                    load.force -= action.force;
-                    load.torque += action.on_first;
-                } else {
-                    load.force += action.force;
-                    load.torque += action.on_second;
+        contact[..owned]
+            .par_iter_mut()
+            .with_min_len(512)
+            .enumerate()
+            .for_each(|(k, load)| {
+                *load = Load::default();
+                for &at in &incident[start[k] as usize..start[k + 1] as usize] {
+                    let action = &actions[at as usize / 2];
+                    if at % 2 == 0 {
+                        load.force -= action.force;
+                        load.torque += action.on_first;
+                    } else {
+                        load.force += action.force;
+                        load.torque += action.on_second;
+                    }
                 }
-            }
-        });
+            });
     }
 
     fn wall_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         for (k, pair) in (0..).zip(&mut self.wall_pairs) {
-            let (wall, grain) = (&self.walls[pair.wall as usize], &motion[pair.grain as usize]);
+            let (wall, grain) = (
+                &self.walls[pair.wall as usize],
+                &motion[pair.grain as usize],
+            );
             let distance = wall.distance(&grain.position);
             if distance >= pair.radius && !L::bonded(&pair.memory) {
                 pair.memory = L::Memory::default();
@@ -577,8 +646,12 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let (first, second) = (pair.first as usize, pair.second as usize);
             if first < particles.owned() {
                 let offset = self.offsets.get(k as usize).copied().unwrap_or_default();
-                let (between, squared) =
-                    separation(&particles.motion, (first, second), &offset, !self.offsets.is_empty());
+                let (between, squared) = separation(
+                    &particles.motion,
+                    (first, second),
+                    &offset,
+                    !self.offsets.is_empty(),
+                );
                 let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
                 self.breaks.push(BondBreak {
                     step: self.steps,
@@ -610,7 +683,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     pub(super) fn time(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a run of 2^53 steps would not end")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a run of 2^53 steps would not end"
+        )]
         let steps = self.steps as f64;
         steps * self.settings.time_step
     }
@@ -631,8 +707,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
         }
         for pair in &mut self.wall_pairs {
-            let distance =
-                self.walls[pair.wall as usize].distance(&particles.motion[pair.grain as usize].position);
+            let distance = self.walls[pair.wall as usize]
+                .distance(&particles.motion[pair.grain as usize].position);
             if distance < pair.radius && L::bond(&pair.constants, &mut pair.memory) {
                 bonds += 1;
             }
@@ -651,7 +727,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// Every contact this rank reports: `(entries, overlap, normal, position, bonded)`, walls as `Err(wall)`.
-    pub(super) fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(super::Contact<S>)) {
+    pub(super) fn for_each_contact(
+        &self,
+        particles: &Particles<S>,
+        mut visit: impl FnMut(super::Contact<S>),
+    ) {
         let periodic = self.settings.region.any_periodic();
         for (k, pair) in self.pairs.iter().enumerate() {
             let (first, second) = (pair.first as usize, pair.second as usize);
@@ -659,7 +739,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 continue;
             }
             let offset = self.offsets.get(k).copied().unwrap_or_default();
-            let (between, squared) = separation(&particles.motion, (first, second), &offset, periodic);
+            let (between, squared) =
+                separation(&particles.motion, (first, second), &offset, periodic);
             let bonded = L::bonded(&pair.memory);
             if squared < pair.reach * pair.reach || bonded {
                 let distance = squared.sqrt();
@@ -689,7 +770,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     wall: Some(pair.wall),
                     overlap,
                     normal: wall.normal,
-                    position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+                    position: particles.location(grain)
+                        - wall.normal * (pair.radius - 0.5 * overlap),
                     normal_force: L::stiffness(&pair.constants)[0] * overlap,
                     bonded,
                 });
@@ -712,9 +794,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             now.contacts += 1;
             now.bonds += u64::from(contact.bonded);
             let diameter = 2.0
-                * contact.other.map_or(particles.body[contact.grain].radius, |other| {
-                    particles.body[contact.grain].radius.min(particles.body[other].radius)
-                });
+                * contact
+                    .other
+                    .map_or(particles.body[contact.grain].radius, |other| {
+                        particles.body[contact.grain]
+                            .radius
+                            .min(particles.body[other].radius)
+                    });
             now.largest_overlap = now.largest_overlap.max(contact.overlap / diameter);
         });
         now
@@ -729,7 +815,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             .iter()
             .filter(|pair| pair.memory != fresh && (pair.first as usize) < self.named_owned)
             .map(|pair| {
-                (key(self.names[pair.first as usize], self.names[pair.second as usize]), pair.memory)
+                (
+                    key(
+                        self.names[pair.first as usize],
+                        self.names[pair.second as usize],
+                    ),
+                    pair.memory,
+                )
             })
             .collect();
         grains.sort_unstable_by_key(|(key, _)| *key);
@@ -848,7 +940,11 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
     if active.len() <= PIECE {
         let mut failed = false;
         for (&k, action) in active.iter().zip(actions) {
-            let offset = if PERIODIC { offsets[k as usize] } else { S::Vector::default() };
+            let offset = if PERIODIC {
+                offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
             let pair = &mut pairs[k as usize - base];
             *action = act::<S, L, PERIODIC>(pair, motion, &offset, dt).unwrap_or_default();
             failed |= action.failure.is_some();
@@ -861,13 +957,35 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
     let (left_pairs, right_pairs) = pairs.split_at_mut(cut - base);
     let (left_actions, right_actions) = actions.split_at_mut(middle);
     let (a, b) = rayon::join(
-        || act_on_pieces::<S, L, PERIODIC>((left, base), left_pairs, offsets, left_actions, motion, dt),
-        || act_on_pieces::<S, L, PERIODIC>((right, cut), right_pairs, offsets, right_actions, motion, dt),
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (left, base),
+                left_pairs,
+                offsets,
+                left_actions,
+                motion,
+                dt,
+            )
+        },
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (right, cut),
+                right_pairs,
+                offsets,
+                right_actions,
+                motion,
+                dt,
+            )
+        },
     );
     a || b
 }
 
-fn pack_memory<S: Space, L: ContactLaw<S>>(memory: &L::Memory, numbers: &mut Vec<f64>, to: &mut Writer) {
+fn pack_memory<S: Space, L: ContactLaw<S>>(
+    memory: &L::Memory,
+    numbers: &mut Vec<f64>,
+    to: &mut Writer,
+) {
     numbers.clear();
     L::save(memory, numbers);
     for number in &*numbers {
@@ -891,7 +1009,8 @@ fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {
         let motion = &particles.motion[k];
-        !(finite(&motion.position) && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
+        !(finite(&motion.position)
+            && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
     }) {
         None => Ok(()),
         Some(k) => Err(ghosts::lost(particles, k, "has no finite motion")),

@@ -80,7 +80,9 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
 ) -> Fastest {
     let mut speed_squared = 0.0;
     let mut bad = false;
-    for (((motion, contact), fluid), mobility) in motion.iter_mut().zip(contact).zip(fluid).zip(mobility) {
+    for (((motion, contact), fluid), mobility) in
+        motion.iter_mut().zip(contact).zip(fluid).zip(mobility)
+    {
         if AGAIN {
             kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
         }
@@ -90,7 +92,11 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
         // A comparison that a NaN fails too.
         let sane = squared < SPEED_LIMIT;
         bad |= !sane;
-        speed_squared = if squared > speed_squared { squared } else { speed_squared };
+        speed_squared = if squared > speed_squared {
+            squared
+        } else {
+            speed_squared
+        };
     }
     Fastest { speed_squared, bad }
 }

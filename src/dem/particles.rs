@@ -230,7 +230,10 @@ impl<S: Space> Particles<S> {
         let mut at = self.motion[k].position;
         for axis in 0..S::DIMENSION {
             // A sum with a product that is exactly 0 where the axis is not periodic.
-            at.set(axis, at.get(axis) + f64::from(self.shift[k][axis]) * self.lengths[axis]);
+            at.set(
+                axis,
+                at.get(axis) + f64::from(self.shift[k][axis]) * self.lengths[axis],
+            );
         }
         at
     }
@@ -253,7 +256,10 @@ impl<S: Space> Particles<S> {
 
     /// Takes out every owned grain for which `leaves(entry)` holds and returns what they were, by rising id. Ghosts are
     /// dropped, to be made again by the next step.
-    pub fn remove(&mut self, mut leaves: impl FnMut(&Self, usize) -> bool) -> Vec<(Body, Motion<S>)> {
+    pub fn remove(
+        &mut self,
+        mut leaves: impl FnMut(&Self, usize) -> bool,
+    ) -> Vec<(Body, Motion<S>)> {
         let gone: Vec<bool> = (0..self.owned).map(|k| leaves(self, k)).collect();
         if !gone.contains(&true) {
             return Vec::new();
@@ -403,13 +409,20 @@ impl<S: Space> Particles<S> {
         let pattern = match &mut plan.pattern {
             Some(pattern) => pattern,
             none => {
-                let sends: Vec<_> = plan.sends.iter().map(|(rank, k)| (*rank, k.len() * size)).collect();
+                let sends: Vec<_> = plan
+                    .sends
+                    .iter()
+                    .map(|(rank, k)| (*rank, k.len() * size))
+                    .collect();
                 let receives: Vec<_> = plan
                     .receives
                     .iter()
                     .map(|(rank, range)| (*rank, range.len() * size))
                     .collect();
-                plan.outgoing = sends.iter().map(|&(_, bytes)| Vec::with_capacity(bytes)).collect();
+                plan.outgoing = sends
+                    .iter()
+                    .map(|&(_, bytes)| Vec::with_capacity(bytes))
+                    .collect();
                 plan.incoming = receives.iter().map(|&(_, bytes)| vec![0; bytes]).collect();
                 none.insert(ranks.pattern(&sends, &receives)?)
             }
@@ -477,7 +490,9 @@ impl<S: Space> Particles<S> {
                 .find(|(rank, _)| *rank == source)
                 .map_or(&[][..], |(_, entries)| entries);
             if rows.len() != entries.len() * N || !rest.is_empty() {
-                return Err(Error::Internal(format!("rank {source} reduced other grains than it holds")));
+                return Err(Error::Internal(format!(
+                    "rank {source} reduced other grains than it holds"
+                )));
             }
             for (&k, row) in entries.iter().zip(rows.chunks_exact(N.max(1))) {
                 for (sum, value) in values[k as usize].iter_mut().zip(row) {
@@ -569,7 +584,12 @@ fn unpack_body(from: &mut Reader<'_>) -> Result<(Body, [i32; 3]), Error> {
 }
 
 /// Writes entry `k` as a ghost with another shift.
-pub(super) fn pack_ghost<S: Space>(particles: &Particles<S>, k: usize, shift: [i32; 3], to: &mut Writer) {
+pub(super) fn pack_ghost<S: Space>(
+    particles: &Particles<S>,
+    k: usize,
+    shift: [i32; 3],
+    to: &mut Writer,
+) {
     pack_body(&particles.body[k], shift, to);
     pack_motion(&particles.motion[k], to);
 }

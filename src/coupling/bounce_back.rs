@@ -1,0 +1,232 @@
+//! Lattice Boltzmann with moving bounce-back round discs or spheres (A-10 … A-16).
+//!
+//! In a step: the lattice advances; populations bounce on the links that cross a body's surface ([`crate::lbm::links`]);
+//! the loads, known at the middle of the step, are averaged with those of the step before (Ladd 1994, A-13) and handed to
+//! the grains, who feel them unchanged through their solid steps. Then the map of bodies follows the grains
+//! ([`super::body_map`]). Bodies keep fluid inside their shells, so covering and uncovering cells creates no mass; the
+//! momentum of cells that change sides goes to or comes from the body.
+//!
+//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
+//! cells covered since then (6 … 11).
+
+use super::Flow;
+use super::body_map::{BodyMap, Grid, Rules};
+use crate::dem::particles::{Load as GrainLoad, Particles};
+use crate::dem::ranks::Ranks;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::lbm::boundary::from_quanta;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::kernel::{Everywhere, OnEveryLevel};
+use crate::lbm::lanes::Stored;
+use crate::lbm::links::{Load, Scheme, bounce};
+use crate::units::LatticeUnits;
+use std::marker::PhantomData;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Where the surface lies on a link.
+    pub scheme: Scheme,
+    /// Average the loads of two half steps.
+    pub average: bool,
+    /// Radius and narrow gaps.
+    pub rules: Rules,
+}
+
+/// Fluid with bodies in it.
+pub struct BounceBack<Sp: Space, S: Stored> {
+    fluid: Fluid<S>,
+    map: BodyMap,
+    units: LatticeUnits,
+    settings: Settings,
+    loads: Vec<Load>,
+    /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
+    fresh: bool,
+    space: PhantomData<Sp>,
+}
+
+impl<Sp: Space, S: Stored> BounceBack<Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    /// Couples a fluid with the bodies that [`Flow::follow`] will show it.
+    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
+        let grid = Grid {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin,
+            spacing: units.spacing,
+        };
+        let map = BodyMap::new(fluid.populations(), grid, settings.rules);
+        Self {
+            fluid,
+            map,
+            units,
+            settings,
+            loads: Vec::new(),
+            fresh: true,
+            space: PhantomData,
+        }
+    }
+
+    /// The fluid.
+    #[must_use]
+    pub fn fluid(&self) -> &Fluid<S> {
+        &self.fluid
+    }
+
+    /// The fluid, to set its state.
+    pub fn fluid_mut(&mut self) -> &mut Fluid<S> {
+        &mut self.fluid
+    }
+
+    /// Which cells lie inside which body.
+    #[must_use]
+    pub fn map(&self) -> &BodyMap {
+        &self.map
+    }
+
+    fn scales(&self) -> (f64, f64) {
+        (
+            self.units.velocity_to_lattice(1.0),
+            self.units.angular_velocity_to_lattice(1.0),
+        )
+    }
+
+    /// Force and torque in lattice units about the raw centre of entry `k`, from exact sums about the origin.
+    fn about_centre(&self, k: usize, load: &Load) -> [f64; 6] {
+        let x = self.map.motion()[k].position;
+        // Twice the moment about a corner of cells near the centre, still exact; only then to floating point.
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "positions in cells are far below 2^63"
+        )]
+        let corner = x.map(|v| i128::from(v.floor() as i64));
+        let f = [load[0], load[1], load[2]];
+        let moment = [
+            load[3] - 2 * (corner[1] * f[2] - corner[2] * f[1]),
+            load[4] - 2 * (corner[2] * f[0] - corner[0] * f[2]),
+            load[5] - 2 * (corner[0] * f[1] - corner[1] * f[0]),
+        ];
+        let force = f.map(from_quanta);
+        let rest: [f64; 3] = std::array::from_fn(|a| x[a] - x[a].floor());
+        let half = moment.map(|m| 0.5 * from_quanta(m));
+        [
+            force[0],
+            force[1],
+            force[2],
+            half[0] - (rest[1] * force[2] - rest[2] * force[1]),
+            half[1] - (rest[2] * force[0] - rest[0] * force[2]),
+            half[2] - (rest[0] * force[1] - rest[1] * force[0]),
+        ]
+    }
+
+    fn to_grain(&self, load: &[f64; 6]) -> GrainLoad<Sp> {
+        let mut grain = GrainLoad::<Sp>::default();
+        for a in 0..Sp::DIMENSION {
+            grain.force.set(a, self.units.force_to_si(load[a]));
+        }
+        if Sp::DIMENSION == 2 {
+            grain.torque.set(0, self.units.torque_to_si(load[5]));
+        } else {
+            for a in 0..3 {
+                grain.torque.set(a, self.units.torque_to_si(load[3 + a]));
+            }
+        }
+        grain
+    }
+
+    fn clear_loads(&mut self, n: usize) {
+        self.loads.clear();
+        self.loads.resize(n, [0; 6]);
+    }
+
+    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::follow`].
+    pub fn restart(&mut self) {
+        self.fresh = true;
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        self.fluid.advance();
+        if particles.is_empty() && ranks.size() == 1 {
+            return Ok(());
+        }
+        self.clear_loads(particles.len());
+        let (links, motion) = (self.map.links(), self.map.motion());
+        let populations = self.fluid.populations_mut();
+        if Sp::DIMENSION == 2 {
+            bounce::<S, 2>(
+                populations,
+                self.settings.scheme,
+                links,
+                motion,
+                &mut self.loads,
+            );
+        } else {
+            bounce::<S, 3>(
+                populations,
+                self.settings.scheme,
+                links,
+                motion,
+                &mut self.loads,
+            );
+        }
+        particles.reduce_to_owners(&mut self.loads, ranks)?;
+        for k in 0..particles.owned() {
+            let half = self.about_centre(k, &self.loads[k]);
+            let extra = &mut particles.extra[k];
+            let mut load = [0.0; 6];
+            for a in 0..6 {
+                let now = half[a] + extra[6 + a];
+                load[a] = if self.settings.average {
+                    0.5 * (now + extra[a])
+                } else {
+                    now
+                };
+                extra[a] = now;
+                extra[6 + a] = 0.0;
+            }
+            particles.fluid[k] = self.to_grain(&load);
+        }
+        Ok(())
+    }
+
+    fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        if particles.is_empty() && ranks.size() == 1 && self.map.links().is_empty() {
+            self.fresh = false;
+            return Ok(());
+        }
+        let (velocity, spin) = self.scales();
+        self.map
+            .refresh(particles, velocity, spin)
+            .map_err(Error::Internal)?;
+        if self.fresh {
+            self.fresh = false;
+            self.map.follow(particles, self.fluid.populations(), None);
+            return Ok(());
+        }
+        self.clear_loads(particles.len());
+        let mut loads = std::mem::take(&mut self.loads);
+        self.map
+            .follow(particles, self.fluid.populations(), Some(&mut loads));
+        let reduced = particles.reduce_to_owners(&mut loads, ranks);
+        self.loads = loads;
+        reduced?;
+        for k in 0..particles.owned() {
+            if self.loads[k] != [0; 6] {
+                let impulse = self.about_centre(k, &self.loads[k]);
+                for a in 0..6 {
+                    particles.extra[k][6 + a] += impulse[a];
+                }
+            }
+        }
+        Ok(())
+    }
+}
