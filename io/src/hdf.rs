@@ -254,6 +254,7 @@ pub(crate) fn write_part(
     let part = atomic::part_of(path);
     // One rank finds a full disk, a missing folder or a missing right, before all open the file together.
     on_root(group, || {
+        atomic::remove_if_there(&part)?;
         atomic::require_space(path, content.bytes())?;
         atomic::probe(&part, content.bytes())
     })?;
