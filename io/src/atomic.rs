@@ -44,7 +44,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     written
 }
 
-/// Write a value as indented JSON with a final newline, as [`write`] does.
+/// Write a value as indented JSON with a final newline, as [`write()`] does.
 ///
 /// # Errors
 /// The system's error, or [`Error::Invalid`] where the value has no JSON form.

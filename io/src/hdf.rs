@@ -4,7 +4,7 @@
 //! piece by piece, which writes with the serial driver: the way out where a parallel file system or an MPI-IO layer
 //! misbehaves. Both give the same datasets, byte for byte.
 //!
-//! A file is built as [`Content`], data first, and written by [`write`] in one sequence of agreed steps: space, create,
+//! A file is built as [`Content`], data first, and written by [`write()`] in one sequence of agreed steps: space, create,
 //! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to
 //! something in it lives, and `Drop` hides that; handles are therefore dropped early and `close` is explicit.
 
