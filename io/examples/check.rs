@@ -1,13 +1,14 @@
 //! Writes every kind of file on as many ranks as it is started with; `tests/mpi.rs` compares what comes out.
 //!
 //! `check write DIR collective|gather x|y|z` writes, and reads the checkpoint back in other boxes;
-//! `check fail DIR collective|gather all|RANK` lets the second checkpoint hit a limit on file size on some ranks. Exit
-//! status 0, 5 after a failed write as `solver` does, 1 where something is wrong.
+//! `check fail DIR collective|gather all|RANK N` lets the disk fail on some ranks after N agreements of the second
+//! checkpoint. Exit status 0, 5 after a failed write as `solver` does, 1 where something is wrong.
 #![allow(
     clippy::print_stderr,
     reason = "a program started by a test: its words are the test's report"
 )]
 
+use std::cell::Cell;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -18,36 +19,49 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 
 /// All ranks of the job.
-struct Ranks(SimpleCommunicator);
+struct Ranks {
+    world: SimpleCommunicator,
+    /// Agreements still to come before this rank's disk fails; none for a sound disk.
+    fails_in: Cell<Option<u32>>,
+}
 
 impl Group for Ranks {
     fn rank(&self) -> usize {
-        usize::try_from(self.0.rank()).unwrap_or_default()
+        usize::try_from(self.world.rank()).unwrap_or_default()
     }
     fn size(&self) -> usize {
-        usize::try_from(self.0.size()).unwrap_or_default()
+        usize::try_from(self.world.size()).unwrap_or_default()
     }
     fn raw(&self) -> Option<mpi_sys::MPI_Comm> {
-        Some(self.0.as_raw())
+        Some(self.world.as_raw())
+    }
+    fn give_up(&self, error: &Error) {
+        eprintln!("rank {}: {error}", self.rank());
+        self.world.abort(5);
     }
     fn all_ok(&self, ok: bool) -> bool {
+        match self.fails_in.get() {
+            Some(0) => limit_files(300_000),
+            Some(n) => self.fails_in.set(Some(n - 1)),
+            None => {}
+        }
         let mut all = 0_u8;
-        self.0
+        self.world
             .all_reduce_into(&u8::from(ok), &mut all, SystemOperation::min());
         all == 1
     }
     fn offset_and_total(&self, n: u64) -> (u64, u64) {
         let (mut offset, mut total) = (0, 0);
-        self.0
+        self.world
             .exclusive_scan_into(&n, &mut offset, SystemOperation::sum());
-        self.0
+        self.world
             .all_reduce_into(&n, &mut total, SystemOperation::sum());
         (if self.rank() == 0 { 0 } else { offset }, total)
     }
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let mine = i32::try_from(bytes.len()).unwrap_or(i32::MAX);
         let mut counts = vec![0_i32; self.size()];
-        self.0.all_gather_into(&mine, &mut counts[..]);
+        self.world.all_gather_into(&mine, &mut counts[..]);
         let lengths: Vec<usize> = counts
             .iter()
             .map(|&n| usize::try_from(n).unwrap_or_default())
@@ -57,7 +71,7 @@ impl Group for Ranks {
             offsets[i] = offsets[i - 1] + counts[i - 1];
         }
         let mut all = vec![0_u8; lengths.iter().sum()];
-        self.0
+        self.world
             .all_gather_varcount_into(bytes, &mut PartitionMut::new(&mut all[..], counts, offsets));
         let mut rest = &all[..];
         lengths
@@ -70,7 +84,7 @@ impl Group for Ranks {
             .collect()
     }
     fn barrier(&self) {
-        self.0.barrier();
+        self.world.barrier();
     }
 }
 
@@ -356,44 +370,40 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
     read_checkpoint(folder, 5, group, mode)
 }
 
-/// Ask the system to refuse files above `bytes` in this process: a disk that fills up while it is written.
-fn limit_files(bytes: u64) -> bool {
+/// Ask the system to refuse files above `bytes` in this process: a disk that fails while it is written.
+fn limit_files(bytes: u64) {
     let limit = libc::rlimit {
         rlim_cur: bytes,
         rlim_max: bytes,
     };
     // SAFETY: ignoring a signal installs no handler, and setrlimit only reads the struct, which lives here.
-    unsafe {
+    let code = unsafe {
         libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
-        libc::setrlimit(libc::RLIMIT_FSIZE, &raw const limit) == 0
+        libc::setrlimit(libc::RLIMIT_FSIZE, &raw const limit)
+    };
+    if code != 0 {
+        eprintln!("the limit on file sizes was refused");
+        std::process::exit(1);
     }
 }
 
-/// The second checkpoint fails midway on the chosen ranks; the first must still be found.
-fn fail(folder: &Path, mode: Mode, who: &str, group: &dyn Group) -> Result<(), Error> {
+/// The disk fails on the chosen ranks after some agreements of the second checkpoint; the first must still be found.
+fn fail(folder: &Path, mode: Mode, who: &str, when: u32, group: &Ranks) -> Result<(), Error> {
     checkpoint(folder, 1, 64, group, mode)?;
-    let hit = who == "all" || who == group.rank().to_string();
-    let limited = !hit || limit_files(300_000);
-    io::group::agree(
-        group,
-        if limited {
-            Ok(())
-        } else {
-            Err(Error::Invalid {
-                what: "the limit".to_owned(),
-                reason: "was refused".to_owned(),
-            })
-        },
-    )?;
+    if who == "all" || who == group.rank().to_string() {
+        group.fails_in.set(Some(when));
+    }
     checkpoint(folder, 2, 64, group, mode)
 }
 
-fn run(arguments: &[String], group: &dyn Group) -> Result<(), Error> {
+fn run(arguments: &[String], group: &Ranks) -> Result<(), Error> {
     let usage = || Error::Invalid {
         what: "usage".to_owned(),
-        reason: "check write|fail DIR collective|gather x|y|z|all|RANK".to_owned(),
+        reason:
+            "check write DIR collective|gather x|y|z, check fail DIR collective|gather all|RANK N"
+                .to_owned(),
     };
-    let [_, command, folder, mode, last] = arguments else {
+    let [_, command, folder, mode, last, rest @ ..] = arguments else {
         return Err(usage());
     };
     let mode = match mode.as_str() {
@@ -407,7 +417,13 @@ fn run(arguments: &[String], group: &dyn Group) -> Result<(), Error> {
             let axis = "xyz".find(last.as_str()).ok_or_else(usage)?;
             write(folder, mode, axis, group)
         }
-        "fail" => fail(folder, mode, last, group),
+        "fail" => {
+            let when = rest
+                .first()
+                .and_then(|n| n.parse().ok())
+                .ok_or_else(usage)?;
+            fail(folder, mode, last, when, group)
+        }
         _ => Err(usage()),
     }
 }
@@ -418,17 +434,19 @@ fn main() -> ExitCode {
         eprintln!("MPI is already there");
         return ExitCode::FAILURE;
     };
-    let world = SimpleCommunicator::world();
-    let group = Ranks(SimpleCommunicator::world());
+    let group = Ranks {
+        world: SimpleCommunicator::world(),
+        fails_in: Cell::new(None),
+    };
     match run(&arguments, &group) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("rank {}: {error}", group.rank());
             if error.must_abort() {
-                world.abort(5);
+                group.give_up(&error);
             }
+            eprintln!("rank {}: {error}", group.rank());
             match error {
-                Error::Hdf { .. } | Error::Io { .. } => ExitCode::from(5),
+                Error::Io { .. } | Error::Space { .. } => ExitCode::from(5),
                 _ => ExitCode::FAILURE,
             }
         }

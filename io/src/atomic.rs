@@ -1,8 +1,10 @@
 //! Files that appear whole or not at all: `.part`, flush to the disk, rename, flush the folder.
 
 use std::ffi::CString;
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
+#[cfg(target_os = "linux")]
+use std::os::fd::AsRawFd;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
@@ -42,7 +44,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     written
 }
 
-/// Write a value as indented JSON with a final newline, as [`write`] does.
+/// Write a value as indented JSON with a final newline, as [`write()`] does.
 ///
 /// # Errors
 /// The system's error, or [`Error::Invalid`] where the value has no JSON form.
@@ -78,11 +80,56 @@ pub fn sync_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// Find out on one rank, before all open it together, whether `part` can be created; an old one is replaced.
-pub(crate) fn probe(part: &Path) -> Result<()> {
+/// Find out on one rank, before all open it together, whether `part` can be created and given `bytes` bytes: a missing
+/// right, a quota and a full disk show here, where turning back is safe. An old `part` is replaced; none is left.
+pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     remove_if_there(part)?;
-    File::create(part).map_err(|e| Error::io("create", part, &e))?;
-    fs::remove_file(part).map_err(|e| Error::io("remove", part, &e))
+    let file = File::create(part).map_err(|e| Error::io("create", part, &e))?;
+    let reserved = reserve(&file, bytes);
+    drop(file);
+    remove_if_there(part)?;
+    match reserved {
+        Err(e) if e.raw_os_error() == Some(libc::ENOSPC) => {
+            let folder = folder_of(part);
+            Err(Error::Space {
+                needed: bytes,
+                free: free_bytes(folder)?,
+                path: folder.display().to_string(),
+            })
+        }
+        Err(e) => Err(Error::io("reserve the space for", part, &e)),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// Give an existing file its room on the disk, so that writing into it cannot run out of space.
+pub(crate) fn hold(part: &Path, bytes: u64) -> Result<()> {
+    OpenOptions::new()
+        .write(true)
+        .open(part)
+        .and_then(|file| reserve(&file, bytes))
+        .map_err(|e| Error::io("reserve the space for", part, &e))
+}
+
+#[cfg(target_os = "linux")]
+fn reserve(file: &File, bytes: u64) -> io::Result<()> {
+    let length = libc::off_t::try_from(bytes).map_err(io::Error::other)?;
+    // SAFETY: the descriptor is open for as long as `file` is borrowed, and fallocate touches no memory of ours.
+    let code = unsafe { libc::fallocate(file.as_raw_fd(), 0, 0, length) };
+    if code == 0 {
+        return Ok(());
+    }
+    let error = io::Error::last_os_error();
+    match error.raw_os_error() {
+        // The file system cannot promise space: then writing has to show.
+        Some(libc::EOPNOTSUPP | libc::ENOSYS | libc::EINVAL) => Ok(()),
+        _ => Err(error),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn reserve(_: &File, _: u64) -> io::Result<()> {
+    Ok(())
 }
 
 pub(crate) fn remove_if_there(path: &Path) -> Result<()> {

@@ -23,7 +23,7 @@ pub enum Error {
         /// The system's words.
         reason: String,
     },
-    /// HDF5 refused, and every file is in a safe state.
+    /// HDF5 refused to open or read a file.
     #[error("{path}: {reason}")]
     Hdf {
         /// The file.
@@ -31,9 +31,9 @@ pub enum Error {
         /// HDF5's words.
         reason: String,
     },
-    /// A write by several ranks together failed halfway. The file is left open under its `.part` name, because closing
-    /// it could wait for ever on the rank that failed: the caller reports this and calls `MPI_Abort`.
-    #[error("{path}: the joint write failed, leave by MPI_Abort: {reason}")]
+    /// A write failed halfway inside HDF5. The file is left open under its `.part` name: closing it could wait for ever
+    /// on the rank that failed, and shutting HDF5 down over it crashes. The caller reports this and calls `MPI_Abort`.
+    #[error("{path} is half written: {reason}")]
     Broken {
         /// The file.
         path: String,
@@ -77,7 +77,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// True where closing files or leaving quietly could hang the other ranks: call `MPI_Abort`.
+    /// True where leaving quietly could hang the other ranks or crash HDF5: call `MPI_Abort`.
     #[must_use]
     pub fn must_abort(&self) -> bool {
         matches!(self, Self::Broken { .. })
@@ -112,11 +112,16 @@ impl Error {
         }
     }
 
-    /// The same error as part of a joint write that cannot be taken back.
+    /// The same error as part of a write that cannot be taken back.
     pub(crate) fn broken(self, path: &Path) -> Self {
+        let reason = match self {
+            Self::Io { action, reason, .. } => format!("cannot {action} it: {reason}"),
+            Self::Hdf { reason, .. } | Self::Broken { reason, .. } => reason,
+            other => other.to_string(),
+        };
         Self::Broken {
             path: path.display().to_string(),
-            reason: self.to_string(),
+            reason,
         }
     }
 

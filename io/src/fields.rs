@@ -73,9 +73,10 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         datasets: Vec::new(),
     };
     let walked = walk(&file, &mut info).map_err(|e| Error::hdf(path, "list the file", &e));
-    // Only read: whatever closing says does not touch the file.
-    let _ = file.close();
-    walked.map(|()| info)
+    let closed = file
+        .close()
+        .map_err(|e| Error::hdf(path, "close the file", &e));
+    walked.and(closed).map(|()| info)
 }
 
 fn walk(group: &hdf5::Group, info: &mut FileInfo) -> hdf5::Result<()> {
@@ -172,7 +173,11 @@ pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) ->
         hdf::read_box(&dataset, start, count, &mut values, Transfer::Independent)?;
         Ok(values)
     };
-    read().map_err(|e| Error::hdf(path, &format!("read {dataset}"), &e))
+    let values = read().map_err(|e| Error::hdf(path, &format!("read {dataset}"), &e));
+    let closed = file
+        .close()
+        .map_err(|e| Error::hdf(path, "close the file", &e));
+    values.and_then(|values| closed.map(|()| values))
 }
 
 /// A whole column.

@@ -23,6 +23,10 @@ pub trait Group {
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
     /// Wait for all.
     fn barrier(&self);
+    /// Called on a rank whose part of a joint HDF5 call failed, before it tries to agree with the others: these may be
+    /// waiting for it inside that call, where no agreement reaches them. An MPI program reports the error and calls
+    /// `MPI_Abort` here; to do nothing is right only without MPI.
+    fn give_up(&self, _error: &Error) {}
 }
 
 /// One process without MPI.

@@ -4,7 +4,7 @@
 //! piece by piece, which writes with the serial driver: the way out where a parallel file system or an MPI-IO layer
 //! misbehaves. Both give the same datasets, byte for byte.
 //!
-//! A file is built as [`Content`], data first, and written by [`write`] in one sequence of agreed steps: space, create,
+//! A file is built as [`Content`], data first, and written by [`write()`] in one sequence of agreed steps: space, create,
 //! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to
 //! something in it lives, and `Drop` hides that; handles are therefore dropped early and `close` is explicit.
 
@@ -13,6 +13,7 @@ use std::mem::ManuallyDrop;
 use std::path::Path;
 
 use hdf5::dataset::{AllocTime, FillTime};
+use hdf5::file::FileCloseDegree;
 use hdf5::sync::sync;
 use hdf5::types::TypeDescriptor;
 use hdf5::{Dataset, Dataspace, File, Location};
@@ -234,9 +235,9 @@ pub(crate) fn product(shape: &[usize]) -> usize {
 /// Write a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
 ///
 /// # Errors
-/// The same on all ranks: [`Error::Space`] and [`Error::Invalid`] before anything is written, [`Error::Io`] and
-/// [`Error::Hdf`] with nothing left open, [`Error::Broken`] where the caller must abort. No error touches an older
-/// file of this name.
+/// The same on all ranks: [`Error::Space`], [`Error::Io`] and [`Error::Invalid`] before anything is written,
+/// [`Error::Broken`] where writing failed midway and the caller must abort (see [`Group::give_up`]). No error touches
+/// an older file of this name.
 pub fn write(path: &Path, content: &Content, group: &dyn Group, mode: Mode) -> Result<()> {
     write_part(path, content, group, mode)?;
     publish(path, group)
@@ -253,19 +254,13 @@ pub(crate) fn write_part(
     let part = atomic::part_of(path);
     // One rank finds a full disk, a missing folder or a missing right, before all open the file together.
     on_root(group, || {
+        atomic::remove_if_there(&part)?;
         atomic::require_space(path, content.bytes())?;
-        atomic::probe(&part)
+        atomic::probe(&part, content.bytes())
     })?;
     match mode.communicator(group) {
         Some(communicator) => write_together(&part, content, group, communicator),
-        None => {
-            let written = write_through_root(&part, content, group);
-            if written.is_err() && group.rank() == 0 {
-                // The write's own error is the one to report.
-                let _ = atomic::remove_if_there(&part);
-            }
-            written
-        }
+        None => write_through_root(&part, content, group).map_err(|e| e.broken(&part)),
     }
 }
 
@@ -281,8 +276,14 @@ fn write_together(
     communicator: mpi_sys::MPI_Comm,
 ) -> Result<()> {
     // From here on a failure on one rank leaves handles that cannot be closed without the others: they are leaked
-    // (ManuallyDrop) and the caller is told to abort.
-    let together = |done: Result<()>| agree(group, done).map_err(|e| e.broken(part));
+    // (ManuallyDrop) and the caller is told to abort, at once where it gave us the means.
+    let together = |done: Result<()>| {
+        let done = done.map_err(|e| e.broken(part));
+        if let Err(error) = &done {
+            group.give_up(error);
+        }
+        agree(group, done)
+    };
     let mut file = None;
     together(
         File::with_options()
@@ -302,18 +303,28 @@ fn write_together(
     for folder in &content.folders {
         together(make_folder(&file, folder).map_err(|e| Error::hdf(part, &folder.path, &e)))?;
     }
+    let mut datasets = ManuallyDrop::new(Vec::with_capacity(content.parts.len()));
     for piece in &content.parts {
-        let mut dataset = None;
         together(
             make_dataset(&file, piece)
-                .map(|made| dataset = Some(ManuallyDrop::new(made)))
+                .map(|made| datasets.push(made))
                 .map_err(|e| Error::hdf(part, &format!("create {}", piece.path), &e)),
         )?;
-        let Some(dataset) = dataset else { continue };
+    }
+    // An MPI-IO layer may swallow the error of a disk that fills up while it writes (Open MPI's OMPIO 4.1 does), so the
+    // disk promises the room first.
+    agree(
+        group,
+        match group.rank() {
+            0 => atomic::hold(part, content.bytes()).map_err(|e| e.broken(part)),
+            _ => Ok(()),
+        },
+    )?;
+    for (dataset, piece) in datasets.iter().zip(&content.parts) {
         if product(&piece.shape) > 0 {
             together(
                 write_box(
-                    &dataset,
+                    dataset,
                     &piece.start,
                     &piece.count,
                     piece.data.bytes(),
@@ -322,8 +333,8 @@ fn write_together(
                 .map_err(|e| Error::hdf(part, &format!("write {}", piece.path), &e)),
             )?;
         }
-        drop(ManuallyDrop::into_inner(dataset));
     }
+    drop(ManuallyDrop::into_inner(datasets));
     together(
         file.flush()
             .map_err(|e| Error::hdf(part, "flush the file", &e)),
@@ -336,30 +347,33 @@ fn write_together(
 }
 
 fn write_through_root(part: &Path, content: &Content, group: &dyn Group) -> Result<()> {
-    let root = group.rank() == 0;
     let mut file = None;
-    let mut result = Ok(());
-    if root {
-        result = File::create(part)
-            .and_then(|made| {
-                for folder in &content.folders {
-                    make_folder(&made, folder)?;
-                }
-                file = Some(made);
-                Ok(())
+    let mut made = Ok(());
+    if group.rank() == 0 {
+        made = File::with_options()
+            .with_fapl(|access| access.fclose_degree(FileCloseDegree::Semi))
+            .create(part)
+            .map(ManuallyDrop::new)
+            .and_then(|opened| {
+                let mut folders = content.folders.iter();
+                let done = folders.try_for_each(|folder| make_folder(&opened, folder));
+                file = Some(opened);
+                done
             })
             .map_err(|e| Error::hdf(part, "create the file", &e));
     }
-    agree(group, result)?;
+    agree(group, made)?;
     for piece in &content.parts {
-        let written = gather_dataset(part, file.as_ref(), piece, group);
-        if let Err(error) = agree(group, written) {
-            // The file is only rank 0's, so closing it waits for nobody; what it says adds nothing.
-            let _ = file.map(File::close);
-            return Err(error);
-        }
+        // A file that could not be written is not closed but leaked: HDF5 cannot flush it, and 1.10 crashes at its end
+        // after such a close.
+        agree(group, gather_dataset(part, file.as_deref(), piece, group))?;
     }
-    let closed = file.map_or(Ok(()), |f| f.flush().and_then(|()| f.close()));
+    let closed = match file {
+        None => Ok(()),
+        Some(file) => file
+            .flush()
+            .and_then(|()| ManuallyDrop::into_inner(file).close()),
+    };
     agree(
         group,
         closed.map_err(|e| Error::hdf(part, "close the file", &e)),
@@ -371,16 +385,34 @@ const PIECE: usize = 4 << 20;
 
 /// One dataset, in pieces, to rank 0. After an error there, the messages go on so that no rank waits.
 fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Group) -> Result<()> {
-    let mut first = Ok(());
-    let dataset = file.and_then(|f| match make_dataset(f, part) {
-        Ok(dataset) => Some(dataset),
-        Err(e) => {
-            first = Err(Error::hdf(path, &format!("create {}", part.path), &e));
-            None
-        }
+    let made = file.map(|f| {
+        make_dataset(f, part)
+            .map(ManuallyDrop::new)
+            .map_err(|e| Error::hdf(path, &format!("create {}", part.path), &e))
     });
+    let (dataset, created) = match made.transpose() {
+        Ok(dataset) => (dataset, Ok(())),
+        Err(error) => (None, Err(error)),
+    };
+    let written = created.and(gather_numbers(path, dataset.as_deref(), part, group));
+    if written.is_ok()
+        && let Some(dataset) = dataset
+    {
+        drop(ManuallyDrop::into_inner(dataset));
+    }
+    written
+}
+
+/// The numbers of one dataset; rank 0 without a dataset takes part and drops them.
+fn gather_numbers(
+    path: &Path,
+    dataset: Option<&Dataset>,
+    part: &Part,
+    group: &dyn Group,
+) -> Result<()> {
+    let mut first = Ok(());
     if group.size() == 1 {
-        if let Some(dataset) = &dataset
+        if let Some(dataset) = dataset
             && product(&part.shape) > 0
         {
             return write_box(
@@ -415,7 +447,7 @@ fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Gro
     for round in 0..rounds {
         let (from, to) = mine.bytes(round);
         let all = group.gather(&part.data.bytes()[from..to]);
-        let Some(dataset) = &dataset else { continue };
+        let Some(dataset) = dataset else { continue };
         for (pieces, bytes) in boxes.iter().zip(&all) {
             if first.is_ok() && !bytes.is_empty() {
                 let (start, count) = pieces.place(round);
@@ -677,7 +709,10 @@ pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Resu
         Some(communicator) => File::with_options()
             .with_fapl(|access| access.mpio(communicator, None).all_coll_metadata_ops(true))
             .open(path),
-        None => File::open(path),
+        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays open.
+        None => File::with_options()
+            .with_fapl(|access| access.fclose_degree(FileCloseDegree::Semi))
+            .open(path),
     };
     opened.map_err(|e| Error::hdf(path, "open the file", &e))
 }

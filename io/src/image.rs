@@ -1,6 +1,6 @@
 //! A lattice on one file per output: static VTKHDF ImageData with cell data.
 //!
-//! Layout: Kitware's VTKHDF specification 1.0. Arrays are in C order [z][y][x][component]; the origin is the lower
+//! Layout: Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`; the origin is the lower
 //! corner of the first cell; a 2-D lattice has one cell in z.
 
 use std::path::Path;
@@ -24,7 +24,7 @@ pub struct Image<'a> {
     pub start: [usize; 3],
     /// Cells of this rank's box, x y z.
     pub count: [usize; 3],
-    /// Columns of this rank's box, [z][y][x][component].
+    /// Columns of this rank's box, `[z][y][x][component]`.
     pub fields: Vec<Column<'a>>,
 }
 

@@ -31,7 +31,7 @@ pub enum Cells<'a> {
 /// One rank's points and cells and the columns on them.
 #[derive(Clone, Debug)]
 pub struct Mesh<'a> {
-    /// Positions [n][3], f32 or f64, m.
+    /// Positions `[n][3]`, f32 or f64, m.
     pub points: Data<'a>,
     /// What joins them.
     pub cells: Cells<'a>,

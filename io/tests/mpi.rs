@@ -18,14 +18,14 @@ fn program() -> PathBuf {
     path.join("examples").join("check")
 }
 
-fn check(ranks: usize, command: &str, folder: &Path, mode: &str, last: &str) -> Output {
+fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
     Command::new("timeout")
         .args(["-k", "5", "60", "mpirun", "--oversubscribe", "-n"])
-        .arg(ranks.to_string())
+        .arg(ranks)
         .arg(program())
         .arg(command)
         .arg(folder)
-        .args([mode, last])
+        .args(rest)
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
@@ -64,7 +64,7 @@ fn content(path: &Path) -> (fields::FileInfo, Vec<Vec<u64>>) {
 #[test]
 fn any_ranks_and_modes_write_the_same() {
     let reference = tempfile::tempdir().unwrap();
-    let first = check(1, "write", reference.path(), "collective", "x");
+    let first = check("1", "write", reference.path(), &["collective", "x"]);
     assert!(
         first.status.success(),
         "{}",
@@ -74,16 +74,16 @@ fn any_ranks_and_modes_write_the_same() {
     // 4 steps x 4 kinds, 4 indices, 1 checkpoint of 2 files.
     assert_eq!(listing.len(), 22, "{listing:?}");
     for (ranks, mode, axis) in [
-        (2, "collective", "z"),
-        (3, "collective", "y"),
-        (4, "collective", "x"),
-        (4, "collective", "z"),
-        (3, "gather", "z"),
-        (4, "gather", "y"),
+        ("2", "collective", "z"),
+        ("3", "collective", "y"),
+        ("4", "collective", "x"),
+        ("4", "collective", "z"),
+        ("3", "gather", "z"),
+        ("4", "gather", "y"),
     ] {
         let case = format!("{ranks} ranks, {mode}, {axis}");
         let folder = tempfile::tempdir().unwrap();
-        let done = check(ranks, "write", folder.path(), mode, axis);
+        let done = check(ranks, "write", folder.path(), &[mode, axis]);
         assert!(
             done.status.success(),
             "{case}: {}",
@@ -115,19 +115,26 @@ fn any_ranks_and_modes_write_the_same() {
     }
 }
 
-/// D1: a write that fails midway on one rank or on all ends the job with code 5 and the same words everywhere; the
-/// checkpoint before it stays, and nothing half written has a name without `.part`.
+/// D1: where the disk fails, early or in the middle, on one rank or on all, the job ends with code 5 and words that name
+/// the file; the checkpoint before it stays, and nothing half written has a name without `.part`.
 #[test]
 fn a_failed_write_ends_and_spoils_nothing() {
-    for (ranks, mode, who) in [
-        (1, "collective", "all"),
-        (2, "collective", "all"),
-        (3, "collective", "0"),
-        (2, "gather", "0"),
+    for (ranks, mode, who, agreements) in [
+        // Before HDF5 has the file: refused, and nothing is left.
+        ("1", "collective", "all", "0"),
+        ("3", "collective", "0", "0"),
+        ("3", "gather", "0", "0"),
+        // While HDF5 writes.
+        ("1", "collective", "all", "4"),
+        ("2", "gather", "0", "4"),
+        ("2", "collective", "all", "4"),
+        ("3", "collective", "0", "7"),
+        ("3", "collective", "0", "10"),
+        ("2", "collective", "all", "10"),
     ] {
-        let case = format!("{ranks} ranks, {mode}, {who}");
+        let case = format!("{ranks} ranks, {mode}, {who} after {agreements}");
         let folder = tempfile::tempdir().unwrap();
-        let done = check(ranks, "fail", folder.path(), mode, who);
+        let done = check(ranks, "fail", folder.path(), &[mode, who, agreements]);
         let words = String::from_utf8_lossy(&done.stderr).into_owned();
         assert_eq!(done.status.code(), Some(5), "{case}: {words}");
         assert!(
@@ -141,11 +148,14 @@ fn a_failed_write_ends_and_spoils_nothing() {
             "{case}: {:?}",
             found.passed_over
         );
+        let left: Vec<String> = names(folder.path())
+            .into_iter()
+            .filter(|n| n.contains("000000002"))
+            .collect();
         assert!(
-            names(folder.path())
-                .iter()
-                .all(|n| !n.contains("000000002") || n.ends_with(".part")),
-            "{case}"
+            left.iter().all(|n| n.ends_with(".part")),
+            "{case}: {left:?}"
         );
+        assert_eq!(left.is_empty(), agreements == "0", "{case}: {left:?}");
     }
 }

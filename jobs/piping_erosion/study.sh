@@ -135,7 +135,7 @@ prepare() {
       echo "study: preparing the sample"
       rm -rf "$output/preparation"
       "${launch[@]}" "$solver" "$case_file" --output "$output/preparation" --threads "$threads" \
-        --set time.end=1e-4 --set output='{}' >"$output/preparation.log" 2>&1 || {
+        --set time.end=1e-4 --set output='{}' --set 'probes=[]' --set 'analysis={}' >"$output/preparation.log" 2>&1 || {
         echo "study: preparing the sample failed; see $output/preparation.log" >&2
         exit 1
       }
@@ -176,6 +176,9 @@ supervise() {
   return "$status"
 }
 
+# share TOTAL PARTS [MOST]: one part of a time, at most MOST.
+share() { awk -v t="$1" -v n="$2" -v m="${3:-1e9}" 'BEGIN { s = t / n; printf "%.9g\n", s < m ? s : m }'; }
+
 # member COHESION PRESSURE FOLDER: runs or resumes until finished, stopped, or failed three times without a step forward.
 member() {
   local cohesion=$1 pressure=$2 folder=$3 status failures=0 how
@@ -186,7 +189,14 @@ member() {
     --set "grains.initial={\"file\": {\"path\": \"$output/sample.csv\"}}"
     --set grains.save=null
   )
-  [ -z "$end" ] || args+=(--set "time.end=$end")
+  if [ -n "$end" ]; then
+    # A shorter run writes as often over its length as the whole one; the case refuses an output that is never due.
+    args+=(--set "time.end=$end"
+      --set "output.fluid.every=$(share "$end" 20)" --set "output.grains.every=$(share "$end" 80)"
+      --set "output.contacts.every=$(share "$end" 10)")
+    args+=(--set "probes[0].every=$(share "$end" 50 0.02)"
+      --set "analysis.erosion_law.every=$(share "$end" 50 0.02)")
+  fi
   [ "$hammer" -eq 0 ] || args+=(--set 'fluid.lattice_boltzmann.boundaries[0].condition.pressure.ramp=null')
   while :; do
     how=$(state "$folder")
