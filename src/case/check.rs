@@ -6,6 +6,7 @@ use crate::error::{Problem, Severity};
 use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
+use std::sync::OnceLock;
 
 /// No quantity of a case is larger than this, in any unit of the SI.
 const LARGEST: f64 = 1e30;
@@ -19,12 +20,13 @@ pub(crate) fn bare_schema() -> Value {
 
 /// All problems of the tree; unknown fields are taken out so that the rest can be looked at further.
 pub(crate) fn against_schema(tree: &mut Value) -> Vec<Problem> {
-    let root = bare_schema();
+    static ROOT: OnceLock<Value> = OnceLock::new();
+    let root = ROOT.get_or_init(bare_schema);
     let mut walk = Walk {
-        root: &root,
+        root,
         problems: Vec::new(),
     };
-    walk.node(tree, &root, "");
+    walk.node(tree, root, "");
     walk.problems
 }
 

@@ -72,11 +72,41 @@ pub fn refused(problems: &[Problem]) -> bool {
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
-        "0".into()
-    } else if (1e-3..1e5).contains(&size) {
-        let text = format!("{value:.4}");
-        text.trim_end_matches('0').trim_end_matches('.').to_string()
+        return "0".into();
+    }
+    if !(1e-3..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let decimals = [1e3, 1e2, 1e1, 1e0, 1e-1, 1e-2]
+        .iter()
+        .filter(|bound| size < **bound)
+        .count();
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').into()
     } else {
-        format!("{value:.3e}")
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_keep_four_digits() {
+        let pairs = [
+            (0.0, "0"),
+            (0.00125, "0.00125"),
+            (0.25, "0.25"),
+            (1.0 / 3.0, "0.3333"),
+            (-12.3456, "-12.35"),
+            (2500.0, "2500"),
+            (1e-5, "1.000e-5"),
+            (3.0e7, "3.000e7"),
+        ];
+        for (value, text) in pairs {
+            assert_eq!(number(value), text);
+        }
     }
 }

@@ -1,0 +1,714 @@
+//! Broken cases: each is refused with exit code 3 in less than a second, with one sentence that names the path.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use solver::case::Document;
+use solver::case::examples::find;
+use solver::error::{Problem, Severity};
+use solver::plan::Plan;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// A change that breaks a case.
+enum Break {
+    /// `--set` assignments.
+    Set(&'static [&'static str]),
+    /// A field taken out, by JSON pointer.
+    Remove(&'static str),
+    /// A text replaced by another, once.
+    Text(&'static str, &'static str),
+}
+use Break::{Remove, Set, Text};
+
+const LB: &str = "fluid.lattice_boltzmann";
+
+/// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
+/// Boltzmann part.
+const TABLE: &[(&str, &str, Break, &str)] = &[
+    // Text
+    ("not JSON", "couette", Text("{", "["), "line 2"),
+    (
+        "trailing comma",
+        "couette",
+        Text("\"time\": {\"end\": 2}", "\"time\": {\"end\": 2,}"),
+        "line 1",
+    ),
+    (
+        "key twice",
+        "couette",
+        Text("\"time\":", "\"time\": {\"end\": 1}, \"time\":"),
+        "time",
+    ),
+    (
+        "NaN",
+        "couette",
+        Text("\"end\": 2", "\"end\": NaN"),
+        "line 1",
+    ),
+    (
+        "beyond f64",
+        "couette",
+        Text("\"end\": 2", "\"end\": 1e999"),
+        "line 1",
+    ),
+    // Unknown
+    ("unknown top field", "couette", Set(&["flud={}"]), "flud"),
+    (
+        "unknown field",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.viscosity=1e-6"]),
+        ".viscosity",
+    ),
+    (
+        "unknown field in a list",
+        "couette",
+        Set(&["probes[0].evry=1"]),
+        "probes[0].evry",
+    ),
+    (
+        "unknown choice",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.collision={\"mrt\": {}}"]),
+        ".collision.mrt",
+    ),
+    (
+        "unknown word",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.lattice=d2q8"]),
+        ".lattice",
+    ),
+    (
+        "unknown face",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.boundaries[0].face=top"]),
+        ".boundaries[0].face",
+    ),
+    (
+        "unknown output field",
+        "couette",
+        Set(&["output.fluid.fields=[\"speed\"]"]),
+        "output.fluid.fields[0]",
+    ),
+    (
+        "two choices at once",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.collision={\"bgk\": {}, \"trt\": {}}"]),
+        ".collision",
+    ),
+    // Wrong type
+    (
+        "text for a number",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.density=water"]),
+        ".density",
+    ),
+    (
+        "number for an object",
+        "couette",
+        Set(&["domain=3"]),
+        "domain",
+    ),
+    (
+        "object for a list",
+        "couette",
+        Set(&["probes={}"]),
+        "probes",
+    ),
+    (
+        "fraction for a count",
+        "poiseuille",
+        Set(&["probes[0].at.line.points=2.5"]),
+        "probes[0].at.line.points",
+    ),
+    (
+        "number for a word",
+        "couette",
+        Set(&["domain.split=1"]),
+        "domain.split",
+    ),
+    (
+        "null for a needed object",
+        "couette",
+        Set(&["time=null"]),
+        "time",
+    ),
+    // Missing
+    ("no domain", "couette", Remove("/domain"), "domain"),
+    ("no time", "couette", Remove("/time"), "time"),
+    (
+        "no spacing",
+        "couette",
+        Remove("/domain/spacing"),
+        "domain.spacing",
+    ),
+    (
+        "no viscosity",
+        "couette",
+        Remove("/fluid/lattice_boltzmann/kinematic_viscosity"),
+        ".kinematic_viscosity",
+    ),
+    (
+        "no stiffness",
+        "piping",
+        Remove("/contact/cohesive_frictional/normal_stiffness"),
+        "contact.cohesive_frictional.normal_stiffness",
+    ),
+    (
+        "no grain density",
+        "piping",
+        Remove("/materials/soil/density"),
+        "materials.soil.density",
+    ),
+    ("no coupling", "piping", Remove("/coupling"), "coupling"),
+    ("no contact law", "piping", Remove("/contact"), "contact"),
+    ("nothing at all", "couette", Remove("/fluid"), "fluid"),
+    // Out of range
+    (
+        "negative spacing",
+        "couette",
+        Set(&["domain.spacing=-1"]),
+        "domain.spacing",
+    ),
+    (
+        "zero density",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.density=0"]),
+        ".density",
+    ),
+    (
+        "huge viscosity",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.kinematic_viscosity=1e308"]),
+        ".kinematic_viscosity",
+    ),
+    ("negative end", "couette", Set(&["time.end=-1"]), "time.end"),
+    ("endless", "couette", Set(&["time.end=1e20"]), "time.end"),
+    (
+        "friction of 90 degrees",
+        "piping",
+        Set(&["contact.cohesive_frictional.friction_angle_degrees=90"]),
+        "contact.cohesive_frictional.friction_angle_degrees",
+    ),
+    (
+        "negative cohesion",
+        "piping",
+        Set(&["contact.cohesive_frictional.cohesion.per_diameter=-1"]),
+        "contact.cohesive_frictional.cohesion.per_diameter",
+    ),
+    (
+        "zero stiffness",
+        "piping",
+        Set(&["contact.cohesive_frictional.normal_stiffness.per_diameter=0"]),
+        "contact.cohesive_frictional.normal_stiffness",
+    ),
+    (
+        "radius factor above one",
+        "piping",
+        Set(&["coupling.bounce_back.hydraulic_radius_factor=1.5"]),
+        "coupling.bounce_back.hydraulic_radius_factor",
+    ),
+    (
+        "one checkpoint",
+        "piping",
+        Set(&["checkpoint.keep=1"]),
+        "checkpoint.keep",
+    ),
+    (
+        "four dimensions",
+        "couette",
+        Set(&["domain.size=[1, 1, 1, 1]"]),
+        "domain.size",
+    ),
+    (
+        "negative radius",
+        "collision",
+        Set(&["grains.initial.list[0].radius=-0.01"]),
+        "grains.initial.list[0].radius",
+    ),
+    // The grid
+    (
+        "size not whole spacings",
+        "couette",
+        Set(&["domain.size=[0.0004, 0.00101]"]),
+        "domain.size[1]",
+    ),
+    (
+        "3-D lattice in 2-D",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.lattice=d3q19"]),
+        ".lattice",
+    ),
+    (
+        "periodic in z in 2-D",
+        "couette",
+        Set(&["domain.periodic=[\"x\", \"z\"]"]),
+        "domain.periodic[1]",
+    ),
+    (
+        "periodic twice",
+        "couette",
+        Set(&["domain.periodic=[\"x\", \"x\"]"]),
+        "domain.periodic[1]",
+    ),
+    (
+        "slabs that fall",
+        "couette",
+        Set(&["domain.slab_bounds=[9, 3]"]),
+        "domain.slab_bounds",
+    ),
+    (
+        "memory",
+        "couette",
+        Set(&["domain.size=[20, 20]"]),
+        "domain.spacing",
+    ),
+    // Time steps
+    (
+        "tau of one half",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.relaxation_time=0.5"]),
+        ".relaxation_time",
+    ),
+    (
+        "tau below one half",
+        "piping",
+        Set(&["fluid.lattice_boltzmann.relaxation_time=0.3"]),
+        ".relaxation_time",
+    ),
+    (
+        "no way to the time step",
+        "couette",
+        Remove("/fluid/lattice_boltzmann/relaxation_time"),
+        ".relaxation_time",
+    ),
+    (
+        "two ways to the time step",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.time_step=1e-5"]),
+        ".time_step",
+    ),
+    (
+        "reference velocity without mach",
+        "cavity",
+        Remove("/fluid/lattice_boltzmann/mach"),
+        ".mach",
+    ),
+    (
+        "too few solid steps",
+        "piping",
+        Set(&["time.solid_steps_per_fluid_step=2"]),
+        "time.solid_steps_per_fluid_step",
+    ),
+    (
+        "solid step above critical",
+        "collision",
+        Set(&["time.solid_time_step=1e-3"]),
+        "time.solid_time_step",
+    ),
+    (
+        "solid step in a fluid",
+        "piping",
+        Set(&["time.solid_time_step=1e-6"]),
+        "time.solid_time_step",
+    ),
+    // Mach
+    (
+        "lid too fast",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.boundaries[0].condition.moving_wall.velocity=[1, 0]"]),
+        ".boundaries[0].condition.moving_wall.velocity",
+    ),
+    (
+        "inlet too fast",
+        "cylinder",
+        Set(&[
+            "fluid.lattice_boltzmann.boundaries[0].condition.velocity.profile.parabolic.peak=30",
+        ]),
+        ".boundaries[0].condition.velocity.profile.parabolic.peak",
+    ),
+    (
+        "pressure too high",
+        "piping",
+        Set(&["fluid.lattice_boltzmann.boundaries[0].condition.pressure.value=300"]),
+        ".boundaries[0].condition.pressure.value",
+    ),
+    (
+        "body force too high",
+        "poiseuille",
+        Set(&["fluid.lattice_boltzmann.body_force.constant=[8000, 0]"]),
+        ".body_force",
+    ),
+    (
+        "vortices too fast",
+        "taylor-green",
+        Set(&["fluid.lattice_boltzmann.initial.taylor_green.velocity=1"]),
+        ".initial.taylor_green.velocity",
+    ),
+    // Boundaries
+    (
+        "condition on a periodic face",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.boundaries[0].face=x_min"]),
+        ".boundaries[0].face",
+    ),
+    (
+        "two conditions on a face",
+        "piping",
+        Set(&["fluid.lattice_boltzmann.boundaries[3].face=y_min"]),
+        ".boundaries[3].face",
+    ),
+    (
+        "patch outside the face",
+        "piping",
+        Set(&[
+            "fluid.lattice_boltzmann.boundaries[0].patch={\"from\": [0, 0.003], \"to\": [0, 0.005]}",
+        ]),
+        ".boundaries[0].patch",
+    ),
+    (
+        "wall that moves off",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.boundaries[0].condition.moving_wall.velocity=[0, 0.001]"]),
+        ".boundaries[0].condition.moving_wall.velocity",
+    ),
+    (
+        "inlet without outlet",
+        "cylinder",
+        Set(&["fluid.lattice_boltzmann.boundaries[1].condition={\"no_slip\": {}}"]),
+        ".boundaries",
+    ),
+    (
+        "vector of the wrong length",
+        "couette",
+        Set(&[
+            "fluid.lattice_boltzmann.boundaries[0].condition.moving_wall.velocity=[0.001, 0, 0]",
+        ]),
+        ".boundaries[0].condition.moving_wall.velocity",
+    ),
+    (
+        "vortices between walls",
+        "taylor-green",
+        Set(&["domain.periodic=[\"x\"]"]),
+        ".initial.taylor_green",
+    ),
+    (
+        "initial file that is not there",
+        "couette",
+        Set(&["fluid.lattice_boltzmann.initial={\"file\": {\"path\": \"no.vtkhdf\"}}"]),
+        ".initial.file.path",
+    ),
+    // Solids
+    (
+        "unknown material",
+        "piping",
+        Set(&["grains.material=sol"]),
+        "grains.material",
+    ),
+    (
+        "overlap at the start",
+        "collision",
+        Set(&["grains.initial.list[1].position=[0.095, 0.05]"]),
+        "grains.initial.list[1].position",
+    ),
+    (
+        "grain outside",
+        "collision",
+        Set(&["grains.initial.list[1].position=[0.5, 0.05]"]),
+        "grains.initial.list[1].position",
+    ),
+    (
+        "grain in the wall",
+        "settling-disc",
+        Set(&["bodies[0].position=[0.0005, 0.04]"]),
+        "bodies[0].position",
+    ),
+    (
+        "sphere in 2-D",
+        "cylinder",
+        Set(&["bodies[0].shape={\"sphere\": {\"radius\": 0.05}}"]),
+        "bodies[0].shape",
+    ),
+    (
+        "disc of too few cells",
+        "cylinder",
+        Set(&["bodies[0].shape.disc.radius=0.015"]),
+        "bodies[0].shape",
+    ),
+    (
+        "grains of too few cells",
+        "piping",
+        Set(&["grains.initial.growth.radii.uniform.min=0.3e-4"]),
+        "grains.initial.growth.radii",
+    ),
+    (
+        "radii the wrong way round",
+        "piping",
+        Set(&["grains.initial.growth.radii={\"uniform\": {\"min\": 2e-4, \"max\": 1e-4}}"]),
+        "grains.initial.growth.radii.uniform",
+    ),
+    (
+        "grains overfill the box",
+        "piping",
+        Set(&["grains.initial.growth.amount={\"number\": 5000}"]),
+        "grains.initial.growth.amount.number",
+    ),
+    (
+        "hole outside the domain",
+        "piping",
+        Set(&["grains.cut[2].box.to=[0.02, 0.0024]"]),
+        "grains.cut[2].box",
+    ),
+    (
+        "hole without extent",
+        "piping",
+        Set(&["grains.cut[2].box.to=[0.0012, 0.0024]"]),
+        "grains.cut[2].box",
+    ),
+    (
+        "sample that is not there",
+        "piping",
+        Set(&["grains.initial={\"file\": {\"path\": \"no.csv\"}}"]),
+        "grains.initial.file.path",
+    ),
+    (
+        "wall without a direction",
+        "piping",
+        Set(&[
+            "walls=[{\"name\": \"w\", \"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}, \"material\": \"wall\"}]",
+        ]),
+        "walls[0].plane.normal",
+    ),
+    (
+        "box wall on a periodic face",
+        "piping",
+        Set(&["domain.periodic=[\"y\"]"]),
+        "box_walls[1]",
+    ),
+    (
+        "linear law with cohesion",
+        "collision",
+        Set(&[
+            "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"cohesion\": {\"absolute\": 1}}]",
+        ]),
+        "contact.linear.pairs[0].cohesion",
+    ),
+    (
+        "coupling without fluid",
+        "collision",
+        Set(&["coupling={\"bounce_back\": {}}"]),
+        "coupling",
+    ),
+    // Observation
+    (
+        "removal outside the domain",
+        "piping",
+        Set(&["regions[0].box.to=[0.0094, 0.004]"]),
+        "regions[0].box",
+    ),
+    (
+        "probe outside the domain",
+        "cylinder",
+        Set(&["probes[1].at.point.position=[3, 0.2]"]),
+        "probes[1].at.point.position",
+    ),
+    (
+        "probe of an unknown body",
+        "cylinder",
+        Set(&["probes[0].at.body.name=cylindre"]),
+        "probes[0].at.body.name",
+    ),
+    (
+        "probe name twice",
+        "cylinder",
+        Set(&["probes[1].name=back"]),
+        "probes[2].name",
+    ),
+    (
+        "probe name with a slash",
+        "cylinder",
+        Set(&["probes[1].name=a/b"]),
+        "probes[1].name",
+    ),
+    (
+        "end before the first output",
+        "couette",
+        Set(&["output.fluid.every=3"]),
+        "output.fluid.every",
+    ),
+    (
+        "output of grains without grains",
+        "couette",
+        Set(&["output.grains={\"every\": 1}"]),
+        "output.grains",
+    ),
+    (
+        "samples without number",
+        "couette",
+        Set(&["probes[0].every=1e-12"]),
+        "probes[0].every",
+    ),
+    (
+        "eroded mass without removal",
+        "piping",
+        Set(&["regions=[]"]),
+        "analysis.erosion_law.outlet",
+    ),
+    (
+        "warm-up of a dry case",
+        "collision",
+        Set(&["time.warm_up={\"fluid_only\": {\"relative_change\": 1e-5, \"at_most\": 1}}"]),
+        "time.warm_up",
+    ),
+    // Set
+    (
+        "set through a number",
+        "couette",
+        Set(&["time.end.x=1"]),
+        "time.end.x",
+    ),
+    (
+        "set past the end of a list",
+        "couette",
+        Set(&["probes[9].every=1"]),
+        "probes[9].every",
+    ),
+];
+
+fn expected(path: &str) -> String {
+    if path.starts_with('.') {
+        format!("{LB}{path}")
+    } else {
+        path.to_string()
+    }
+}
+
+/// The text of the broken case, and what to set.
+fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
+    let text = find(example).expect("an example").text;
+    match how {
+        Set(set) => (text.into(), set.iter().map(|s| (*s).to_string()).collect()),
+        Text(from, to) => {
+            assert!(text.contains(from), "{example} holds {from}");
+            (text.replacen(from, to, 1), vec![])
+        }
+        Remove(pointer) => {
+            let mut tree: Value = serde_json::from_str(text).unwrap();
+            let (parent, key) = pointer.rsplit_once('/').unwrap();
+            let parent = tree
+                .pointer_mut(parent)
+                .and_then(Value::as_object_mut)
+                .unwrap();
+            assert!(parent.remove(key).is_some(), "{pointer}");
+            (tree.to_string(), vec![])
+        }
+    }
+}
+
+fn judge(text: &str, set: &[String]) -> Vec<Problem> {
+    match Document::read(text, set, Path::new("")).and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[test]
+fn broken_cases_are_refused_by_the_library() {
+    assert!(TABLE.len() >= 60);
+    let mut failures = Vec::new();
+    for (name, example, how, path) in TABLE {
+        let (text, set) = broken(example, how);
+        let start = Instant::now();
+        let problems = judge(&text, &set);
+        let taken = start.elapsed();
+        let path = expected(path);
+        let found = problems.iter().any(|p| {
+            let here = p.path == path || (path.starts_with("line") && p.path.starts_with("line"));
+            p.severity == Severity::Error && here && !p.reason.is_empty() && !p.remedy.is_empty()
+        });
+        if !found || taken > Duration::from_secs(1) {
+            failures.push(format!(
+                "{name}: wanted {path}, got {problems:#?} in {taken:?}"
+            ));
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn broken_cases_are_refused_by_the_binary() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("case.json");
+    for (name, example, how, path) in TABLE {
+        let (text, set) = broken(example, how);
+        std::fs::write(&file, text).unwrap();
+        for command in ["validate", "run"] {
+            let start = Instant::now();
+            let output = Command::cargo_bin("solver")
+                .unwrap()
+                .arg(command)
+                .arg(&file)
+                .args(set.iter().flat_map(|s| ["--set", s]))
+                .env_remove("OMPI_COMM_WORLD_RANK")
+                .env_remove("SLURM_PROCID")
+                .output()
+                .unwrap();
+            let taken = start.elapsed();
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(3), "{name}: {message}");
+            assert!(taken < Duration::from_secs(1), "{name}: {taken:?}");
+            let path = expected(path);
+            let path = if path.starts_with("line") {
+                "line"
+            } else {
+                &path
+            };
+            let named = message
+                .lines()
+                .any(|line| line.starts_with(&format!("error: {path} ")));
+            assert!(named, "{name}: no line names {path} in\n{message}");
+            assert!(!message.contains("panicked"), "{name}: {message}");
+        }
+    }
+}
+
+#[test]
+fn all_problems_come_at_once() {
+    let text = find("piping").unwrap().text;
+    let set = [
+        "domain.spcing=1",
+        "fluid.lattice_boltzmann.density=-1",
+        "fluid.lattice_boltzmann.relaxation_time=0.4",
+        "grains.cut[0].box.to=[1, 1]",
+        "output.fluid.every=9",
+        "probes[0].at.plane.position=7",
+    ];
+    let problems = judge(text, &set.map(String::from));
+    for path in [
+        "domain.spcing",
+        "fluid.lattice_boltzmann.density",
+        "fluid.lattice_boltzmann.relaxation_time",
+        "grains.cut[0].box",
+        "output.fluid.every",
+        "probes[0].at.plane.position",
+    ] {
+        assert!(
+            problems.iter().any(|p| p.path == path),
+            "{path} in {problems:#?}"
+        );
+    }
+}
+
+#[test]
+fn an_unknown_field_is_answered_with_the_nearest_name() {
+    let text = find("couette").unwrap().text;
+    let problems = judge(
+        text,
+        &["fluid.lattice_boltzmann.kinematic_viscosty=1".into()],
+    );
+    assert_eq!(problems.len(), 1);
+    assert!(
+        problems[0].remedy.contains("`kinematic_viscosity`"),
+        "{}",
+        problems[0]
+    );
+}

@@ -1,0 +1,197 @@
+//! The commands that need no run, through the binary.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::path::PathBuf;
+
+fn solver() -> Command {
+    let mut command = Command::cargo_bin("solver").expect("the binary");
+    for rank in [
+        "OMPI_COMM_WORLD_RANK",
+        "PMIX_RANK",
+        "PMI_RANK",
+        "SLURM_PROCID",
+    ] {
+        command.env_remove(rank);
+    }
+    command
+}
+
+fn example(folder: &tempfile::TempDir, name: &str) -> PathBuf {
+    let output = solver().args(["example", name]).output().unwrap();
+    assert!(output.status.success());
+    let path = folder.path().join(format!("{name}.json"));
+    std::fs::write(&path, output.stdout).unwrap();
+    path
+}
+
+fn plan(path: &PathBuf, more: &[&str]) -> Value {
+    let output = solver()
+        .arg("plan")
+        .arg(path)
+        .arg("--json")
+        .args(more)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn set_changes_any_field_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "piping");
+    let before = plan(&path, &[]);
+    let after = plan(
+        &path,
+        &[
+            "--set",
+            "time.end=0.1",
+            "--set",
+            "title=another title",
+            "--set",
+            "probes[0].every=0.004",
+            "--set",
+            "contact.cohesive_frictional.cohesion.per_diameter=1.27",
+            "--set",
+            "probes[1]={\"name\": \"p\", \"every\": 0.01, \"at\": {\"point\": {\"position\": [0.001, 0.002]}}}",
+        ],
+    );
+    assert_eq!(before["clock"]["steps"], 2500);
+    assert_eq!(after["clock"]["steps"], 1250);
+    assert_eq!(after["scene"]["title"], "another title");
+    assert_eq!(after["scene"]["probes"][0]["every"], 0.004);
+    assert_eq!(after["scene"]["probes"][1]["name"], "p");
+    let cohesion = "contact.cohesive_frictional.cohesion.per_diameter";
+    assert_eq!(before["sources"][cohesion]["source"], "paper");
+    assert_eq!(after["sources"][cohesion]["source"], "command line");
+    assert_ne!(before["case_hash"], after["case_hash"]);
+    assert_eq!(before["case_hash"], plan(&path, &[])["case_hash"]);
+}
+
+#[test]
+fn a_value_with_a_source_is_the_same_case_as_the_bare_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "couette");
+    let bare = plan(&path, &[]);
+    let annotated = plan(
+        &path,
+        &[
+            "--set",
+            r#"fluid.lattice_boltzmann.density={"value": 1000, "source": "assumed", "note": "water"}"#,
+        ],
+    );
+    let density = "fluid.lattice_boltzmann.density";
+    assert_eq!(bare["case_hash"], annotated["case_hash"]);
+    assert_eq!(annotated["sources"][density]["source"], "assumed");
+    assert_eq!(annotated["sources"][density]["note"], "water");
+    let output = solver()
+        .arg("plan")
+        .arg(&path)
+        .args([
+            "--set",
+            r#"fluid.lattice_boltzmann.density={"value": 1000, "source": "a handbook"}"#,
+        ])
+        .output()
+        .unwrap();
+    assert!(String::from_utf8_lossy(&output.stdout).contains("a handbook"));
+}
+
+#[test]
+fn exit_codes_tell_usage_case_and_file_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "couette");
+    solver().assert().code(2);
+    solver().arg("--help").assert().code(0);
+    solver().arg("--version").assert().code(0);
+    solver().arg("schema").assert().code(0);
+    solver().arg("example").assert().code(0);
+    solver().args(["example", "pipping"]).assert().code(3);
+    solver().arg("validate").arg(&path).assert().code(0);
+    solver()
+        .arg("validate")
+        .arg(folder.path().join("none.json"))
+        .assert()
+        .code(5);
+    solver()
+        .arg(folder.path().join("none.json"))
+        .assert()
+        .code(5);
+    solver()
+        .arg("validate")
+        .arg(&path)
+        .args(["--set", "nothing"])
+        .assert()
+        .code(2);
+    solver()
+        .arg(&path)
+        .args(["--max-walltime", "soon"])
+        .assert()
+        .code(2);
+    solver()
+        .arg(&path)
+        .args(["--threads", "0"])
+        .assert()
+        .code(2);
+    solver()
+        .arg("validate")
+        .arg(&path)
+        .arg("--unknown")
+        .assert()
+        .code(2);
+    let binary = folder.path().join("binary.json");
+    std::fs::write(&binary, [0xff, 0xfe, 0x00]).unwrap();
+    solver().arg("validate").arg(&binary).assert().code(3);
+}
+
+#[test]
+fn only_the_first_rank_speaks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "couette");
+    for (rank, silent) in [("0", false), ("1", true)] {
+        let output = solver()
+            .env("OMPI_COMM_WORLD_RANK", rank)
+            .arg(&path)
+            .args(["--set", "time.end=-1"])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(3));
+        assert_eq!(output.stderr.is_empty(), silent);
+    }
+}
+
+#[test]
+fn problems_are_json_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "couette");
+    let output = solver()
+        .arg("validate")
+        .arg(&path)
+        .args(["--json", "--set", "time.end=-1", "--set", "domain.spcing=1"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(3));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["valid"], false);
+    let paths: Vec<&str> = report["problems"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| p["path"].as_str().unwrap())
+        .collect();
+    assert!(
+        paths.contains(&"time.end") && paths.contains(&"domain.spcing"),
+        "{paths:?}"
+    );
+}
+
+#[test]
+fn the_example_list_names_every_example() {
+    let output = solver().args(["example", "--json"]).output().unwrap();
+    let list: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(list[0]["name"], "piping");
+    assert_eq!(
+        list.as_array().unwrap().len(),
+        solver::case::examples::EXAMPLES.len()
+    );
+}

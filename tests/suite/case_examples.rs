@@ -1,0 +1,109 @@
+//! Every ready case is valid, without a warning, by the program and by its schema.
+
+use serde_json::Value;
+use solver::case::examples::EXAMPLES;
+use solver::case::{Document, schema};
+use solver::plan::Plan;
+use std::path::Path;
+
+#[test]
+fn every_example_is_valid_without_a_warning() {
+    for example in EXAMPLES {
+        let document = Document::read(example.text, &[], Path::new(""))
+            .unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
+        let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
+        assert_eq!(plan.warnings, [], "{}", example.name);
+        assert!(plan.estimate.seconds_on_one_core < 60.0, "{}", example.name);
+        assert!(
+            plan.margins.iter().all(|m| m.used <= 1.0),
+            "{}",
+            example.name
+        );
+    }
+}
+
+#[test]
+fn the_schema_accepts_every_example_and_refuses_a_typo() {
+    let schema = schema();
+    let validator = jsonschema::validator_for(&schema).expect("a schema");
+    for example in EXAMPLES {
+        let mut case: Value = serde_json::from_str(example.text).expect("JSON");
+        let errors: Vec<String> = validator
+            .iter_errors(&case)
+            .map(|e| format!("{}: {e}", e.instance_path()))
+            .collect();
+        assert!(errors.is_empty(), "{}: {errors:#?}", example.name);
+        case["domain"]["spcing"] = 1.0.into();
+        assert!(!validator.is_valid(&case), "{}", example.name);
+    }
+}
+
+#[test]
+fn every_field_of_the_schema_is_documented() {
+    fn walk(node: &Value, path: &str, missing: &mut Vec<String>) {
+        if let Value::Object(map) = node {
+            for (key, child) in map {
+                let path = format!("{path}/{key}");
+                if key == "properties"
+                    && let Value::Object(properties) = child
+                {
+                    for (name, property) in properties {
+                        // Inside an annotation the outer property is the documented one.
+                        let inner = matches!(name.as_str(), "value" | "note" | "source");
+                        if property.get("description").is_none() && !inner {
+                            missing.push(format!("{path}/{name}"));
+                        }
+                    }
+                }
+                walk(child, &path, missing);
+            }
+        } else if let Value::Array(list) = node {
+            for (n, child) in list.iter().enumerate() {
+                walk(child, &format!("{path}/{n}"), missing);
+            }
+        }
+    }
+    let mut missing = Vec::new();
+    walk(&schema(), "", &mut missing);
+    // A choice that wraps a struct is documented on the choice itself.
+    missing.retain(|path| !path.contains("/oneOf/"));
+    assert_eq!(missing, Vec::<String>::new());
+}
+
+#[test]
+fn the_piping_example_has_the_numbers_of_the_paper() {
+    let text = solver::case::examples::find("piping").expect("piping").text;
+    let document = Document::read(text, &[], Path::new("")).expect("a case");
+    assert_eq!(document.sources["gravity"].source, "assumed");
+    assert_eq!(
+        document.sources["fluid.lattice_boltzmann.relaxation_time"].source,
+        "paper"
+    );
+    let plan = Plan::prepare(document).expect("a plan");
+    let units = plan.units.expect("a lattice");
+    // nu_lb = 0.2 and C = 5 nu/h.
+    approx::assert_relative_eq!(units.viscosity_to_lattice(1e-6), 0.2, max_relative = 1e-12);
+    approx::assert_relative_eq!(
+        units.velocity_scale(),
+        5.0 * 1e-6 / 2e-5,
+        max_relative = 1e-12
+    );
+    assert_eq!(plan.scene.grid.cells, [420, 200, 1]);
+    // 2 sqrt(m/k) of the smallest disc: m = 2650 pi r², k = 150e6 · 2r.
+    let radius = 0.75e-4_f64;
+    let mass = 2650.0 * std::f64::consts::PI * radius * radius;
+    let critical = 2.0 * (mass / (150e6 * 2.0 * radius)).sqrt();
+    approx::assert_relative_eq!(
+        plan.clock.critical_solid_time_step.expect("contacts"),
+        critical,
+        max_relative = 1e-12
+    );
+    assert_eq!(plan.clock.solid_steps_per_step, 9);
+    assert_eq!(plan.clock.steps, 2500);
+    // k_n and C go with the mean diameter of the pair.
+    let pair = plan.scene.contact.as_ref().expect("contacts").pair(0, 0);
+    approx::assert_relative_eq!(
+        pair.cohesion.at(2e-4) / pair.normal_stiffness.at(2e-4),
+        0.506 / 150e6
+    );
+}
