@@ -40,7 +40,7 @@ pub trait Ranks {
 }
 
 /// Messages of known lengths between the same ranks.
-pub trait Pattern: Send {
+pub trait Pattern {
     /// Sends `sends` and fills `receives`, in the order and with the lengths given when the pattern was made.
     ///
     /// # Errors
