@@ -1,1 +1,59 @@
-//! Ranks, slabs, halos, migration and exact sums.
+//! Ranks, slabs, halos, migration and exact sums: arrays and MPI, no physics.
+//!
+//! ```text
+//!            rank 0        rank 1     rank 2 (empty)   rank 3
+//!        |0 1 2 3 4 5 6|7 8 9 10 11|              |12 13 14 15|     planes along one axis
+//!               upper ->|<- lower                  |                 neighbours skip empty slabs
+//!        ^------------------------ periodic -------------------^     and may wrap round
+//! ```
+//!
+//! What this crate promises:
+//!
+//! - **One owner.** A plane, and with it a particle, belongs to exactly one rank, decided on
+//!   integers: [`Slabs::plane_of`] and [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
+//! - **The same bits on any number of ranks and threads.** [`ExactSum`] and [`Fixed`] add without
+//!   rounding, so the order cannot show; [`StateHash`] proves it for a whole state.
+//! - **No hang.** Errors are agreed before anyone leaves ([`Communicator::agree`]), a panic ends
+//!   the whole job with exit code 101 ([`World::start`]), and every exchange posts its receives
+//!   before its sends.
+//! - **No allocation in the step.** [`HaloExchange`] and [`FixedExchange`] own their buffers and
+//!   their persistent requests; the caller fills, starts, computes, finishes, reads.
+//! - **No MPI needed for one rank.** [`Communicator::serial`] and [`Domain::serial`] take the same
+//!   calls and start nothing.
+//!
+//! ```
+//! use decomposition::{Axis, Domain, HaloBytes, HaloExchange};
+//!
+//! let domain = Domain::serial(Axis::X, 8, true);              // or Domain::new(world.communicator(), slabs)
+//! let mut halo = HaloExchange::new(&domain, 0, HaloBytes::symmetric(2 * size_of::<f64>()))?;
+//! let (lower, upper) = halo.send_buffers_mut::<f64>();
+//! if let Some(lower) = lower { lower.copy_from_slice(&[1.0, 2.0]); } // my first plane
+//! if let Some(upper) = upper { upper.copy_from_slice(&[3.0, 4.0]); } // my last plane
+//! halo.start();
+//! // ... the planes that need no neighbour ...
+//! halo.finish();
+//! let (from_lower, from_upper) = halo.received::<f64>();
+//! assert_eq!(from_lower, Some([3.0, 4.0].as_slice()));
+//! assert_eq!(from_upper, Some([1.0, 2.0].as_slice()));
+//! # Ok::<(), decomposition::Disagreement>(())
+//! ```
+//!
+//! A [`Communicator`], and all that holds one, is neither `Send` nor `Sync`: MPI is started so that
+//! one thread alone may call it, and the compiler keeps it so. Hand `&Slabs` to worker threads, not
+//! `&Domain`.
+
+mod comm;
+mod exact_sum;
+mod exchange;
+mod halo;
+mod persistent;
+mod slab;
+mod state_hash;
+
+pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World};
+pub use exact_sum::{ExactSum, Fixed, quantise};
+pub use exchange::{FixedExchange, exchange};
+pub use halo::{HaloBytes, HaloExchange};
+pub use persistent::PatternError;
+pub use slab::{Axis, Domain, SlabError, Slabs};
+pub use state_hash::{StateHash, field_key};

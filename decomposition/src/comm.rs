@@ -1,0 +1,875 @@
+//! Starting MPI, and the collective calls the rest of the program needs.
+//!
+//! Every collective call must be made by all ranks in the same order. Sums are of integers, so that
+//! they do not depend on the order in which the ranks are joined; floats are only compared.
+//! MPI's own error handler stays "errors are fatal": with errors returned instead, Open MPI 4.1
+//! delivers a truncated message without a word.
+
+use mpi::Threading;
+use mpi::environment::{self, Universe};
+use mpi::ffi::{self, MPI_Comm, MPI_Datatype, MPI_Op, MPI_Request};
+use mpi::traits::{AsRaw, Communicator as _};
+use std::backtrace::{Backtrace, BacktraceStatus};
+use std::ffi::{c_int, c_void};
+use std::fmt::{self, Display};
+use std::io::Write;
+use std::ops::Range;
+use std::panic;
+use std::ptr;
+use std::rc::Rc;
+
+/// Exit code of a job that a panic ended, the code of a panicking Rust program.
+const PANIC_EXIT_CODE: c_int = 101;
+
+/// Largest message in bytes handed to MPI in one piece; its counts are 32-bit.
+const MESSAGE_LIMIT: usize = 1 << 30;
+
+/// Values reduced in one call through a buffer on the stack.
+const REDUCTION_CHUNK: usize = 512;
+
+/// Tag of the messages of [`crate::exchange()`] and of gathering; halos and fixed exchanges use
+/// tags whose remainder by 4 is 0, 1 or 2.
+const TAG_SPARSE: c_int = 3;
+
+/// MPI's own handle of a communicator, as the parallel HDF5 bindings take it.
+pub type RawCommunicator = MPI_Comm;
+
+/// MPI could not be started as the program needs it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum StartError {
+    /// MPI was started before in this process; it can be started once only.
+    #[error("MPI was already started in this process; it can be started only once")]
+    AlreadyStarted,
+    /// MPI would not allow worker threads beside the one that calls it.
+    #[error(
+        "MPI granted thread level {granted}, but worker threads need at least Funneled: \
+         use an MPI library built with thread support"
+    )]
+    Threads {
+        /// The level that was granted.
+        granted: String,
+    },
+}
+
+/// What all ranks return when at least one of them failed: the lowest failing rank's message.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("rank {rank}: {message}")]
+pub struct Disagreement {
+    /// The lowest rank that failed.
+    pub rank: usize,
+    /// Its error, as text.
+    pub message: String,
+}
+
+/// The running MPI library: start it once, in `main`, before anything that communicates.
+///
+/// MPI is finalised when the `World` and every [`Communicator`] made from it are gone, so the order
+/// in which they are dropped does not matter.
+#[derive(Debug)]
+pub struct World {
+    communicator: Communicator,
+}
+
+impl World {
+    /// Starts MPI for one calling thread among many (level Funneled), and installs a panic hook
+    /// that names the rank and ends the whole job with exit code 101.
+    ///
+    /// Without the hook the panicking rank would wait in `MPI_Finalize` for the others, and they
+    /// for its messages, for ever. The hook acts on every panic, also one that would be caught.
+    ///
+    /// # Errors
+    /// [`StartError`] if MPI was started before or cannot bear threads.
+    pub fn start() -> Result<Self, StartError> {
+        let (universe, granted) = environment::initialize_with_threading(Threading::Funneled)
+            .ok_or(StartError::AlreadyStarted)?;
+        if granted < Threading::Funneled {
+            return Err(StartError::Threads {
+                granted: format!("{granted:?}"),
+            });
+        }
+        let world = universe.world();
+        let rank = index(world.rank());
+        let size = index(world.size());
+        install_panic_hook(rank, size);
+        let mut raw = world.as_raw();
+        // SAFETY: MPI runs; `raw` is overwritten by a new communicator with the same ranks, whose
+        // messages cannot meet those of a library that uses the world itself.
+        unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut raw) };
+        let context = Context {
+            raw,
+            rank,
+            size,
+            universe: Some(universe),
+        };
+        Ok(Self {
+            communicator: Communicator {
+                kind: Kind::Mpi(Rc::new(context)),
+                message_limit: MESSAGE_LIMIT,
+            },
+        })
+    }
+
+    /// A handle to all ranks of the job.
+    #[must_use]
+    pub fn communicator(&self) -> Communicator {
+        self.communicator.clone()
+    }
+}
+
+/// Ends the job when any thread of this rank panics.
+fn install_panic_hook(rank: usize, size: usize) {
+    let previous = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if environment::is_finalized() {
+            return previous(info);
+        }
+        let mut text = format!("rank {rank} of {size}: {info}\n");
+        let trace = Backtrace::capture();
+        if trace.status() == BacktraceStatus::Captured {
+            text = format!("{text}{trace}\n");
+        }
+        // One write, so that the lines of several ranks do not mix; nothing is left to do if it fails.
+        let mut stderr = std::io::stderr().lock();
+        let _ = stderr.write_all(text.as_bytes());
+        let _ = stderr.flush();
+        // SAFETY: MPI runs; aborting needs no other agreement. In practice every library accepts
+        // this call from a worker thread too, and there is no other way to end the job.
+        unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, PANIC_EXIT_CODE) };
+        std::process::exit(PANIC_EXIT_CODE);
+    }));
+}
+
+/// The duplicated world communicator and, last to go, MPI itself.
+struct Context {
+    raw: MPI_Comm,
+    rank: usize,
+    size: usize,
+    universe: Option<Universe>,
+}
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        // SAFETY: `raw` was made by MPI_Comm_dup, is freed once, and MPI still runs.
+        unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
+        // Finalises MPI.
+        self.universe = None;
+    }
+}
+
+#[derive(Clone)]
+enum Kind {
+    Serial,
+    Mpi(Rc<Context>),
+}
+
+/// A group of ranks that can talk: all ranks of an MPI job, or this process alone without MPI.
+/// A cheap handle, to be cloned freely.
+#[derive(Clone)]
+pub struct Communicator {
+    kind: Kind,
+    message_limit: usize,
+}
+
+impl fmt::Debug for Communicator {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self.kind {
+            Kind::Serial => "serial",
+            Kind::Mpi(_) => "MPI",
+        };
+        write!(
+            formatter,
+            "Communicator({kind}, rank {} of {})",
+            self.rank(),
+            self.size()
+        )
+    }
+}
+
+/// The order in which reductions join values.
+#[derive(Clone, Copy)]
+enum Reduction {
+    Min,
+    Max,
+    Sum,
+}
+
+impl Reduction {
+    fn raw(self) -> MPI_Op {
+        // SAFETY: constants of the MPI library, initialised at load time.
+        unsafe {
+            match self {
+                Self::Min => ffi::RSMPI_MIN,
+                Self::Max => ffi::RSMPI_MAX,
+                Self::Sum => ffi::RSMPI_SUM,
+            }
+        }
+    }
+}
+
+/// An integer that MPI can reduce.
+///
+/// # Safety
+/// `datatype` must describe exactly this type.
+unsafe trait Reducible: Copy + Default {
+    fn datatype() -> MPI_Datatype;
+}
+
+// SAFETY: MPI_INT64_T is a signed 64-bit integer.
+unsafe impl Reducible for i64 {
+    fn datatype() -> MPI_Datatype {
+        // SAFETY: a constant of the MPI library.
+        unsafe { ffi::RSMPI_INT64_T }
+    }
+}
+
+// SAFETY: MPI_UINT64_T is an unsigned 64-bit integer.
+unsafe impl Reducible for u64 {
+    fn datatype() -> MPI_Datatype {
+        // SAFETY: a constant of the MPI library.
+        unsafe { ffi::RSMPI_UINT64_T }
+    }
+}
+
+impl Communicator {
+    /// This process alone; needs no MPI.
+    #[must_use]
+    pub fn serial() -> Self {
+        Self {
+            kind: Kind::Serial,
+            message_limit: MESSAGE_LIMIT,
+        }
+    }
+
+    /// The same ranks with messages cut into pieces of at most `bytes` (at least 1, at most 1 GiB).
+    ///
+    /// MPI counts in 32 bits, so longer messages are always cut; a smaller limit suits networks
+    /// that fail on large messages. All ranks must set the same limit.
+    #[must_use]
+    pub fn with_message_limit(&self, bytes: usize) -> Self {
+        Self {
+            kind: self.kind.clone(),
+            message_limit: bytes.clamp(1, MESSAGE_LIMIT),
+        }
+    }
+
+    /// The number of this rank, from 0.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        match &self.kind {
+            Kind::Serial => 0,
+            Kind::Mpi(context) => context.rank,
+        }
+    }
+
+    /// The number of ranks, at least 1.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        match &self.kind {
+            Kind::Serial => 1,
+            Kind::Mpi(context) => context.size,
+        }
+    }
+
+    /// MPI's handle for libraries that speak MPI themselves; `None` without MPI.
+    #[must_use]
+    pub fn raw(&self) -> Option<RawCommunicator> {
+        match &self.kind {
+            Kind::Serial => None,
+            Kind::Mpi(context) => Some(context.raw),
+        }
+    }
+
+    /// Name and version of the MPI library, one line, for logs and provenance.
+    #[must_use]
+    pub fn mpi_version(&self) -> String {
+        if self.raw().is_none() {
+            return "serial, no MPI".to_owned();
+        }
+        let (major, minor) = environment::version();
+        let library = environment::library_version().unwrap_or_default();
+        let library = library
+            .split(['\n', '\0'])
+            .next()
+            .unwrap_or_default()
+            .trim();
+        format!("MPI {major}.{minor}, {library}")
+    }
+
+    /// Returns when all ranks have called it.
+    pub fn barrier(&self) {
+        if let Some(raw) = self.raw() {
+            // SAFETY: a live communicator.
+            unsafe { ffi::MPI_Barrier(raw) };
+        }
+    }
+
+    /// Ends the job on all ranks at once with exit code `code`. For emergencies: an ordinary error
+    /// is agreed on with [`Self::agree`] and returned.
+    pub fn abort(&self, code: i32) -> ! {
+        if let Some(raw) = self.raw() {
+            // SAFETY: a live communicator.
+            unsafe { ffi::MPI_Abort(raw, code) };
+        }
+        std::process::exit(code)
+    }
+
+    // ---- reductions -------------------------------------------------------------------------
+
+    fn reduce<T: Reducible>(&self, values: &mut [T], reduction: Reduction) {
+        let Some(raw) = self.raw() else { return };
+        // MPI_IN_PLACE is out of reach of the bindings, so the result lands in a second buffer: on
+        // the stack, so that nothing is allocated.
+        let mut result = [T::default(); REDUCTION_CHUNK];
+        for chunk in values.chunks_mut(REDUCTION_CHUNK) {
+            // SAFETY: both buffers hold `chunk.len()` values of the datatype and do not overlap.
+            unsafe {
+                ffi::MPI_Allreduce(
+                    chunk.as_ptr().cast(),
+                    result.as_mut_ptr().cast(),
+                    count(chunk.len()),
+                    T::datatype(),
+                    reduction.raw(),
+                    raw,
+                )
+            };
+            chunk.copy_from_slice(&result[..chunk.len()]);
+        }
+    }
+
+    fn reduce_one<T: Reducible>(&self, value: T, reduction: Reduction) -> T {
+        let mut values = [value];
+        self.reduce(&mut values, reduction);
+        values[0]
+    }
+
+    /// Smallest value of all ranks; -0.0 counts as smaller than 0.0, and NaN on any rank gives NaN.
+    #[must_use]
+    pub fn all_reduce_min_f64(&self, value: f64) -> f64 {
+        let key = if value.is_nan() {
+            i64::MIN
+        } else {
+            ordered(value)
+        };
+        unordered(self.reduce_one(key, Reduction::Min))
+    }
+
+    /// Largest value of all ranks; 0.0 counts as larger than -0.0, and NaN on any rank gives NaN.
+    #[must_use]
+    pub fn all_reduce_max_f64(&self, value: f64) -> f64 {
+        let key = if value.is_nan() {
+            i64::MAX
+        } else {
+            ordered(value)
+        };
+        unordered(self.reduce_one(key, Reduction::Max))
+    }
+
+    /// Smallest value of all ranks.
+    #[must_use]
+    pub fn all_reduce_min_i64(&self, value: i64) -> i64 {
+        self.reduce_one(value, Reduction::Min)
+    }
+
+    /// Largest value of all ranks.
+    #[must_use]
+    pub fn all_reduce_max_i64(&self, value: i64) -> i64 {
+        self.reduce_one(value, Reduction::Max)
+    }
+
+    /// Sum over all ranks, modulo 2^64.
+    #[must_use]
+    pub fn all_reduce_sum_i64(&self, value: i64) -> i64 {
+        // Through unsigned numbers, whose overflow is defined in C as well.
+        self.all_reduce_sum_u64(value.cast_unsigned()).cast_signed()
+    }
+
+    /// Smallest value of all ranks.
+    #[must_use]
+    pub fn all_reduce_min_u64(&self, value: u64) -> u64 {
+        self.reduce_one(value, Reduction::Min)
+    }
+
+    /// Largest value of all ranks.
+    #[must_use]
+    pub fn all_reduce_max_u64(&self, value: u64) -> u64 {
+        self.reduce_one(value, Reduction::Max)
+    }
+
+    /// Sum over all ranks, modulo 2^64.
+    #[must_use]
+    pub fn all_reduce_sum_u64(&self, value: u64) -> u64 {
+        self.reduce_one(value, Reduction::Sum)
+    }
+
+    /// Sum over all ranks of each entry in its place, modulo 2^64. The length must be the same on
+    /// all ranks.
+    pub fn all_reduce_sum_i64s(&self, values: &mut [i64]) {
+        self.reduce(bytemuck::cast_slice_mut::<i64, u64>(values), Reduction::Sum);
+    }
+
+    /// Sum over all ranks, modulo 2^128.
+    #[must_use]
+    pub fn all_reduce_sum_u128(&self, value: u128) -> u128 {
+        let mut values = [value];
+        self.all_reduce_sum_u128s(&mut values);
+        values[0]
+    }
+
+    /// Sum over all ranks of each entry in its place, modulo 2^128. The length must be the same on
+    /// all ranks.
+    pub fn all_reduce_sum_u128s(&self, values: &mut [u128]) {
+        const DIGITS: usize = 4;
+        if self.raw().is_none() {
+            return;
+        }
+        // Digits of 32 bits in words of 64: 2^32 ranks fit before a word overflows.
+        let mut digits = [0_u64; REDUCTION_CHUNK];
+        for chunk in values.chunks_mut(REDUCTION_CHUNK / DIGITS) {
+            for (value, digit) in chunk.iter().zip(digits.chunks_exact_mut(DIGITS)) {
+                for (place, digit) in digit.iter_mut().enumerate() {
+                    *digit = low_digit(value >> (32 * place));
+                }
+            }
+            let used = chunk.len() * DIGITS;
+            self.reduce(&mut digits[..used], Reduction::Sum);
+            for (value, digit) in chunk.iter_mut().zip(digits.chunks_exact(DIGITS)) {
+                *value = (0..DIGITS).fold(0_u128, |sum, place| {
+                    sum.wrapping_add(u128::from(digit[place]) << (32 * place))
+                });
+            }
+        }
+    }
+
+    /// Whether `value` is true on all ranks.
+    #[must_use]
+    pub fn all_true(&self, value: bool) -> bool {
+        self.all_reduce_min_i64(i64::from(value)) == 1
+    }
+
+    /// Sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a
+    /// global list, and how long that list is.
+    #[must_use]
+    pub fn exclusive_scan_u64(&self, value: u64) -> (u64, u64) {
+        let Some(raw) = self.raw() else {
+            return (0, value);
+        };
+        let mut offset = 0_u64;
+        // SAFETY: one value in, one value out, both of the datatype.
+        unsafe {
+            ffi::MPI_Exscan(
+                ptr::from_ref(&value).cast(),
+                ptr::from_mut(&mut offset).cast(),
+                1,
+                u64::datatype(),
+                Reduction::Sum.raw(),
+                raw,
+            )
+        };
+        if self.rank() == 0 {
+            // MPI leaves the first rank's result undefined.
+            offset = 0;
+        }
+        (offset, self.all_reduce_sum_u64(value))
+    }
+
+    // ---- agreement --------------------------------------------------------------------------
+
+    /// Makes all ranks leave together: `Ok` with each rank's own value if every rank has `Ok`, and
+    /// else on every rank the message of the lowest failing rank.
+    ///
+    /// A rank that returned its error alone would leave the others waiting for its messages.
+    ///
+    /// # Errors
+    /// [`Disagreement`] on all ranks if any rank passes `Err`.
+    pub fn agree<T, E: Display>(&self, outcome: Result<T, E>) -> Result<T, Disagreement> {
+        let (mine, value, message) = match outcome {
+            Ok(value) => (u64::MAX, Some(value), String::new()),
+            Err(error) => (self.rank() as u64, None, error.to_string()),
+        };
+        let first = self.all_reduce_min_u64(mine);
+        let Ok(rank) = usize::try_from(first) else {
+            return value.ok_or_else(|| self.no_value());
+        };
+        if rank >= self.size() {
+            return value.ok_or_else(|| self.no_value());
+        }
+        let mut bytes = message.into_bytes();
+        self.broadcast_bytes(rank, &mut bytes);
+        Err(Disagreement {
+            rank,
+            message: String::from_utf8_lossy(&bytes).into_owned(),
+        })
+    }
+
+    /// Cannot arise: no rank failed, so this rank has a value.
+    fn no_value(&self) -> Disagreement {
+        Disagreement {
+            rank: self.rank(),
+            message: "the ranks did not call `agree` in the same order".to_owned(),
+        }
+    }
+
+    // ---- bytes ------------------------------------------------------------------------------
+
+    /// Gives every rank the bytes of rank `root`; other ranks' contents are replaced.
+    pub fn broadcast_bytes(&self, root: usize, bytes: &mut Vec<u8>) {
+        if self.raw().is_none() {
+            return;
+        }
+        let mut length = [bytes.len() as u64];
+        self.broadcast(root, bytemuck::bytes_of_mut(&mut length));
+        bytes.resize(length_in_memory(length[0]), 0);
+        self.broadcast(root, bytes);
+    }
+
+    fn broadcast(&self, root: usize, bytes: &mut [u8]) {
+        let Some(raw) = self.raw() else { return };
+        for piece in bytes.chunks_mut(self.message_limit) {
+            // SAFETY: `piece` holds that many bytes; all ranks pass the same length.
+            unsafe {
+                ffi::MPI_Bcast(
+                    piece.as_mut_ptr().cast(),
+                    count(piece.len()),
+                    ffi::RSMPI_UINT8_T,
+                    raw_rank(root),
+                    raw,
+                )
+            };
+        }
+    }
+
+    /// The bytes of every rank, by rank, on rank `root`; `None` on the others.
+    #[must_use]
+    pub fn gather_bytes(&self, root: usize, bytes: &[u8]) -> Option<Vec<Vec<u8>>> {
+        let lengths = self.all_gather_u64(bytes.len() as u64);
+        if self.rank() != root {
+            let mut requests = Vec::new();
+            self.post_send(bytes, root, &mut requests);
+            wait_all(&mut requests);
+            return None;
+        }
+        let mut parts: Vec<Vec<u8>> = lengths
+            .iter()
+            .map(|&length| vec![0; length_in_memory(length)])
+            .collect();
+        let mut requests = Vec::new();
+        for (rank, part) in parts.iter_mut().enumerate() {
+            if rank == root {
+                part.copy_from_slice(bytes);
+            } else {
+                self.post_receive(part, rank, &mut requests);
+            }
+        }
+        wait_all(&mut requests);
+        Some(parts)
+    }
+
+    /// The bytes of every rank, by rank, on every rank.
+    #[must_use]
+    pub fn all_gather_bytes(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let lengths = self.all_gather_u64(bytes.len() as u64);
+        let mut parts = Vec::with_capacity(lengths.len());
+        for (rank, &length) in lengths.iter().enumerate() {
+            let mut part = vec![0; length_in_memory(length)];
+            if rank == self.rank() {
+                part.copy_from_slice(bytes);
+            }
+            self.broadcast(rank, &mut part);
+            parts.push(part);
+        }
+        parts
+    }
+
+    /// One number of every rank, by rank, on every rank.
+    #[must_use]
+    pub fn all_gather_u64(&self, value: u64) -> Vec<u64> {
+        let mut values = vec![value; self.size()];
+        if let Some(raw) = self.raw() {
+            // SAFETY: one value in, `size` values out, all of the datatype.
+            unsafe {
+                ffi::MPI_Allgather(
+                    ptr::from_ref(&value).cast(),
+                    1,
+                    u64::datatype(),
+                    values.as_mut_ptr().cast(),
+                    1,
+                    u64::datatype(),
+                    raw,
+                )
+            };
+        }
+        values
+    }
+
+    /// Sends `outgoing[r]` to each rank r and returns what each rank sent here. Empty entries send
+    /// no message. The lengths cross first, so receivers need not know who sends.
+    pub(crate) fn all_to_all_bytes(&self, mut outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        let Some(raw) = self.raw() else {
+            return outgoing;
+        };
+        let sizes: Vec<u64> = outgoing.iter().map(|bytes| bytes.len() as u64).collect();
+        let mut lengths = vec![0_u64; self.size()];
+        // SAFETY: `size` values in and out, one for each rank, all of the datatype.
+        unsafe {
+            ffi::MPI_Alltoall(
+                sizes.as_ptr().cast(),
+                1,
+                u64::datatype(),
+                lengths.as_mut_ptr().cast(),
+                1,
+                u64::datatype(),
+                raw,
+            )
+        };
+        let mut incoming = vec![Vec::new(); self.size()];
+        let mut requests = Vec::new();
+        for (rank, &length) in lengths.iter().enumerate() {
+            if rank == self.rank() {
+                incoming[rank] = std::mem::take(&mut outgoing[rank]);
+            } else {
+                incoming[rank] = vec![0; length_in_memory(length)];
+                self.post_receive(&mut incoming[rank], rank, &mut requests);
+            }
+        }
+        for (rank, bytes) in outgoing.iter().enumerate() {
+            self.post_send(bytes, rank, &mut requests);
+        }
+        wait_all(&mut requests);
+        incoming
+    }
+
+    /// Starts sending; `bytes` must stay in place until the requests are done.
+    fn post_send(&self, bytes: &[u8], to: usize, requests: &mut Vec<MPI_Request>) {
+        let Some(raw) = self.raw() else { return };
+        for piece in bytes.chunks(self.message_limit) {
+            // SAFETY: the null request is a constant of the library.
+            let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
+            // SAFETY: the callers in this file wait for the requests while `bytes` is alive.
+            unsafe {
+                ffi::MPI_Isend(
+                    piece.as_ptr().cast(),
+                    count(piece.len()),
+                    ffi::RSMPI_UINT8_T,
+                    raw_rank(to),
+                    TAG_SPARSE,
+                    raw,
+                    &raw mut request,
+                )
+            };
+            requests.push(request);
+        }
+    }
+
+    /// Starts receiving; `bytes` must stay in place, unread, until the requests are done.
+    fn post_receive(&self, bytes: &mut [u8], from: usize, requests: &mut Vec<MPI_Request>) {
+        let Some(raw) = self.raw() else { return };
+        for piece in bytes.chunks_mut(self.message_limit) {
+            // SAFETY: the null request is a constant of the library.
+            let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
+            // SAFETY: the callers in this file wait for the requests before they touch `bytes`.
+            unsafe {
+                ffi::MPI_Irecv(
+                    piece.as_mut_ptr().cast(),
+                    count(piece.len()),
+                    ffi::RSMPI_UINT8_T,
+                    raw_rank(from),
+                    TAG_SPARSE,
+                    raw,
+                    &raw mut request,
+                )
+            };
+            requests.push(request);
+        }
+    }
+
+    // ---- persistent requests ----------------------------------------------------------------
+
+    /// Makes the persistent requests of one message of `bytes` bytes at `buffer`, cut to the
+    /// message limit, and appends them.
+    ///
+    /// # Safety
+    /// The buffer must stay allocated until the requests are freed, must not be touched while they
+    /// are active (only written for a receive, only read by others for a send), and the requests
+    /// must be freed before the last handle of this communicator is dropped.
+    pub(crate) unsafe fn make_persistent(
+        &self,
+        direction: Direction,
+        buffer: *mut u8,
+        bytes: usize,
+        partner: usize,
+        tag: c_int,
+        requests: &mut Vec<MPI_Request>,
+    ) {
+        let Some(raw) = self.raw() else { return };
+        for piece in pieces(bytes, self.message_limit) {
+            // SAFETY: the piece lies inside the buffer.
+            let start: *mut c_void = unsafe { buffer.add(piece.start) }.cast();
+            let (length, partner) = (count(piece.len()), raw_rank(partner));
+            // SAFETY: the null request is a constant of the library.
+            let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
+            let created = &raw mut request;
+            // SAFETY: promised by the caller.
+            unsafe {
+                let datatype = ffi::RSMPI_UINT8_T;
+                match direction {
+                    Direction::Send => {
+                        ffi::MPI_Send_init(start, length, datatype, partner, tag, raw, created)
+                    }
+                    Direction::Receive => {
+                        ffi::MPI_Recv_init(start, length, datatype, partner, tag, raw, created)
+                    }
+                }
+            };
+            requests.push(request);
+        }
+    }
+}
+
+/// Which way a persistent message goes.
+#[derive(Clone, Copy)]
+pub(crate) enum Direction {
+    Send,
+    Receive,
+}
+
+/// Waits for all requests and forgets them.
+fn wait_all(requests: &mut Vec<MPI_Request>) {
+    if !requests.is_empty() {
+        // SAFETY: live requests of a running MPI.
+        unsafe {
+            ffi::MPI_Waitall(
+                count(requests.len()),
+                requests.as_mut_ptr(),
+                ffi::RSMPI_STATUSES_IGNORE,
+            )
+        };
+        requests.clear();
+    }
+}
+
+/// Pieces of at most `limit` bytes that make up `bytes` bytes.
+fn pieces(bytes: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..bytes)
+        .step_by(limit)
+        .map(move |start| start..bytes.min(start + limit))
+}
+
+/// A float as an integer in the same order (that of `f64::total_cmp`).
+fn ordered(value: f64) -> i64 {
+    let bits = value.to_bits().cast_signed();
+    bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
+}
+
+/// The float that [`ordered`] made into `key`.
+fn unordered(key: i64) -> f64 {
+    let bits = key ^ ((key >> 63).cast_unsigned() >> 1).cast_signed();
+    f64::from_bits(bits.cast_unsigned())
+}
+
+/// The lowest 32 bits.
+fn low_digit(value: u128) -> u64 {
+    (value & 0xffff_ffff) as u64
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "pieces are at most 2^30 long"
+)]
+pub(crate) fn count(length: usize) -> c_int {
+    length as c_int
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "MPI numbers its ranks in 32 bits"
+)]
+fn raw_rank(rank: usize) -> c_int {
+    rank as c_int
+}
+
+#[expect(
+    clippy::cast_sign_loss,
+    reason = "MPI's rank and size are not negative"
+)]
+fn index(rank: c_int) -> usize {
+    rank as usize
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the length of a vector on another rank of the same program"
+)]
+fn length_in_memory(length: u64) -> usize {
+    length as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn serial_needs_no_mpi() {
+        let one = Communicator::serial();
+        assert_eq!((one.rank(), one.size()), (0, 1));
+        one.barrier();
+        assert_eq!(one.all_reduce_min_f64(-2.5).to_bits(), (-2.5_f64).to_bits());
+        assert_eq!(one.all_reduce_max_f64(7.5).to_bits(), 7.5_f64.to_bits());
+        assert!(one.all_reduce_max_f64(f64::NAN).is_nan());
+        assert!(one.all_reduce_min_f64(f64::NAN).is_nan());
+        assert_eq!(one.all_reduce_sum_i64(-3), -3);
+        assert_eq!(one.all_reduce_sum_u128(u128::MAX), u128::MAX);
+        assert!(one.all_true(true));
+        assert!(!one.all_true(false));
+        assert_eq!(one.exclusive_scan_u64(5), (0, 5));
+        let mut bytes = vec![1, 2];
+        one.broadcast_bytes(0, &mut bytes);
+        assert_eq!(bytes, [1, 2]);
+        assert_eq!(one.gather_bytes(0, &bytes), Some(vec![vec![1, 2]]));
+        assert_eq!(one.all_gather_bytes(&bytes), vec![vec![1, 2]]);
+        assert!(one.raw().is_none());
+        assert!(one.mpi_version().contains("serial"));
+    }
+
+    #[test]
+    fn a_serial_failure_names_rank_0() {
+        let one = Communicator::serial();
+        assert_eq!(one.agree(Ok::<_, String>(4)), Ok(4));
+        let error = one.agree(Err::<(), _>("no space left")).unwrap_err();
+        assert_eq!(error.to_string(), "rank 0: no space left");
+    }
+
+    #[test]
+    fn ordered_keeps_the_order_of_floats() {
+        let rising = [
+            f64::NEG_INFINITY,
+            f64::MIN,
+            -1.0,
+            -f64::MIN_POSITIVE,
+            -0.0,
+            0.0,
+            5e-324,
+            1.0,
+            1.0 + f64::EPSILON,
+            f64::MAX,
+            f64::INFINITY,
+        ];
+        for pair in rising.windows(2) {
+            assert!(ordered(pair[0]) < ordered(pair[1]), "{pair:?}");
+        }
+        for value in rising {
+            assert_eq!(unordered(ordered(value)).to_bits(), value.to_bits());
+        }
+        assert!(unordered(i64::MAX).is_nan());
+        assert!(unordered(i64::MIN).is_nan());
+    }
+
+    #[test]
+    fn pieces_cover_a_message_once() {
+        let cut: Vec<_> = pieces(7, 3).collect();
+        assert_eq!(cut, [0..3, 3..6, 6..7]);
+        assert_eq!(pieces(0, 3).count(), 0);
+        assert_eq!(pieces(6, 3).count(), 2);
+    }
+}

@@ -1,0 +1,189 @@
+//! Messages between any ranks: once with sizes unknown to the receiver, or again and again with
+//! fixed sizes.
+//!
+//! [`exchange()`] serves migration and the rebuilding of ghost lists; [`FixedExchange`] carries the
+//! motion of the ghosts in every solid step until the next rebuild.
+
+use crate::comm::Communicator;
+use crate::persistent::{Message, PatternError, Persistent};
+use bytemuck::Pod;
+use std::ffi::c_int;
+
+/// Sends each `(rank, bytes)` and returns what came, `(rank, bytes)` in order of the source rank;
+/// collective, also for ranks that send nothing. The own rank may be among the receivers.
+///
+/// Several messages to one rank arrive joined, in the order given; an empty message does not
+/// arrive. One number for each pair of ranks crosses first, so receivers need not know who sends.
+///
+/// # Panics
+/// If a rank is not below the communicator's size.
+#[must_use]
+pub fn exchange(
+    communicator: &Communicator,
+    sends: Vec<(usize, Vec<u8>)>,
+) -> Vec<(usize, Vec<u8>)> {
+    let mut outgoing: Vec<Vec<u8>> = vec![Vec::new(); communicator.size()];
+    for (rank, bytes) in sends {
+        if outgoing[rank].is_empty() {
+            outgoing[rank] = bytes;
+        } else {
+            outgoing[rank].extend_from_slice(&bytes);
+        }
+    }
+    communicator
+        .all_to_all_bytes(outgoing)
+        .into_iter()
+        .enumerate()
+        .filter(|(_, bytes)| !bytes.is_empty())
+        .collect()
+}
+
+/// Persistent messages of fixed sizes to and from any ranks, with their buffers. Nothing is
+/// allocated after construction.
+pub struct FixedExchange {
+    pattern: Persistent,
+}
+
+impl FixedExchange {
+    /// Makes the buffers and requests for messages of known sizes; not collective.
+    ///
+    /// `sends` and `receives` list `(rank, bytes)`; every send must have its receive of the same
+    /// size on the other rank, in the same order if there are several between two ranks. Exchanges
+    /// that may be under way at the same time need different `tag`s.
+    ///
+    /// # Errors
+    /// [`PatternError`] if a rank does not exist or the messages to the own rank do not match.
+    pub fn new(
+        communicator: &Communicator,
+        tag: u8,
+        sends: &[(usize, usize)],
+        receives: &[(usize, usize)],
+    ) -> Result<Self, PatternError> {
+        // Remainders 0 and 1 by 4 belong to halos, 3 to sparse exchanges.
+        let tag = 4 * c_int::from(tag) + 2;
+        let messages = |list: &[(usize, usize)]| -> Vec<Message> {
+            list.iter()
+                .map(|&(partner, bytes)| Message {
+                    partner,
+                    tag,
+                    bytes,
+                })
+                .collect()
+        };
+        let pattern = Persistent::new(communicator, &messages(sends), &messages(receives))?;
+        Ok(Self { pattern })
+    }
+
+    /// As [`Self::new`], but learns from the senders what to receive; collective. Returns also the
+    /// receives, `(rank, bytes)` in order of the source rank.
+    ///
+    /// # Errors
+    /// [`PatternError`] if a rank does not exist. That rank alone fails, before anything is sent:
+    /// check ranks beforehand or agree on the outcome.
+    pub fn discover(
+        communicator: &Communicator,
+        tag: u8,
+        sends: &[(usize, usize)],
+    ) -> Result<(Self, Vec<(usize, usize)>), PatternError> {
+        let size = communicator.size();
+        let stranger = sends.iter().find(|send| send.0 >= size);
+        // The other ranks wait in the exchange, so take part before failing.
+        let announced = sends
+            .iter()
+            .filter(|send| send.0 < size)
+            .map(|&(rank, bytes)| (rank, bytes.to_le_bytes().to_vec()))
+            .collect();
+        let mut receives = Vec::new();
+        for (rank, notes) in exchange(communicator, announced) {
+            for note in notes.as_chunks().0 {
+                receives.push((rank, usize::from_le_bytes(*note)));
+            }
+        }
+        if let Some(&(rank, _)) = stranger {
+            return Err(PatternError::NoSuchRank { rank, size });
+        }
+        let exchange = Self::new(communicator, tag, sends, &receives)?;
+        Ok((exchange, receives))
+    }
+
+    /// Number of messages sent and received.
+    #[must_use]
+    pub fn lengths(&self) -> (usize, usize) {
+        self.pattern.lengths()
+    }
+
+    /// The buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is
+    /// still under way.
+    pub fn send_buffers_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
+        self.pattern.sends_mut()
+    }
+
+    /// The buffer of send number `index`, as whole items of `T`. Waits if an exchange is still
+    /// under way.
+    ///
+    /// # Panics
+    /// If there is no such send.
+    pub fn send_buffer_mut<T: Pod>(&mut self, index: usize) -> &mut [T] {
+        self.pattern.send_mut(index)
+    }
+
+    /// Starts the messages and returns at once. The buffers belong to MPI until [`Self::finish`].
+    pub fn start(&mut self) {
+        self.pattern.start();
+    }
+
+    /// Waits until the messages started last have left and arrived.
+    pub fn finish(&mut self) {
+        self.pattern.finish();
+    }
+
+    /// What came last for receive number `index`, as whole items of `T`. Waits if an exchange is
+    /// still under way.
+    ///
+    /// # Panics
+    /// If there is no such receive.
+    #[must_use]
+    pub fn received<T: Pod>(&self, index: usize) -> &[T] {
+        self.pattern.received(index)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_to_oneself_come_back() {
+        let serial = Communicator::serial();
+        let came = exchange(
+            &serial,
+            vec![(0, vec![1, 2]), (0, vec![]), (0, vec![3, 4, 5])],
+        );
+        assert_eq!(came, [(0, vec![1, 2, 3, 4, 5])]);
+        assert!(exchange(&serial, vec![]).is_empty());
+    }
+
+    #[test]
+    fn fixed_messages_to_oneself_come_back() {
+        let serial = Communicator::serial();
+        let (mut ghosts, receives) =
+            FixedExchange::discover(&serial, 1, &[(0, 16), (0, 8)]).unwrap();
+        assert_eq!(receives, [(0, 16), (0, 8)]);
+        for round in 0..3_u32 {
+            ghosts
+                .send_buffer_mut::<f64>(0)
+                .copy_from_slice(&[1.5, f64::from(round)]);
+            ghosts.send_buffer_mut::<f64>(1).fill(-2.0);
+            ghosts.start();
+            ghosts.finish();
+            assert_eq!(ghosts.received::<f64>(0), [1.5, f64::from(round)]);
+            assert_eq!(ghosts.received::<f64>(1), [-2.0]);
+        }
+    }
+
+    #[test]
+    fn a_rank_that_does_not_exist_is_refused() {
+        let refused = FixedExchange::discover(&Communicator::serial(), 0, &[(3, 8)]).err();
+        assert_eq!(refused, Some(PatternError::NoSuchRank { rank: 3, size: 1 }));
+    }
+}

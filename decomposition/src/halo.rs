@@ -1,0 +1,226 @@
+//! Exchange of the faces of a slab with its lower and its upper neighbour.
+//!
+//! Place in the step: fill the send buffers from the outermost planes, `start`, compute the planes
+//! that need no neighbour, `finish`, read what came and compute the faces. The bytes are the
+//! caller's: only the populations that leave on a side need to be packed (3 of the 9 of D2Q9, 9 of
+//! the 27 of D3Q27, A-01 and following).
+//!
+//! ```text
+//!   lower neighbour        this slab         upper neighbour
+//!   ... ------- to_upper > from_lower
+//!       from_upper < to_lower  . . .  to_upper > from_lower ...
+//!                               from_upper < to_lower -------
+//! ```
+
+use crate::comm::{Communicator, Disagreement};
+use crate::exchange::exchange;
+use crate::persistent::{Message, PatternError, Persistent};
+use crate::slab::Domain;
+use bytemuck::Pod;
+use std::ffi::c_int;
+
+/// Sizes in bytes of the four messages of a slab.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HaloBytes {
+    /// Sent to the lower neighbour; its `from_upper`.
+    pub to_lower: usize,
+    /// Sent to the upper neighbour; its `from_lower`.
+    pub to_upper: usize,
+    /// Received from the lower neighbour; its `to_upper`.
+    pub from_lower: usize,
+    /// Received from the upper neighbour; its `to_lower`.
+    pub from_upper: usize,
+}
+
+impl HaloBytes {
+    /// The same size in both directions on both sides.
+    #[must_use]
+    pub fn symmetric(bytes: usize) -> Self {
+        Self::crossing(bytes, bytes)
+    }
+
+    /// `downwards` bytes cross every cut towards lower planes, `upwards` towards higher ones.
+    #[must_use]
+    pub fn crossing(downwards: usize, upwards: usize) -> Self {
+        Self {
+            to_lower: downwards,
+            to_upper: upwards,
+            from_lower: upwards,
+            from_upper: downwards,
+        }
+    }
+}
+
+/// Persistent messages to and from the neighbours of a slab, with their buffers.
+///
+/// Without a neighbour on a side (a closed end, an empty slab) that side is `None` everywhere. A
+/// slab that is its own neighbour (periodic, alone) gets its own message back, and of two slabs
+/// that are each other's neighbour on both sides the two messages stay apart.
+pub struct HaloExchange {
+    pattern: Persistent,
+    has_lower: bool,
+    has_upper: bool,
+}
+
+impl HaloExchange {
+    /// Makes the buffers and requests for the neighbours of my slab; collective.
+    ///
+    /// Exchanges that may be under way at the same time need different `tag`s. The communication
+    /// buffers start as zeros.
+    ///
+    /// # Errors
+    /// [`Disagreement`] on all ranks if the sizes of two neighbours do not fit together.
+    pub fn new(domain: &Domain, tag: u8, sizes: HaloBytes) -> Result<Self, Disagreement> {
+        let communicator = domain.communicator();
+        // Tags are by direction of travel; a remainder of 2 or 3 by 4 belongs to other exchanges.
+        let downwards = 4 * c_int::from(tag);
+        let upwards = downwards + 1;
+        let message = |partner: Option<usize>, tag, bytes| {
+            partner.map(|partner| Message {
+                partner,
+                tag,
+                bytes,
+            })
+        };
+        let (lower, upper) = (domain.lower_neighbour(), domain.upper_neighbour());
+        let sends = [
+            message(lower, downwards, sizes.to_lower),
+            message(upper, upwards, sizes.to_upper),
+        ];
+        let receives = [
+            message(lower, upwards, sizes.from_lower),
+            message(upper, downwards, sizes.from_upper),
+        ];
+        let sends: Vec<Message> = sends.into_iter().flatten().collect();
+        let receives: Vec<Message> = receives.into_iter().flatten().collect();
+        communicator.agree(check_sizes(communicator, &sends, &receives))?;
+        let pattern = communicator.agree(Persistent::new(communicator, &sends, &receives))?;
+        Ok(Self {
+            pattern,
+            has_lower: lower.is_some(),
+            has_upper: upper.is_some(),
+        })
+    }
+
+    /// The buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if
+    /// an exchange is still under way.
+    pub fn send_buffers_mut<T: Pod>(&mut self) -> (Option<&mut [T]>, Option<&mut [T]>) {
+        let (has_lower, has_upper) = (self.has_lower, self.has_upper);
+        let mut buffers = self.pattern.sends_mut();
+        let lower = if has_lower { buffers.next() } else { None };
+        let upper = if has_upper { buffers.next() } else { None };
+        (lower, upper)
+    }
+
+    /// Starts the messages and returns at once. The buffers belong to MPI until [`Self::finish`].
+    pub fn start(&mut self) {
+        self.pattern.start();
+    }
+
+    /// Waits until the messages started last have left and arrived.
+    pub fn finish(&mut self) {
+        self.pattern.finish();
+    }
+
+    /// What came last from the lower and from the upper neighbour, as whole items of `T`. Waits if
+    /// an exchange is still under way.
+    #[must_use]
+    pub fn received<T: Pod>(&self) -> (Option<&[T]>, Option<&[T]>) {
+        let lower = self.has_lower.then(|| self.pattern.received(0));
+        let index = usize::from(self.has_lower);
+        let upper = self.has_upper.then(|| self.pattern.received(index));
+        (lower, upper)
+    }
+}
+
+/// Compares what I expect with what my neighbours say they will send. MPI would end the job at a
+/// message that is too long and say nothing at one that is too short.
+fn check_sizes(
+    communicator: &Communicator,
+    sends: &[Message],
+    receives: &[Message],
+) -> Result<(), PatternError> {
+    let announced = sends
+        .iter()
+        .map(|message| {
+            let note = [message.tag.unsigned_abs().into(), message.bytes as u64];
+            (
+                message.partner,
+                bytemuck::bytes_of::<[u64; 2]>(&note).to_vec(),
+            )
+        })
+        .collect();
+    let mut notes = Vec::new();
+    for (from, bytes) in exchange(communicator, announced) {
+        for note in bytes.chunks_exact(size_of::<[u64; 2]>()) {
+            let [tag, bytes] = bytemuck::pod_read_unaligned::<[u64; 2]>(note);
+            notes.push((from, tag, bytes));
+        }
+    }
+    for message in receives {
+        let tag = u64::from(message.tag.unsigned_abs());
+        let sent = notes
+            .iter()
+            .find(|note| (note.0, note.1) == (message.partner, tag))
+            .map_or(0, |note| note.2);
+        if sent != message.bytes as u64 {
+            return Err(PatternError::Mismatch {
+                from: message.partner,
+                to: communicator.rank(),
+                sent,
+                expected: message.bytes as u64,
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slab::Axis;
+
+    #[test]
+    fn a_slab_alone_and_periodic_is_its_own_neighbour() {
+        let domain = Domain::serial(Axis::Y, 4, true);
+        let mut halo = HaloExchange::new(&domain, 0, HaloBytes::crossing(12, 8)).unwrap();
+        for round in 0..3_u8 {
+            let (lower, upper) = halo.send_buffers_mut::<f32>();
+            lower
+                .unwrap()
+                .copy_from_slice(&[1.0, 2.0, f32::from(round)]);
+            upper.unwrap().copy_from_slice(&[4.0, f32::from(round)]);
+            halo.start();
+            halo.finish();
+            let (from_lower, from_upper) = halo.received::<f32>();
+            assert_eq!(from_lower.unwrap(), [4.0, f32::from(round)]);
+            assert_eq!(from_upper.unwrap(), [1.0, 2.0, f32::from(round)]);
+        }
+    }
+
+    #[test]
+    fn closed_ends_have_no_halo() {
+        let domain = Domain::serial(Axis::X, 4, false);
+        let mut halo = HaloExchange::new(&domain, 0, HaloBytes::symmetric(16)).unwrap();
+        assert!(matches!(halo.send_buffers_mut::<f64>(), (None, None)));
+        halo.start();
+        halo.finish();
+        assert_eq!(halo.received::<f64>(), (None, None));
+    }
+
+    #[test]
+    fn sizes_that_do_not_fit_are_refused() {
+        let domain = Domain::serial(Axis::X, 4, true);
+        let sizes = HaloBytes {
+            to_lower: 8,
+            to_upper: 8,
+            from_lower: 8,
+            from_upper: 16,
+        };
+        let error = HaloExchange::new(&domain, 0, sizes).err().unwrap();
+        assert_eq!(
+            error.to_string(),
+            "rank 0: rank 0 sends 8 bytes to rank 0, which expects 16"
+        );
+    }
+}

@@ -1,0 +1,521 @@
+//! Who owns which planes: a split of the domain along one axis into one slab for each rank.
+//!
+//! Ownership is decided once, on integers: a position belongs to the plane of half-open cells
+//! `[i, i+1)` it lies in, the plane to the rank whose range holds it. No rank ever compares a
+//! position with a slab's face in floating point, so no particle has two owners or none.
+
+use crate::comm::Communicator;
+use std::ops::Range;
+
+/// A direction of space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Axis {
+    /// The first coordinate.
+    X,
+    /// The second coordinate.
+    Y,
+    /// The third coordinate.
+    Z,
+}
+
+impl Axis {
+    /// Place of the coordinate in a vector: 0, 1 or 2.
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+
+    /// The axis with most cells, the first one of equals: the default direction of the split.
+    #[must_use]
+    pub fn longest(cells: [usize; 3]) -> Self {
+        if cells[0] >= cells[1] && cells[0] >= cells[2] {
+            Self::X
+        } else if cells[1] >= cells[2] {
+            Self::Y
+        } else {
+            Self::Z
+        }
+    }
+}
+
+/// A split that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SlabError {
+    /// The list of bounds does not start at 0, falls somewhere, or has no slab.
+    #[error("slab bounds must start at 0, never fall and name at least one slab, not {bounds:?}")]
+    Bounds {
+        /// The bounds given.
+        bounds: Vec<usize>,
+    },
+    /// The split is for another number of ranks.
+    #[error("the domain is split into {slabs} slabs, but there are {ranks} ranks")]
+    Ranks {
+        /// Slabs of the split.
+        slabs: usize,
+        /// Ranks of the communicator.
+        ranks: usize,
+    },
+}
+
+/// The split of `planes` planes along one axis; the same on every rank. Slab r belongs to rank r.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Slabs {
+    axis: Axis,
+    /// `bounds[r]..bounds[r + 1]` are the planes of rank r; never falling, the first is 0.
+    bounds: Vec<usize>,
+    periodic: bool,
+}
+
+impl Slabs {
+    /// Slabs whose thickness differs by at most one plane, the thicker ones first. With more ranks
+    /// than planes the last slabs are empty. A `size` of 0 counts as 1.
+    #[must_use]
+    pub fn even(axis: Axis, planes: usize, size: usize, periodic: bool) -> Self {
+        let size = size.max(1);
+        let (thickness, thicker) = (planes / size, planes % size);
+        let bounds = (0..=size)
+            .map(|rank| rank * thickness + rank.min(thicker))
+            .collect();
+        Self {
+            axis,
+            bounds,
+            periodic,
+        }
+    }
+
+    /// Slabs `bounds[r]..bounds[r + 1]`; equal neighbours in the list make an empty slab.
+    ///
+    /// # Errors
+    /// [`SlabError::Bounds`] if the list does not start at 0, falls, or is shorter than two.
+    pub fn from_bounds(axis: Axis, bounds: Vec<usize>, periodic: bool) -> Result<Self, SlabError> {
+        if bounds.len() < 2 || bounds[0] != 0 || !bounds.is_sorted() {
+            return Err(SlabError::Bounds { bounds });
+        }
+        Ok(Self {
+            axis,
+            bounds,
+            periodic,
+        })
+    }
+
+    /// The axis along which the domain is cut.
+    #[must_use]
+    pub fn axis(&self) -> Axis {
+        self.axis
+    }
+
+    /// Planes of the whole domain.
+    #[must_use]
+    pub fn planes(&self) -> usize {
+        self.bounds[self.bounds.len() - 1]
+    }
+
+    /// Number of slabs, which is the number of ranks.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.bounds.len() - 1
+    }
+
+    /// Whether the plane after the last one is the first.
+    #[must_use]
+    pub fn periodic(&self) -> bool {
+        self.periodic
+    }
+
+    /// The bounds, one more than slabs.
+    #[must_use]
+    pub fn bounds(&self) -> &[usize] {
+        &self.bounds
+    }
+
+    /// The planes of a rank; empty for an empty slab.
+    ///
+    /// # Panics
+    /// If there is no such rank.
+    #[must_use]
+    pub fn range(&self, rank: usize) -> Range<usize> {
+        self.bounds[rank]..self.bounds[rank + 1]
+    }
+
+    /// The rank that owns a plane; `None` beyond the last plane.
+    #[must_use]
+    pub fn owner_of_plane(&self, plane: usize) -> Option<usize> {
+        // Of several slabs that start at the same plane the last is the one with planes.
+        let after = self.bounds.partition_point(|&bound| bound <= plane);
+        (plane < self.planes()).then(|| after - 1)
+    }
+
+    /// The rank that owns the plane below a rank's first: itself if it is alone and periodic,
+    /// `None` at a closed end and for an empty slab.
+    ///
+    /// # Panics
+    /// If there is no such rank.
+    #[must_use]
+    pub fn lower_neighbour(&self, rank: usize) -> Option<usize> {
+        let range = self.range(rank);
+        if range.is_empty() {
+            None
+        } else if range.start > 0 {
+            self.owner_of_plane(range.start - 1)
+        } else if self.periodic {
+            self.owner_of_plane(self.planes() - 1)
+        } else {
+            None
+        }
+    }
+
+    /// The rank that owns the plane above a rank's last: itself if it is alone and periodic, `None`
+    /// at a closed end and for an empty slab.
+    ///
+    /// # Panics
+    /// If there is no such rank.
+    #[must_use]
+    pub fn upper_neighbour(&self, rank: usize) -> Option<usize> {
+        let range = self.range(rank);
+        if range.is_empty() {
+            None
+        } else if range.end < self.planes() {
+            self.owner_of_plane(range.end)
+        } else if self.periodic {
+            self.owner_of_plane(0)
+        } else {
+            None
+        }
+    }
+
+    /// The plane of a position along the axis, cells being `[origin + i·spacing, origin +
+    /// (i+1)·spacing)`: wrapped in a periodic domain, and else clamped to the end planes, which so
+    /// also own what has left the domain. NaN falls to plane 0. Units: those of the caller, the
+    /// same for all three. 0 if the domain has no planes.
+    #[must_use]
+    pub fn plane_of(&self, position: f64, origin: f64, spacing: f64) -> usize {
+        self.plane_and_period(position, origin, spacing).0
+    }
+
+    /// As [`Self::plane_of`], and how many whole periods above the domain the position lies: move
+    /// it by that many periods down to wrap it. The period is 0 in a domain that is not periodic.
+    #[must_use]
+    pub fn plane_and_period(&self, position: f64, origin: f64, spacing: f64) -> (usize, i64) {
+        let planes = signed(self.planes());
+        if planes == 0 {
+            return (0, 0);
+        }
+        let cell = floor_to_integer((position - origin) / spacing);
+        if self.periodic {
+            (unsigned(cell.rem_euclid(planes)), cell.div_euclid(planes))
+        } else {
+            (unsigned(cell.clamp(0, planes - 1)), 0)
+        }
+    }
+
+    /// The ranks whose planes overlap `low..high`, in order of position, each with the number of
+    /// periods (-1, 0 or 1) by which its planes must be moved up to overlap; move the body down
+    /// by as many to see it from that rank. Planes may be negative or beyond the last.
+    ///
+    /// At a closed end the outermost slab reaches on without end, as in [`Self::plane_of`]. A rank
+    /// can appear up to three times in a periodic domain, and the own rank is not left out. Empty
+    /// slabs overlap nothing.
+    pub fn ranks_overlapping(&self, low: i64, high: i64) -> impl Iterator<Item = (usize, i64)> {
+        let planes = signed(self.planes());
+        let periods = if self.periodic { -1..=1 } else { 0..=0 };
+        periods.flat_map(move |period| {
+            (0..self.size()).filter_map(move |rank| {
+                let range = self.range(rank);
+                let (mut start, mut end) = (signed(range.start), signed(range.end));
+                if !self.periodic && start == 0 {
+                    start = i64::MIN;
+                }
+                if !self.periodic && end == planes {
+                    end = i64::MAX;
+                }
+                let overlaps = low < end.saturating_add(period * planes)
+                    && high > start.saturating_add(period * planes);
+                (!range.is_empty() && low < high && overlaps).then_some((rank, period))
+            })
+        })
+    }
+}
+
+/// The split, and my place in it.
+#[derive(Debug, Clone)]
+pub struct Domain {
+    communicator: Communicator,
+    slabs: Slabs,
+}
+
+impl Domain {
+    /// Gives each rank of the communicator its slab.
+    ///
+    /// # Errors
+    /// [`SlabError::Ranks`] if there are not as many slabs as ranks.
+    pub fn new(communicator: Communicator, slabs: Slabs) -> Result<Self, SlabError> {
+        if slabs.size() != communicator.size() {
+            return Err(SlabError::Ranks {
+                slabs: slabs.size(),
+                ranks: communicator.size(),
+            });
+        }
+        Ok(Self {
+            communicator,
+            slabs,
+        })
+    }
+
+    /// The whole domain on this process, without MPI.
+    #[must_use]
+    pub fn serial(axis: Axis, planes: usize, periodic: bool) -> Self {
+        Self {
+            communicator: Communicator::serial(),
+            slabs: Slabs::even(axis, planes, 1, periodic),
+        }
+    }
+
+    /// The ranks of the domain.
+    #[must_use]
+    pub fn communicator(&self) -> &Communicator {
+        &self.communicator
+    }
+
+    /// The split, the same on every rank.
+    #[must_use]
+    pub fn slabs(&self) -> &Slabs {
+        &self.slabs
+    }
+
+    /// My rank.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.communicator.rank()
+    }
+
+    /// The axis along which the domain is cut.
+    #[must_use]
+    pub fn axis(&self) -> Axis {
+        self.slabs.axis
+    }
+
+    /// My planes.
+    #[must_use]
+    pub fn range(&self) -> Range<usize> {
+        self.slabs.range(self.rank())
+    }
+
+    /// The rank that owns the plane below my first; see [`Slabs::lower_neighbour`].
+    #[must_use]
+    pub fn lower_neighbour(&self) -> Option<usize> {
+        self.slabs.lower_neighbour(self.rank())
+    }
+
+    /// The rank that owns the plane above my last; see [`Slabs::upper_neighbour`].
+    #[must_use]
+    pub fn upper_neighbour(&self) -> Option<usize> {
+        self.slabs.upper_neighbour(self.rank())
+    }
+
+    /// Whether a plane is mine.
+    #[must_use]
+    pub fn owns_plane(&self, plane: usize) -> bool {
+        self.range().contains(&plane)
+    }
+
+    /// The ranks whose planes overlap `low..high`; see [`Slabs::ranks_overlapping`].
+    pub fn ranks_overlapping(&self, low: i64, high: i64) -> impl Iterator<Item = (usize, i64)> {
+        self.slabs.ranks_overlapping(low, high)
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the cast saturates: far positions are clamped or wrapped afterwards"
+)]
+fn floor_to_integer(value: f64) -> i64 {
+    value.floor() as i64
+}
+
+#[expect(
+    clippy::cast_possible_wrap,
+    reason = "no array has 2^63 planes in memory"
+)]
+fn signed(plane: usize) -> i64 {
+    plane as i64
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "called with planes of the domain, from 0 to their number"
+)]
+fn unsigned(plane: i64) -> usize {
+    plane as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn even_slabs_differ_by_one_plane() {
+        let slabs = Slabs::even(Axis::X, 10, 4, false);
+        assert_eq!(slabs.bounds(), [0, 3, 6, 8, 10]);
+        let few = Slabs::even(Axis::X, 2, 4, false);
+        assert_eq!(few.bounds(), [0, 1, 2, 2, 2]);
+        assert_eq!(Slabs::even(Axis::X, 5, 0, false).size(), 1);
+    }
+
+    #[test]
+    fn bounds_are_checked() {
+        for wrong in [vec![], vec![0], vec![1, 4], vec![0, 5, 4]] {
+            let refused = Slabs::from_bounds(Axis::X, wrong.clone(), false);
+            assert_eq!(refused, Err(SlabError::Bounds { bounds: wrong }));
+        }
+        let two = Slabs::even(Axis::X, 8, 2, false);
+        let refused = Domain::new(Communicator::serial(), two).unwrap_err();
+        assert_eq!(refused, SlabError::Ranks { slabs: 2, ranks: 1 });
+    }
+
+    #[test]
+    fn neighbours_skip_empty_slabs() {
+        let bounds = vec![0, 0, 3, 3, 3, 7, 7];
+        let closed = Slabs::from_bounds(Axis::Y, bounds.clone(), false).unwrap();
+        let owners: Vec<_> = (0..8).map(|plane| closed.owner_of_plane(plane)).collect();
+        let (one, four) = (Some(1), Some(4));
+        assert_eq!(owners, [one, one, one, four, four, four, four, None]);
+        let sides =
+            |slabs: &Slabs, rank| (slabs.lower_neighbour(rank), slabs.upper_neighbour(rank));
+        assert_eq!(sides(&closed, 1), (None, four));
+        assert_eq!(sides(&closed, 4), (one, None));
+        assert_eq!(sides(&closed, 2), (None, None));
+        let periodic = Slabs::from_bounds(Axis::Y, bounds, true).unwrap();
+        assert_eq!(sides(&periodic, 1), (four, four));
+        assert_eq!(sides(&periodic, 4), (one, one));
+        assert_eq!(sides(&periodic, 0), (None, None));
+        let alone = Slabs::from_bounds(Axis::Y, vec![0, 0, 5], true).unwrap();
+        assert_eq!(sides(&alone, 1), (Some(1), Some(1)));
+    }
+
+    #[test]
+    fn overlap_sees_periodic_images() {
+        let periodic = Slabs::even(Axis::X, 8, 2, true);
+        let ranks = |low, high| periodic.ranks_overlapping(low, high).collect::<Vec<_>>();
+        assert_eq!(ranks(1, 3), [(0, 0)]);
+        assert_eq!(ranks(-1, 1), [(1, -1), (0, 0)]);
+        assert_eq!(ranks(7, 9), [(1, 0), (0, 1)]);
+        assert_eq!(ranks(3, 3), []);
+        assert_eq!(
+            ranks(-1, 9),
+            [(1, -1), (0, 0), (1, 0), (0, 1)],
+            "a body larger than the domain meets itself"
+        );
+        let closed = Slabs::from_bounds(Axis::X, vec![0, 0, 4, 8, 8], false).unwrap();
+        let ranks = |low, high| closed.ranks_overlapping(low, high).collect::<Vec<_>>();
+        assert_eq!(ranks(3, 5), [(1, 0), (2, 0)]);
+        assert_eq!(ranks(-7, -3), [(1, 0)], "end slabs own what has left");
+        assert_eq!(ranks(12, 15), [(2, 0)]);
+    }
+
+    #[test]
+    fn longest_axis_prefers_the_first() {
+        assert_eq!(Axis::longest([4, 4, 1]), Axis::X);
+        assert_eq!(Axis::longest([4, 5, 5]), Axis::Y);
+        assert_eq!(Axis::longest([4, 5, 6]).index(), 2);
+    }
+
+    #[test]
+    fn lost_positions_still_have_one_plane() {
+        for periodic in [false, true] {
+            let slabs = Slabs::even(Axis::X, 7, 3, periodic);
+            for position in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
+                let plane = slabs.plane_of(position, 0.0, 0.1);
+                assert!(slabs.owner_of_plane(plane).is_some(), "{position}");
+            }
+        }
+        assert_eq!(Slabs::even(Axis::X, 0, 3, true).plane_of(1.0, 0.0, 1.0), 0);
+    }
+
+    fn split() -> impl Strategy<Value = Slabs> {
+        (
+            prop::collection::vec(0_usize..6, 1..6),
+            1_usize..4,
+            any::<bool>(),
+        )
+            .prop_map(|(thickness, last, periodic)| {
+                let mut bounds = vec![0];
+                let mut sum = 0;
+                for planes in thickness.into_iter().chain([last]) {
+                    sum += planes;
+                    bounds.push(sum);
+                }
+                Slabs::from_bounds(Axis::X, bounds, periodic).unwrap()
+            })
+    }
+
+    /// The next float above (`up`) or below.
+    fn step(value: f64, up: bool) -> f64 {
+        if up {
+            value.next_up()
+        } else {
+            value.next_down()
+        }
+    }
+
+    proptest! {
+        /// Rule 7: at every face of every cell, one unit in the last place below, at and above it,
+        /// exactly one rank owns the position.
+        #[test]
+        fn every_position_has_exactly_one_owner(
+            slabs in split(),
+            origin in -3.0_f64..3.0,
+            spacing in 1e-6_f64..2.0,
+        ) {
+            let planes = slabs.planes();
+            let mut previous = (i64::MIN, 0);
+            for face in -2..=signed(planes) + 2 {
+                #[expect(clippy::cast_precision_loss, reason = "a few planes")]
+                let at = origin + spacing * face as f64;
+                for position in [step(at, false), at, step(at, true)] {
+                    let (plane, period) = slabs.plane_and_period(position, origin, spacing);
+                    prop_assert_eq!(plane, slabs.plane_of(position, origin, spacing));
+                    let owners: Vec<usize> = (0..slabs.size())
+                        .filter(|&rank| slabs.range(rank).contains(&plane))
+                        .collect();
+                    prop_assert_eq!(owners.len(), 1);
+                    prop_assert_eq!(slabs.owner_of_plane(plane), Some(owners[0]));
+                    // Cells are in the order of positions and within one of the exact cell.
+                    prop_assert!(previous <= (period, plane));
+                    previous = (period, plane);
+                    if slabs.periodic() {
+                        let cell = period * signed(planes) + signed(plane);
+                        prop_assert!((face - 1..=face).contains(&cell));
+                    }
+                    // The owner is among the ranks that see the cell.
+                    let cell = period * signed(planes) + signed(plane);
+                    if period.abs() <= 1 {
+                        prop_assert!(
+                            slabs.ranks_overlapping(cell, cell + 1).eq([(owners[0], period)])
+                        );
+                    }
+                }
+            }
+        }
+
+        /// Neighbourhood is mutual, and a message downwards arrives from above.
+        #[test]
+        fn neighbours_are_mutual(slabs in split()) {
+            for rank in 0..slabs.size() {
+                if let Some(lower) = slabs.lower_neighbour(rank) {
+                    prop_assert_eq!(slabs.upper_neighbour(lower), Some(rank));
+                }
+                if let Some(upper) = slabs.upper_neighbour(rank) {
+                    prop_assert_eq!(slabs.lower_neighbour(upper), Some(rank));
+                }
+            }
+            let planes: usize = (0..slabs.size()).map(|rank| slabs.range(rank).len()).sum();
+            prop_assert_eq!(planes, slabs.planes());
+        }
+    }
+}
