@@ -11,6 +11,8 @@ use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::lbm::boundary::Flux;
+use crate::units::LatticeUnits;
 
 /// A fluid with its coupling. Collective: every rank calls each method at the same point.
 pub trait Flow<S: Space> {
@@ -25,4 +27,25 @@ pub trait Flow<S: Space> {
     /// # Errors
     /// Where a message failed.
     fn follow(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error>;
+}
+
+/// What outputs and analyses may ask of a slab of fluid; lattice units (convert with [`FluidView::units`]), cells in
+/// coordinates of the slab.
+pub trait FluidView {
+    /// Scales to SI.
+    fn units(&self) -> &LatticeUnits;
+    /// Cells of the slab along x, y, z; 0 along the split axis for an empty slab.
+    fn cells(&self) -> [usize; 3];
+    /// First cell of the slab in the domain.
+    fn start(&self) -> [usize; 3];
+    /// Density deviation and velocity of a cell.
+    fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
+    /// Deviatoric viscous stress of a cell.
+    fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3];
+    /// Id of the body that holds the centre of a cell.
+    fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
+    /// Names of the patches of the faces.
+    fn patches(&self) -> Vec<String>;
+    /// What crossed each patch in the last step, on this rank: sum the integers over ranks.
+    fn fluxes(&self) -> Vec<Flux>;
 }

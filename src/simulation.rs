@@ -1,1 +1,3 @@
 //! Owns the state; step and run.
+
+pub mod view;

@@ -9,7 +9,7 @@
 //! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
 //! cells covered since then (6 … 11).
 
-use super::Flow;
+use super::{Flow, FluidView};
 use super::body_map::{BodyMap, Grid, Rules};
 use crate::dem::particles::{Load as GrainLoad, Particles};
 use crate::dem::ranks::Ranks;
@@ -228,5 +228,37 @@ where
             }
         }
         Ok(())
+    }
+}
+
+impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    fn units(&self) -> &LatticeUnits {
+        &self.units
+    }
+    fn cells(&self) -> [usize; 3] {
+        self.fluid.populations().cells()
+    }
+    fn start(&self) -> [usize; 3] {
+        self.fluid.start()
+    }
+    fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.state(position)
+    }
+    fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.stress(position)
+    }
+    fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+        self.map.body_at(cell)
+    }
+    fn patches(&self) -> Vec<String> {
+        self.fluid.boundaries().names().map(str::to_owned).collect()
+    }
+    fn fluxes(&self) -> Vec<Flux> {
+        self.fluid.fluxes()
     }
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use decomposition::{Domain, FixedExchange, exchange};
+
 use crate::error::Error;
 
 /// The ranks of a run, cut into slabs of whole planes along one axis. Methods that return a `Result` are collective: every
@@ -40,7 +42,7 @@ pub trait Ranks {
 }
 
 /// Messages of known lengths between the same ranks.
-pub trait Pattern: Send {
+pub trait Pattern {
     /// Sends `sends` and fills `receives`, in the order and with the lengths given when the pattern was made.
     ///
     /// # Errors
@@ -181,5 +183,62 @@ impl Reader<'_> {
     }
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+}
+
+impl Ranks for Domain {
+    fn rank(&self) -> usize {
+        Self::rank(self)
+    }
+    fn size(&self) -> usize {
+        self.communicator().size()
+    }
+    fn axis(&self) -> usize {
+        Self::axis(self).index()
+    }
+    fn planes(&self) -> i64 {
+        whole(self.slabs().planes())
+    }
+    fn planes_of(&self, rank: usize) -> Range<i64> {
+        let range = self.slabs().range(rank);
+        whole(range.start)..whole(range.end)
+    }
+    fn maximum(&self, value: f64) -> Result<f64, Error> {
+        Ok(self.communicator().all_reduce_max_f64(value))
+    }
+    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Result<Vec<(usize, Vec<u8>)>, Error> {
+        Ok(exchange(self.communicator(), messages))
+    }
+    fn pattern(
+        &self,
+        sends: &[(usize, usize)],
+        receives: &[(usize, usize)],
+    ) -> Result<Box<dyn Pattern>, Error> {
+        FixedExchange::new(self.communicator(), MOTION_TAG, sends, receives)
+            .map(|fixed| Box::new(fixed) as Box<dyn Pattern>)
+            .map_err(|error| Error::Internal(error.to_string()))
+    }
+}
+
+/// Tells the grains' messages from those of others.
+const MOTION_TAG: u8 = 40;
+
+/// A plane's number with a sign.
+#[expect(clippy::cast_possible_wrap, reason = "no axis has 2^63 planes")]
+fn whole(plane: usize) -> i64 {
+    plane as i64
+}
+
+impl Pattern for FixedExchange {
+    fn run(&mut self, sends: &[Vec<u8>], receives: &mut [Vec<u8>]) -> Result<(), Error> {
+        for (buffer, bytes) in self.send_buffers_mut::<u8>().zip(sends) {
+            buffer.copy_from_slice(bytes);
+        }
+        self.start();
+        self.finish();
+        for (k, bytes) in receives.iter_mut().enumerate() {
+            bytes.copy_from_slice(self.received(k));
+        }
+        Ok(())
     }
 }

@@ -1,1 +1,67 @@
+<<<<<<< HEAD
 
+=======
+//! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
+
+mod laws;
+mod same_bits;
+
+use super::contact::cohesive_frictional::{self, CohesiveFrictional};
+use super::contact::linear::{self, Linear};
+use super::*;
+
+pub(super) fn linear<S: Space>(parameters: linear::Parameters, settings: Settings<S>, walls: Vec<Wall<S>>) -> Dem<S> {
+    let law = Law::Linear(Linear { parameters: PairTable::uniform(1, parameters) });
+    Dem::new(law, settings, walls).unwrap()
+}
+
+pub(super) fn cohesive<S: Space>(
+    parameters: cohesive_frictional::Parameters,
+    settings: Settings<S>,
+    walls: Vec<Wall<S>>,
+) -> Dem<S> {
+    let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, parameters) });
+    Dem::new(law, settings, walls).unwrap()
+}
+
+pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
+    normal_stiffness: 1e5,
+    stiffness_per_diameter: false,
+    stiffness_ratio: 1.0,
+    friction: 0.5,
+    normal_damping: 0.0,
+    shear_damping: 0.0,
+    attraction: false,
+};
+
+/// The piping paper's contacts (A-21, C/d = 0.506 N/m).
+pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
+    normal_stiffness: 150e6,
+    stiffness_per_diameter: true,
+    stiffness_ratio: 0.4,
+    friction_angle: 20.0,
+    cohesion: 0.506,
+    cohesion_per_diameter: true,
+    normal_damping: 0.0,
+    shear_damping: 0.0,
+};
+
+/// A box of side 2 `half` about the origin.
+pub(super) fn about_origin<S: Space>(half: f64) -> Region<S> {
+    let (mut lower, mut upper) = (S::Vector::default(), S::Vector::default());
+    for axis in 0..S::DIMENSION {
+        lower.set(axis, -half);
+        upper.set(axis, half);
+    }
+    Region::closed(lower, upper, half / 50.0)
+}
+
+/// Rows of a small table: `#` comments, a line of names, numbers.
+pub(super) fn rows(text: &str) -> Vec<Vec<f64>> {
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .skip(1)
+        .map(|line| line.split(',').map(|word| word.parse().unwrap()).collect())
+        .collect()
+}
+>>>>>>> room-dem

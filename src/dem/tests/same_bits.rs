@@ -1,0 +1,442 @@
+//! The same bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
+//!
+//! Ranks are threads here, with messages through channels; the crate `decomposition` carries the same calls over MPI.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+
+use nalgebra::Vector2;
+
+use super::super::ranks::Pattern;
+use super::super::state::{Contacts, Table};
+use super::*;
+use crate::random::Stream;
+
+type Mail = Vec<u8>;
+
+/// One rank among threads.
+struct Crew {
+    rank: usize,
+    axis: usize,
+    bounds: Vec<i64>,
+    to: Vec<Sender<Mail>>,
+    from: Vec<Arc<Mutex<Receiver<Mail>>>>,
+}
+
+impl Crew {
+    /// Slabs given by their bounds, along `axis`.
+    fn muster(axis: usize, bounds: &[i64]) -> Vec<Self> {
+        let size = bounds.len() - 1;
+        let mut to: Vec<Vec<Sender<Mail>>> = vec![Vec::new(); size];
+        let mut from: Vec<Vec<Arc<Mutex<Receiver<Mail>>>>> = vec![Vec::new(); size];
+        for sender in &mut to {
+            for receiver in &mut from {
+                let (a, b) = channel();
+                sender.push(a);
+                receiver.push(Arc::new(Mutex::new(b)));
+            }
+        }
+        to.into_iter()
+            .zip(from)
+            .enumerate()
+            .map(|(rank, (to, from))| Self { rank, axis, bounds: bounds.to_vec(), to, from })
+            .collect()
+    }
+
+    /// Everybody sends to everybody, nothing if need be.
+    fn all_to_all(&self, mut out: Vec<Mail>) -> Vec<Mail> {
+        for (target, mail) in out.iter_mut().enumerate() {
+            self.to[target].send(std::mem::take(mail)).unwrap();
+        }
+        self.from.iter().map(|from| from.lock().unwrap().recv().unwrap()).collect()
+    }
+}
+
+impl Ranks for Crew {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+    fn size(&self) -> usize {
+        self.to.len()
+    }
+    fn axis(&self) -> usize {
+        self.axis
+    }
+    fn planes(&self) -> i64 {
+        self.bounds[self.size()]
+    }
+    fn planes_of(&self, rank: usize) -> Range<i64> {
+        self.bounds[rank]..self.bounds[rank + 1]
+    }
+    fn maximum(&self, value: f64) -> Result<f64, Error> {
+        let all = self.all_to_all(vec![value.to_le_bytes().to_vec(); self.size()]);
+        Ok(all
+            .iter()
+            .map(|bytes| f64::from_le_bytes(bytes[..].try_into().unwrap()))
+            .fold(f64::NEG_INFINITY, f64::max))
+    }
+    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Result<Vec<(usize, Vec<u8>)>, Error> {
+        let mut out = vec![Vec::new(); self.size()];
+        for (target, mut bytes) in messages {
+            // One byte in front tells an empty message from none.
+            bytes.insert(0, 1);
+            out[target] = bytes;
+        }
+        let arrived = self.all_to_all(out).into_iter().enumerate();
+        Ok(arrived.filter(|(_, b)| !b.is_empty()).map(|(rank, b)| (rank, b[1..].to_vec())).collect())
+    }
+    fn pattern(
+        &self,
+        sends: &[(usize, usize)],
+        receives: &[(usize, usize)],
+    ) -> Result<Box<dyn Pattern>, Error> {
+        Ok(Box::new(Wires {
+            to: sends.iter().map(|(rank, _)| self.to[*rank].clone()).collect(),
+            from: receives.iter().map(|(rank, _)| self.from[*rank].clone()).collect(),
+        }))
+    }
+}
+
+struct Wires {
+    to: Vec<Sender<Mail>>,
+    from: Vec<Arc<Mutex<Receiver<Mail>>>>,
+}
+
+impl Pattern for Wires {
+    fn run(&mut self, sends: &[Vec<u8>], receives: &mut [Vec<u8>]) -> Result<(), Error> {
+        for (to, bytes) in self.to.iter().zip(sends) {
+            to.send(bytes.clone()).unwrap();
+        }
+        for (from, bytes) in self.from.iter().zip(receives) {
+            let mail = from.lock().unwrap().recv().unwrap();
+            assert_eq!(mail.len(), bytes.len());
+            *bytes = mail;
+        }
+        Ok(())
+    }
+}
+
+/// A scene that has everything: a periodic axis, a giant, a wall, a driven grain, gravity, bonds and shear.
+#[derive(Clone, Copy)]
+struct Scene {
+    periodic: bool,
+    bonded: bool,
+    skin: f64,
+}
+
+const STEPS: u64 = 1200;
+
+fn settings(scene: Scene) -> Settings<Plane> {
+    let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
+    region.periodic[0] = scene.periodic;
+    let mut settings = Settings::new(region, 2e-6, scene.skin);
+    settings.gravity = Vector2::new(3.0, -9.81);
+    settings.local_damping = 0.1;
+    settings.ghost_margin = 1e-3;
+    settings
+}
+
+fn dem(scene: Scene) -> Dem<Plane> {
+    let region = settings(scene).region;
+    let walls = Wall::of_box(region.lower, region.upper, [!scene.periodic, true, false], 0);
+    if scene.bonded {
+        let parameters = cohesive_frictional::Parameters {
+            normal_stiffness: 5e5,
+            stiffness_per_diameter: false,
+            cohesion: 0.8,
+            cohesion_per_diameter: false,
+            normal_damping: 0.05,
+            shear_damping: 0.05,
+            ..PAPER
+        };
+        cohesive(parameters, settings(scene), walls)
+    } else {
+        let parameters = linear::Parameters {
+            normal_stiffness: 5e5,
+            normal_damping: 0.1,
+            shear_damping: 0.1,
+            ..SPRINGS
+        };
+        linear(parameters, settings(scene), walls)
+    }
+}
+
+fn grains() -> Vec<(Body, Motion<Plane>)> {
+    let mut all = Vec::new();
+    // A lattice that overlaps a little here and there; ids in no order of place.
+    for row in 0..12_u64 {
+        for column in 0..19_u64 {
+            let n = row * 19 + column;
+            let mut draw = Stream::new(5, n, 0);
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let at = Vector2::new(0.0011 + 0.002 * column as f64, 0.0011 + 0.00199 * row as f64);
+            if (at - Vector2::new(0.02, 0.012)).norm() < 0.0062 {
+                continue;
+            }
+            let body = Body::uniform::<Plane>((n * 131) % 997, 0.00099 + 3e-5 * draw.uniform(), 2600.0, 0);
+            let velocity = Vector2::new(draw.uniform() - 0.2, draw.uniform() - 0.5) * 2.0;
+            all.push((body, Motion { position: at, velocity, spin: 100.0 * (draw.uniform() - 0.5) }));
+        }
+    }
+    // Wider than a slab, and moved by the contacts; and one that is driven.
+    let giant = Body::uniform::<Plane>(500_000, 0.005, 2600.0, 0);
+    all.push((giant, Motion { position: Vector2::new(0.02, 0.012), ..Motion::default() }));
+    let driven = Body { kind: Kind::Driven, ..Body::uniform::<Plane>(3_000, 0.001, 2600.0, 0) };
+    let velocity = Vector2::new(-1.5, -1.0);
+    all.push((driven, Motion { position: Vector2::new(0.02, 0.027), velocity, spin: 50.0 }));
+    all
+}
+
+/// All bits of the state that a next step depends on, by id, plus the ledger.
+type State = (BTreeMap<u64, Vec<u64>>, Vec<(u64, u64, Option<u64>, Option<u32>)>);
+
+#[derive(Clone, Default)]
+struct Saved {
+    grains: Table,
+    contacts: Contacts,
+    breaks: Vec<BondBreak<Plane>>,
+    migrated: bool,
+}
+
+impl Saved {
+    fn state(&self) -> State {
+        let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
+        let column = |values: &state::Values| match values {
+            state::Values::Real(values) => values.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
+            state::Values::Whole(values) => values.clone(),
+        };
+        let ids = column(&self.grains.columns[0].1);
+        for (name, values) in &self.grains.columns {
+            // Which image a grain stands for changes when lists are made; where it stands does not.
+            if !name.starts_with("shift") {
+                for (id, bits) in ids.iter().zip(column(values)) {
+                    rows.entry(*id).or_default().push(bits);
+                }
+            }
+        }
+        for table in [&self.contacts.grains, &self.contacts.walls] {
+            let columns: Vec<_> = table.columns.iter().map(|(_, values)| column(values)).collect();
+            let mut keyed: Vec<Vec<u64>> =
+                (0..table.rows()).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
+            keyed.sort();
+            for row in keyed {
+                rows.entry(row[0]).or_default().extend(&row[1..]);
+            }
+        }
+        let mut breaks: Vec<_> =
+            self.breaks.iter().map(|b| (b.step, b.grain, b.other, b.wall)).collect();
+        breaks.sort_unstable();
+        (rows, breaks)
+    }
+}
+
+/// `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
+fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u64, batch: u64) -> Saved {
+    let size = bounds.len() - 1;
+    let parts: Vec<Saved> = std::thread::scope(|scope| {
+        let threads: Vec<_> = Crew::muster(axis, bounds)
+            .into_iter()
+            .map(|crew| {
+                scope.spawn(move || {
+                    let mut dem = dem(scene);
+                    let mut particles = match from {
+                        Some(saved) => {
+                            dem.restore(&saved.contacts).unwrap();
+                            Particles::from_table(&saved.grains.filter(|row| row % size == crew.rank)).unwrap()
+                        }
+                        None => {
+                            let mut particles = Particles::new();
+                            for (body, motion) in grains() {
+                                if usize::try_from(body.id).unwrap() % size == crew.rank {
+                                    particles.insert(body, motion);
+                                }
+                            }
+                            particles
+                        }
+                    };
+                    if from.is_none() && scene.bonded {
+                        dem.bond_existing_contacts(&mut particles, &crew).unwrap();
+                    }
+                    dem.prepare(&mut particles, &crew).unwrap();
+                    let before: Vec<u64> = particles.body[..particles.owned()].iter().map(|b| b.id).collect();
+                    for _ in 0..steps / batch {
+                        dem.advance_many(&mut particles, &crew, batch).unwrap();
+                    }
+                    let after: Vec<u64> = particles.body[..particles.owned()].iter().map(|b| b.id).collect();
+                    Saved {
+                        grains: particles.table(),
+                        contacts: dem.contacts(),
+                        breaks: dem.take_breaks(),
+                        migrated: before != after,
+                    }
+                })
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    let mut whole = Saved::default();
+    for part in parts {
+        whole.grains.append(&part.grains).unwrap();
+        whole.contacts.grains.append(&part.contacts.grains).unwrap();
+        whole.contacts.walls.append(&part.contacts.walls).unwrap();
+        whole.contacts.faces = part.contacts.faces;
+        whole.contacts.steps = part.contacts.steps;
+        whole.breaks.extend(part.breaks);
+        whole.migrated |= part.migrated;
+    }
+    whole
+}
+
+const SCENES: [Scene; 4] = [
+    Scene { periodic: false, bonded: false, skin: 3e-4 },
+    Scene { periodic: true, bonded: false, skin: 3e-4 },
+    Scene { periodic: false, bonded: true, skin: 3e-4 },
+    Scene { periodic: true, bonded: true, skin: 3e-4 },
+];
+
+fn alone(scene: Scene) -> Saved {
+    run(scene, 0, &[0, 40], None, STEPS, STEPS)
+}
+
+#[test]
+fn ranks_do_not_show() {
+    for scene in SCENES {
+        let one = alone(scene);
+        assert!(one.contacts.grains.rows() > 50, "the scene must have contacts with a history");
+        assert!(one.contacts.walls.rows() > 0);
+        assert_eq!(scene.bonded, !one.breaks.is_empty(), "bonds must break where there are any");
+        let splits: [(usize, &[i64]); 6] = [
+            (0, &[0, 20, 40]),
+            (1, &[0, 12, 30]),
+            (0, &[0, 10, 22, 40]),
+            // An empty slab in between, and slabs thinner than the giant.
+            (0, &[0, 18, 18, 21, 40]),
+            (1, &[0, 7, 9, 30]),
+            (0, &[0, 5, 10, 15, 20, 25, 30, 40]),
+        ];
+        for (axis, bounds) in splits {
+            let many = run(scene, axis, bounds, None, STEPS, STEPS);
+            assert!(many.migrated, "grains must change ranks");
+            assert!(one.state() == many.state(), "axis {axis} bounds {bounds:?}");
+        }
+    }
+}
+
+#[test]
+fn skins_and_calls_do_not_show() {
+    for scene in SCENES {
+        let one = alone(scene).state();
+        for skin in [2e-5, 1e-3] {
+            assert!(one == alone(Scene { skin, ..scene }).state(), "skin {skin}");
+        }
+        assert!(one == run(scene, 0, &[0, 40], None, STEPS, 1).state());
+        assert!(one == run(scene, 0, &[0, 14, 40], None, STEPS, 60).state());
+    }
+}
+
+#[test]
+fn restarts_on_other_ranks_do_not_show() {
+    for scene in SCENES {
+        let one = alone(scene);
+        let a = run(scene, 0, &[0, 40], None, 300, 300);
+        let b = run(scene, 0, &[0, 21, 40], Some(&a), 300, 300);
+        let c = run(scene, 1, &[0, 9, 15, 30], Some(&b), 300, 300);
+        let mut d = run(scene, 0, &[0, 40], Some(&c), 300, 300);
+        for earlier in [a, b, c] {
+            d.breaks.extend(earlier.breaks);
+        }
+        assert_eq!(d.contacts.steps, STEPS);
+        assert!(one.state() == d.state());
+    }
+}
+
+/// A heap large enough for threads to be used.
+fn heap(threads: usize) -> (Table, u64) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.21, 0.3), 1e-3);
+        region.periodic[0] = true;
+        let mut settings = Settings::new(region, 2e-6, 3e-4);
+        settings.gravity = Vector2::new(1.0, -9.81);
+        let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
+        let parameters = cohesive_frictional::Parameters {
+            normal_stiffness: 5e5,
+            stiffness_per_diameter: false,
+            cohesion: 0.3,
+            cohesion_per_diameter: false,
+            ..PAPER
+        };
+        let mut dem = cohesive(parameters, settings, walls);
+        let mut particles = Particles::new();
+        for n in 0..7_000_u32 {
+            let mut draw = Stream::new(9, u64::from(n), 0);
+            let at = Vector2::new(
+                0.0011 + 0.002_08 * f64::from(n % 100),
+                0.001 + 0.002 * f64::from(n / 100),
+            );
+            let body = Body::uniform::<Plane>(u64::from(n), 0.000_99 + 8e-5 * draw.uniform(), 2600.0, 0);
+            let velocity = Vector2::new(draw.uniform() - 0.5, draw.uniform() - 0.5) * 3.0;
+            particles.insert(body, Motion { position: at, velocity, spin: 0.0 });
+        }
+        dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
+        dem.advance_many(&mut particles, &Alone, 200).unwrap();
+        (particles.table(), dem.take_breaks().len() as u64)
+    })
+}
+
+#[test]
+fn threads_do_not_show() {
+    let (one, breaks) = heap(1);
+    assert!(breaks > 100, "bonds must break");
+    let (two, breaks_by_two) = heap(2);
+    assert_eq!(breaks, breaks_by_two);
+    assert!(one == two);
+}
+
+/// Whole numbers from ghosts arrive at their owners, each once.
+#[test]
+fn ghost_entries_are_summed_at_the_owner() {
+    let scene = SCENES[1];
+    let sums = |bounds: &[i64]| {
+        let mut all: Vec<(u64, i128)> = std::thread::scope(|scope| {
+            let threads: Vec<_> = Crew::muster(0, bounds)
+                .into_iter()
+                .map(|crew| {
+                    scope.spawn(move || {
+                        let mut particles = Particles::new();
+                        if crew.rank == 0 {
+                            for (body, motion) in grains() {
+                                particles.insert(body, motion);
+                            }
+                        }
+                        dem(scene).prepare(&mut particles, &crew).unwrap();
+                        // Each rank counts for every image the planes of its own that the body covers.
+                        let slab = crew.planes_of(crew.rank);
+                        let mut values: Vec<[i128; 2]> = (0..particles.len())
+                            .map(|k| {
+                                let (x, r) = (particles.location(k)[0], particles.body[k].radius);
+                                let covered = slab
+                                    .clone()
+                                    .filter(|&plane| ((plane as f64 + 0.5) * 1e-3 - x).abs() < r)
+                                    .count();
+                                [i128::try_from(covered).unwrap(), -1]
+                            })
+                            .collect();
+                        particles.reduce_to_owners(&mut values, &crew).unwrap();
+                        (0..particles.owned()).map(|k| (particles.body[k].id, values[k][0])).collect::<Vec<_>>()
+                    })
+                })
+                .collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+        });
+        all.sort_unstable();
+        all
+    };
+    let one = sums(&[0, 40]);
+    // The giant covers 10 planes of 1 mm.
+    assert_eq!(one.last(), Some(&(500_000, 10)));
+    assert_eq!(one, sums(&[0, 20, 40]));
+    assert_eq!(one, sums(&[0, 18, 18, 21, 40]));
+}

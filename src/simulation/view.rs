@@ -1,0 +1,27 @@
+//! What outputs, probes and analyses may see of a running simulation.
+
+use crate::coupling::FluidView;
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::dem::Dem;
+use crate::plan::Plan;
+use decomposition::Domain;
+
+/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains follow.
+#[derive(Clone, Copy)]
+pub struct View<'a, S: Space> {
+    /// The plan of the run.
+    pub plan: &'a Plan,
+    /// Ranks and slabs.
+    pub domain: &'a Domain,
+    /// This rank's slab of fluid, if the scene has one.
+    pub fluid: Option<&'a dyn FluidView>,
+    /// Grains and bodies of this rank, ghosts up to date.
+    pub particles: &'a Particles<S>,
+    /// Contacts, if anything moves.
+    pub dem: Option<&'a Dem<S>>,
+    /// Steps done, without the warm-up.
+    pub step: u64,
+    /// Time [s], 0 at the end of the warm-up.
+    pub time: f64,
+}
