@@ -15,7 +15,7 @@ use crate::dem::particles::{Load as GrainLoad, Particles};
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use crate::lbm::boundary::from_quanta;
+use crate::lbm::boundary::{Flux, from_quanta};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::lbm::lanes::Stored;
