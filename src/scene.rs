@@ -9,6 +9,7 @@ pub mod findings;
 pub mod flow;
 pub mod grid;
 pub mod observe;
+pub mod sample;
 pub mod solids;
 
 use crate::case::coupling::{BounceBack, Coupling};

@@ -75,7 +75,7 @@ fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     Some((value, Source { source, note }))
 }
 
-/// A schema in which every property that is not an object may also be annotated.
+/// A schema in which every property may also be annotated.
 pub(crate) fn allow(mut schema: Value) -> Value {
     allow_in(&mut schema);
     schema
@@ -89,7 +89,7 @@ fn allow_in(node: &mut Value) {
                 if key == "properties"
                     && let Value::Object(properties) = child
                 {
-                    for property in properties.values_mut().filter(|p| is_leaf(p)) {
+                    for property in properties.values_mut() {
                         let bare = property.take();
                         *property = annotated(bare);
                     }
@@ -98,22 +98,6 @@ fn allow_in(node: &mut Value) {
         }
         Value::Array(list) => list.iter_mut().for_each(allow_in),
         _ => {}
-    }
-}
-
-fn is_leaf(schema: &Value) -> bool {
-    let leaf_type = |t: &Value| t.as_str().is_some_and(|t| t != "object");
-    match schema.get("type") {
-        Some(Value::Array(types)) => types.iter().all(leaf_type),
-        Some(single) => leaf_type(single),
-        None => {
-            let options = ["oneOf", "anyOf"].iter().find_map(|k| schema.get(k));
-            schema.get("enum").is_some()
-                || schema.get("const").is_some()
-                || options
-                    .and_then(Value::as_array)
-                    .is_some_and(|options| options.iter().all(is_leaf))
-        }
     }
 }
 

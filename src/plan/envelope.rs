@@ -48,7 +48,9 @@ pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let mut moving: Vec<(usize, f64)> = Vec::new();
     if let Some(grains) = &scene.grains {
         match &grains.source {
-            GrainSource::List(list) => moving.extend(list.iter().map(|g| (g.material, g.radius))),
+            GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
+                moving.extend(list.iter().map(|g| (g.material, g.radius)))
+            }
             _ => moving.extend(
                 grains
                     .radii

@@ -9,7 +9,6 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Lattice;
 use crate::scene::grid::count;
-use crate::scene::solids::GrainSource;
 use serde::Serialize;
 
 /// What a run will cost.
@@ -73,10 +72,8 @@ impl Estimate {
         let cells = scene.grid.cells.iter().map(|c| count(*c)).product::<f64>();
         let end = scene.time.end;
         let outputs = |every: f64| (end / every).floor() + 1.0;
-        let grains = scene.grains.as_ref().map_or(0.0, |g| match g.source {
-            GrainSource::File(_) => 0.0,
-            _ => count(g.expected),
-        }) + count(scene.bodies.len());
+        let grains =
+            scene.grains.as_ref().map_or(0.0, |g| count(g.expected)) + count(scene.bodies.len());
         let mut estimate = Self {
             grains,
             million_particle_steps: MILLION_PARTICLE_STEPS,

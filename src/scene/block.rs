@@ -26,13 +26,12 @@ impl Block {
     /// Whether a disc or sphere touches the box.
     #[must_use]
     pub fn touches(&self, centre: [f64; 3], radius: f64) -> bool {
-        let mut squared = 0.0;
-        for a in 0..self.dimension {
-            let gap = (self.from[a] - centre[a])
+        let gap = |a: usize| {
+            (self.from[a] - centre[a])
                 .max(centre[a] - self.to[a])
-                .max(0.0);
-            squared += gap * gap;
-        }
+                .max(0.0)
+        };
+        let squared: f64 = (0..self.dimension).map(|a| gap(a).powi(2)).sum();
         squared <= radius * radius
     }
 

@@ -2,15 +2,14 @@
 
 use super::block::Block;
 use super::findings::{Findings, number};
-use super::flow::existing;
 use super::grid::{Grid, count};
-use super::{material, unique};
+use super::{material, sample, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{Amount, GrainSource as Written, Growth, Radii};
 use crate::case::solids::{Motion as WrittenMotion, Shape};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A plane that grains touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -71,9 +70,9 @@ pub struct Grains {
     pub cut: Vec<(String, Block)>,
     /// Whether contacts are bonded after preparation and cutting.
     pub bond_at_start: bool,
-    /// Smallest and largest radius [m]; not known before a file is read.
+    /// Smallest and largest radius [m].
     pub radii: Option<(f64, f64)>,
-    /// How many before cutting, as far as known; exact for lists and `number`.
+    /// How many before cutting.
     pub expected: usize,
 }
 
@@ -89,8 +88,14 @@ pub enum GrainSource {
         /// The rest as written.
         growth: Growth,
     },
-    /// A saved sample.
-    File(PathBuf),
+    /// A saved sample, read already.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Its grains.
+        #[serde(skip)]
+        grains: Vec<Grain>,
+    },
     /// One by one.
     List(Vec<Grain>),
 }
@@ -349,10 +354,14 @@ pub(crate) fn grains(
         .collect();
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::File { path } => {
-            let file = existing(&case.directory, path, "grains.initial.file.path", findings);
-            (GrainSource::File(file), None, 0)
-        }
+        Written::File { path } => sample(
+            &case.directory.join(path),
+            path,
+            grid,
+            names,
+            index,
+            findings,
+        ),
         Written::List(list) => {
             if list.is_empty() {
                 findings.error(
@@ -392,17 +401,8 @@ pub(crate) fn grains(
                     material: own.unwrap_or(index),
                 });
             }
-            let bounds = resolved
-                .iter()
-                .fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
-                    (lo.min(g.radius), hi.max(g.radius))
-                });
-            let expected = resolved.len();
-            (
-                GrainSource::List(resolved),
-                Some(bounds).filter(|b| b.1 > 0.0),
-                expected,
-            )
+            let (radii, expected) = (bounds(&resolved), resolved.len());
+            (GrainSource::List(resolved), radii, expected)
         }
     };
     Some(Grains {
@@ -417,6 +417,56 @@ pub(crate) fn grains(
 }
 
 type Source = (GrainSource, Option<(f64, f64)>, usize);
+
+/// Smallest and largest radius.
+fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
+    let bounds = grains.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
+        (lo.min(g.radius), hi.max(g.radius))
+    });
+    Some(bounds).filter(|b| b.1 > 0.0)
+}
+
+/// A saved sample, or findings.
+fn sample(
+    file: &Path,
+    written: &Path,
+    grid: &Grid,
+    names: &[String],
+    material: usize,
+    findings: &mut Findings,
+) -> Source {
+    let path = "grains.initial.file.path";
+    let read = std::fs::read_to_string(file)
+        .map_err(|e| format!("cannot read {}: {e}", file.display()))
+        .and_then(|text| {
+            sample::read(&text, grid.dimension, names, material)
+                .map_err(|e| format!("{}: {e}", written.display()))
+        });
+    let grains = read.unwrap_or_else(|reason| {
+        findings.error(
+            path,
+            reason,
+            "correct the path (relative to the case) or the file",
+        );
+        Vec::new()
+    });
+    if let Some(n) = grains.iter().position(|g| !grid.contains(g.position)) {
+        findings.error(
+            path,
+            format!("grain {} of the sample lies outside the domain", n + 1),
+            "use the domain the sample was made for",
+        );
+    }
+    let (radii, expected) = (bounds(&grains), grains.len());
+    (
+        GrainSource::File {
+            path: file.to_path_buf(),
+            grains,
+        },
+        radii,
+        expected,
+    )
+}
 
 /// A radius distribution that can be used, or findings.
 pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {

@@ -107,3 +107,31 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
         0.506 / 150e6
     );
 }
+
+#[test]
+fn a_saved_sample_sets_the_solid_steps_like_a_list() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = solver::case::examples::find("piping").expect("piping").text;
+    let plan = |sample: &str| {
+        std::fs::write(folder.path().join("s.csv"), sample).expect("a file");
+        let set = [r#"grains.initial={"file": {"path": "s.csv"}}"#.to_string()];
+        let document = Document::read(text, &set, folder.path()).expect("a case");
+        Plan::prepare(document)
+    };
+    let good = plan("x,y,radius\n0.002,0.002,0.75e-4\n0.003,0.002,1.25e-4\n").expect("a plan");
+    assert_eq!(good.clock.solid_steps_per_step, 9);
+    assert_eq!(good.scene.grains.expect("grains").expected, 2);
+    for bad in [
+        "x,y,radius\n1,0.002,1e-4\n",
+        "x,y\n0,0\n",
+        "x,y,radius\n0.002,0.002,1e-5\n",
+    ] {
+        let problems = plan(bad).expect_err(bad);
+        assert!(
+            problems
+                .iter()
+                .any(|p| p.path.starts_with("grains.initial")),
+            "{problems:?}"
+        );
+    }
+}
