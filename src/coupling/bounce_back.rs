@@ -9,8 +9,8 @@
 //! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
 //! cells covered since then (6 … 11).
 
-use super::{Flow, FluidView};
 use super::body_map::{BodyMap, Grid, Rules};
+use super::{Flow, FluidView};
 use crate::dem::particles::{Load as GrainLoad, Particles};
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};

@@ -1,6 +1,3 @@
-<<<<<<< HEAD
-
-=======
 //! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
 
 mod laws;
@@ -10,8 +7,14 @@ use super::contact::cohesive_frictional::{self, CohesiveFrictional};
 use super::contact::linear::{self, Linear};
 use super::*;
 
-pub(super) fn linear<S: Space>(parameters: linear::Parameters, settings: Settings<S>, walls: Vec<Wall<S>>) -> Dem<S> {
-    let law = Law::Linear(Linear { parameters: PairTable::uniform(1, parameters) });
+pub(super) fn linear<S: Space>(
+    parameters: linear::Parameters,
+    settings: Settings<S>,
+    walls: Vec<Wall<S>>,
+) -> Dem<S> {
+    let law = Law::Linear(Linear {
+        parameters: PairTable::uniform(1, parameters),
+    });
     Dem::new(law, settings, walls).unwrap()
 }
 
@@ -20,7 +23,9 @@ pub(super) fn cohesive<S: Space>(
     settings: Settings<S>,
     walls: Vec<Wall<S>>,
 ) -> Dem<S> {
-    let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, parameters) });
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, parameters),
+    });
     Dem::new(law, settings, walls).unwrap()
 }
 
@@ -64,4 +69,3 @@ pub(super) fn rows(text: &str) -> Vec<Vec<f64>> {
         .map(|line| line.split(',').map(|word| word.parse().unwrap()).collect())
         .collect()
 }
->>>>>>> room-dem

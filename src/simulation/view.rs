@@ -1,9 +1,9 @@
 //! What outputs, probes and analyses may see of a running simulation.
 
 use crate::coupling::FluidView;
+use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
-use crate::dem::Dem;
 use crate::plan::Plan;
 use decomposition::Domain;
 
