@@ -1,1 +1,310 @@
-//! State to named arrays and back.
+//! State to named arrays and back, and the hash of the state.
+//!
+//! A checkpoint holds the whole state in global order, so that any number of ranks can go on from it: every incoming
+//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run
+//! in its manifest. A run that goes on from it gives the same bits as one that was never interrupted.
+
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::dem::state::{Contacts, Table, Values};
+use crate::error::Error;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::kernel::{Everywhere, OnEveryLevel};
+use crate::lbm::lanes::Stored;
+use crate::output::ranks::Together;
+use decomposition::{Communicator, StateHash, field_key};
+use io::checkpoint::{Array, Reader};
+use io::data::Data;
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn as_error(error: io::Error) -> Error {
+    Error::Io(error.to_string())
+}
+
+/// Incoming populations of a slab in the order [z][y][x][i].
+fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
+    let populations = fluid.populations();
+    let cells = populations.cells();
+    let q = populations.velocities().q();
+    let mut all = Vec::with_capacity(cells.iter().product::<usize>() * q);
+    for z in 0..cells[2] {
+        for y in 0..cells[1] {
+            for x in 0..cells[0] {
+                let cell = populations.cell([x, y, z].map(usize::cast_signed));
+                for i in 0..q {
+                    all.push(populations.numbers()[populations.incoming(cell, i)]);
+                }
+            }
+        }
+    }
+    all
+}
+
+fn scatter<S: Stored>(fluid: &mut Fluid<S>, all: &[S], step: u64) {
+    fluid.set_steps(step);
+    let populations = fluid.populations_mut();
+    let cells = populations.cells();
+    let q = populations.velocities().q();
+    let mut values = all.iter();
+    for z in 0..cells[2] {
+        for y in 0..cells[1] {
+            for x in 0..cells[0] {
+                let cell = populations.cell([x, y, z].map(usize::cast_signed));
+                for i in 0..q {
+                    let slot = populations.incoming(cell, i);
+                    if let Some(&value) = values.next() {
+                        populations.numbers_mut()[slot] = value;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where a slab lies in the array of populations: shape, start and count.
+fn box_of<S: Stored>(fluid: &Fluid<S>) -> [[usize; 4]; 3] {
+    let (all, start, count) = (fluid.domain_cells(), fluid.start(), fluid.populations().cells());
+    let q = fluid.populations().velocities().q();
+    [
+        [all[2], all[1], all[0], q],
+        [start[2], start[1], start[0], 0],
+        [count[2], count[1], count[0], q],
+    ]
+}
+
+/// Moves numbers between memory and files.
+pub trait Saved: Stored + io::data::Element {
+    /// As data to write.
+    fn data(values: &[Self]) -> Data<'_>;
+}
+impl Saved for f64 {
+    fn data(values: &[Self]) -> Data<'_> {
+        values.into()
+    }
+}
+impl Saved for f32 {
+    fn data(values: &[Self]) -> Data<'_> {
+        values.into()
+    }
+}
+
+/// The state of a run, lent for saving.
+pub struct State<'a, Sp: Space, S: Stored> {
+    /// The fluid, if any.
+    pub fluid: Option<&'a Fluid<S>>,
+    /// Grains and bodies.
+    pub particles: &'a Particles<Sp>,
+    /// Contacts.
+    pub contacts: Option<Contacts>,
+}
+
+const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
+
+impl<Sp: Space, S: Saved> State<'_, Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    fn tables(&self) -> [Table; 3] {
+        let contacts = self.contacts.clone().unwrap_or_default();
+        [self.particles.table(), contacts.grains, contacts.walls]
+    }
+
+    /// Writes a checkpoint. Collective.
+    ///
+    /// # Errors
+    /// The error of the file system; [`io::Error::Space`] leaves everything as it was.
+    pub fn write(
+        &self,
+        folder: &Path,
+        step: u64,
+        time: f64,
+        mut attributes: Value,
+        keep: usize,
+        communicator: &Communicator,
+    ) -> Result<(), io::Error> {
+        let group = Together(communicator);
+        let populations = self.fluid.map(gather);
+        let tables = self.tables();
+        let mut arrays = Vec::new();
+        if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
+            let [shape, start, count] = box_of(fluid).map(|v| v.map(|n| n as u64).to_vec());
+            arrays.push(Array { name: "populations", shape, start, count, data: S::data(values) });
+        }
+        let mut rows = [0; 3];
+        let names: Vec<String> = TABLES
+            .iter()
+            .zip(&tables)
+            .flat_map(|(kind, table)| table.columns.iter().map(move |(name, _)| format!("{kind}_{name}")))
+            .collect();
+        let mut name = names.iter();
+        for (n, table) in tables.iter().enumerate() {
+            let mine = table.rows() as u64;
+            let (offset, total) = communicator.exclusive_scan_u64(mine);
+            rows[n] = total;
+            for (_, values) in &table.columns {
+                let Some(name) = name.next() else { break };
+                if total == 0 {
+                    continue;
+                }
+                let data = match values {
+                    Values::Real(values) => Data::from(values.as_slice()),
+                    Values::Whole(values) => Data::from(values.as_slice()),
+                };
+                let (shape, start, count) = (vec![total], vec![offset], vec![mine]);
+                arrays.push(Array { name, shape, start, count, data });
+            }
+        }
+        attributes["rows"] = json!(rows);
+        attributes["columns"] = json!(
+            tables
+                .iter()
+                .map(|table| {
+                    table
+                        .columns
+                        .iter()
+                        .map(|(name, values)| {
+                            json!([name, if matches!(values, Values::Real(_)) { "real" } else { "whole" }])
+                        })
+                        .collect::<Vec<_>>()
+                })
+                .collect::<Vec<_>>()
+        );
+        if let Some(contacts) = &self.contacts {
+            attributes["walls"] = table_to_json(&contacts.faces);
+            attributes["solid_steps"] = json!(contacts.steps);
+        }
+        if let Some(fluid) = self.fluid {
+            attributes["fluid_steps"] = json!(fluid.steps());
+        }
+        io::checkpoint::write(folder, step, time, &arrays, &attributes, &group, io::hdf::Mode::default(), keep)?;
+        Ok(())
+    }
+
+    /// Hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
+    #[must_use]
+    pub fn hash(&self, communicator: &Communicator) -> String {
+        let mut hash = StateHash::new();
+        if let Some(fluid) = self.fluid {
+            let key = field_key("populations");
+            let [shape, start, count] = box_of(fluid);
+            let values = gather(fluid);
+            let mut n = 0;
+            for z in 0..count[0] {
+                for y in 0..count[1] {
+                    for x in 0..count[2] {
+                        let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                        for i in 0..count[3] {
+                            let bits = values[n].to_f64().to_bits();
+                            hash.add(key, (cell * shape[3] + i) as u64, bits);
+                            n += 1;
+                        }
+                    }
+                }
+            }
+        }
+        for (kind, table) in TABLES.iter().zip(self.tables()) {
+            // Rows of contacts are named by both ends; the first two columns of each table hold them.
+            let whole = |n: usize| match table.columns.get(n) {
+                Some((_, Values::Whole(values))) => values.as_slice(),
+                _ => &[],
+            };
+            let (first, second) = (whole(0).to_vec(), whole(1).to_vec());
+            for (name, values) in &table.columns {
+                // A shift only says through which image a raw position is seen: it depends on when lists were made.
+                if name.starts_with("shift") {
+                    continue;
+                }
+                let key = field_key(&format!("{kind}_{name}"));
+                for row in 0..table.rows() {
+                    let other = if *kind == "grains" { 0 } else { second.get(row).copied().unwrap_or(0) };
+                    let index = first.get(row).copied().unwrap_or(0) | (other << 32);
+                    let bits = match values {
+                        Values::Real(values) => values[row].to_bits(),
+                        Values::Whole(values) => values[row],
+                    };
+                    hash.add(key, index, bits);
+                }
+            }
+        }
+        hash.all_reduce(communicator).hex()
+    }
+}
+
+fn table_to_json(table: &Table) -> Value {
+    table
+        .columns
+        .iter()
+        .map(|(name, values)| match values {
+            // Bits, so that nothing is rounded.
+            Values::Real(values) => json!([name, "real", values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()]),
+            Values::Whole(values) => json!([name, "whole", values]),
+        })
+        .collect()
+}
+
+fn table_from_json(value: &Value) -> Table {
+    let mut table = Table::default();
+    for column in value.as_array().into_iter().flatten() {
+        let name = column[0].as_str().unwrap_or_default().to_owned();
+        let bits: Vec<u64> = column[2].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
+        let values = if column[1] == "real" {
+            Values::Real(bits.into_iter().map(f64::from_bits).collect())
+        } else {
+            Values::Whole(bits)
+        };
+        table.columns.push((name, values));
+    }
+    table
+}
+
+/// Fills the populations of a slab from a checkpoint.
+///
+/// # Errors
+/// When the checkpoint holds other populations than the slab needs.
+pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let [_, start, count] = box_of(fluid).map(|v| v.map(|n| n as u64).to_vec());
+    let values: Vec<S> = reader.read("populations", &start, &count).map_err(as_error)?;
+    let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
+    scatter(fluid, &values, step);
+    Ok(())
+}
+
+/// Grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank and from
+/// there to their owners.
+///
+/// # Errors
+/// When a column is missing or broken.
+pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Error> {
+    let attributes = reader.attributes();
+    let mut tables = Vec::new();
+    for (n, kind) in TABLES.iter().enumerate() {
+        let total = attributes["rows"][n].as_u64().unwrap_or(0);
+        let count = if n == 0 && rank != 0 { 0 } else { total };
+        let mut table = Table::default();
+        for column in attributes["columns"][n].as_array().into_iter().flatten() {
+            let name = column[0].as_str().unwrap_or_default();
+            let array = format!("{kind}_{name}");
+            let real = column[1] == "real";
+            let values = match (real, count) {
+                (true, 0) => Values::Real(Vec::new()),
+                (false, 0) => Values::Whole(Vec::new()),
+                (true, _) => Values::Real(reader.read(&array, &[0], &[count]).map_err(as_error)?),
+                (false, _) => Values::Whole(reader.read(&array, &[0], &[count]).map_err(as_error)?),
+            };
+            table.columns.push((name.to_owned(), values));
+        }
+        tables.push(table);
+    }
+    let [grains, contacts, walls] = <[Table; 3]>::try_from(tables).unwrap_or_default();
+    let contacts = Contacts {
+        grains: contacts,
+        walls,
+        faces: table_from_json(&attributes["walls"]),
+        steps: attributes["solid_steps"].as_u64().unwrap_or(0),
+    };
+    Ok((grains, contacts))
+}

@@ -32,6 +32,9 @@ pub struct Settings {
     pub average: bool,
     /// Radius and narrow gaps.
     pub rules: Rules,
+    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
+    /// over hydrostatic.
+    pub buoyancy: [f64; 3],
 }
 
 /// Fluid with bodies in it.
@@ -123,10 +126,12 @@ where
         ]
     }
 
-    fn to_grain(&self, load: &[f64; 6]) -> GrainLoad<Sp> {
+    fn to_grain(&self, load: &[f64; 6], radius: f64) -> GrainLoad<Sp> {
         let mut grain = GrainLoad::<Sp>::default();
+        let volume = Sp::measure(radius);
         for a in 0..Sp::DIMENSION {
-            grain.force.set(a, self.units.force_to_si(load[a]));
+            let force = self.units.force_to_si(load[a]) + self.settings.buoyancy[a] * volume;
+            grain.force.set(a, force);
         }
         if Sp::DIMENSION == 2 {
             grain.torque.set(0, self.units.torque_to_si(load[5]));
@@ -193,7 +198,7 @@ where
                 extra[a] = now;
                 extra[6 + a] = 0.0;
             }
-            particles.fluid[k] = self.to_grain(&load);
+            particles.fluid[k] = self.to_grain(&load, particles.body[k].radius);
         }
         Ok(())
     }

@@ -43,8 +43,10 @@ pub enum Force {
     None,
     /// The same force always.
     Constant([f64; 3]),
-    /// amplitude · cos(2π step / period + phase)
+    /// mean + amplitude · cos(2π step / period + phase)
     Oscillating {
+        /// The constant part.
+        mean: [f64; 3],
         /// Force density at its peak.
         amplitude: [f64; 3],
         /// Steps per period.
@@ -62,12 +64,13 @@ impl Force {
             Self::None => [0.0; 3],
             Self::Constant(force) => force,
             Self::Oscillating {
+                mean,
                 amplitude,
                 period,
                 phase,
             } => {
                 let factor = (std::f64::consts::TAU * step / period + phase).cos();
-                amplitude.map(|a| a * factor)
+                std::array::from_fn(|a| mean[a] + amplitude[a] * factor)
             }
         }
     }

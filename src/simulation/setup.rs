@@ -1,0 +1,498 @@
+//! From the plan to state: the fluid with its faces, walls, contact law, bodies.
+
+use crate::case::coupling::Scheme as WrittenScheme;
+use crate::case::fluid::Collision;
+use crate::coupling::body_map::{GHOSTS, Rules};
+use crate::coupling::bounce_back::Settings as CouplingSettings;
+use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use crate::dem::contact::linear::{self, Linear};
+use crate::dem::particles::{Body, Kind, Motion, Particles};
+use crate::dem::space::{Components, Space};
+use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
+use crate::error::Error;
+use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
+use crate::lbm::fluid::{Force, Operator, Set, Setup};
+use crate::lbm::initial::Field;
+use crate::lbm::links::Scheme;
+use crate::plan::Plan;
+use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
+use crate::scene::flow::{
+    self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
+};
+use crate::scene::grid::count;
+use crate::scene::solids::{Grain, Mobility};
+use crate::units::LatticeUnits;
+use decomposition::{Axis, Domain};
+
+/// Axis by number.
+pub fn axis(n: usize) -> Axis {
+    [Axis::X, Axis::Y, Axis::Z][n.min(2)]
+}
+
+/// The fluid of a plan in lattice units.
+///
+/// # Errors
+/// When a profile cannot be read.
+pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Error> {
+    let grid = &plan.scene.grid;
+    let mut patches = Vec::new();
+    for patch in flow.patches() {
+        patches.push(self::patch(plan, patch, units)?);
+    }
+    Ok(Setup {
+        set: match flow.lattice {
+            Lattice::D2q9 => Set::D2Q9,
+            Lattice::D3q19 => Set::D3Q19,
+            Lattice::D3q27 => Set::D3Q27,
+        },
+        operator: match flow.collision {
+            Collision::Bgk {} => Operator::Bgk,
+            Collision::Trt { magic } => Operator::Trt { magic },
+        },
+        relaxation_time: flow.relaxation_time,
+        force: force(plan, flow, units),
+        cells: grid.cells,
+        // A plane of cells is its own neighbour along z in two dimensions, where nothing moves along z.
+        periodic: [
+            grid.periodic[0],
+            grid.periodic[1],
+            grid.dimension == 2 || grid.periodic[2],
+        ],
+        patches,
+    })
+}
+
+fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
+    let weight = |a: usize| {
+        if flow.gravity_acts {
+            flow.density * plan.scene.gravity[a]
+        } else {
+            0.0
+        }
+    };
+    match &flow.body_force {
+        BodyForce::Constant(density) => {
+            let total: [f64; 3] =
+                std::array::from_fn(|a| units.force_density_to_lattice(density[a] + weight(a)));
+            if total.iter().all(|f| f.abs() == 0.0) {
+                Force::None
+            } else {
+                Force::Constant(total)
+            }
+        }
+        BodyForce::Oscillating {
+            amplitude,
+            period,
+            phase,
+        } => Force::Oscillating {
+            mean: std::array::from_fn(|a| units.force_density_to_lattice(weight(a))),
+            amplitude: amplitude.map(|a| units.force_density_to_lattice(a)),
+            period: units.time_to_lattice(*period),
+            phase: *phase,
+        },
+    }
+}
+
+fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
+    let cells = plan.scene.grid.cells;
+    let axis = patch.face.axis();
+    let upper = patch.face.is_max();
+    let range = std::array::from_fn(|a| {
+        // A whole face also takes the links that cross at its very edge.
+        let low = if patch.from[a] == 0 {
+            f64::NEG_INFINITY
+        } else {
+            count(patch.from[a])
+        };
+        let high = if patch.to[a] >= cells[a] {
+            f64::INFINITY
+        } else {
+            count(patch.to[a])
+        };
+        [low, high]
+    });
+    let lattice = |v: [f64; 3]| v.map(|x| units.velocity_to_lattice(x));
+    let growing = |time: f64| Ramp {
+        start: 0.0,
+        end: 1.0,
+        steps: units.time_to_lattice(time),
+    };
+    let condition = match &patch.condition {
+        Written::NoSlip => Condition::NoSlip,
+        Written::MovingWall(velocity) => {
+            let u = lattice(*velocity);
+            Condition::Velocity(Box::new(move |_| u), Ramp::constant(1.0))
+        }
+        Written::FreeSlip => Condition::FreeSlip,
+        Written::Velocity { profile, ramp_time } => {
+            let profile: Profile = match profile {
+                VelocityProfile::Uniform(velocity) => {
+                    let u = lattice(*velocity);
+                    Box::new(move |_| u)
+                }
+                VelocityProfile::Parabolic(peak) => parabola(
+                    axis,
+                    upper,
+                    patch,
+                    plan.scene.grid.dimension,
+                    units.velocity_to_lattice(*peak),
+                ),
+                VelocityProfile::File(path) => table(path, axis, plan, units)?,
+            };
+            Condition::Velocity(profile, growing(*ramp_time))
+        }
+        Written::Pressure {
+            value,
+            from,
+            ramp_time,
+        } => Condition::Pressure(Ramp {
+            start: units.pressure_to_density_deviation(*from),
+            end: units.pressure_to_density_deviation(*value),
+            steps: units.time_to_lattice(*ramp_time),
+        }),
+        Written::Outflow => Condition::Outflow,
+    };
+    Ok(Patch {
+        name: patch.name.clone(),
+        axis,
+        upper,
+        range,
+        condition,
+    })
+}
+
+/// A parabola over the patch along the inward normal; in 3-D the product of two.
+fn parabola(axis: usize, upper: bool, patch: &flow::Patch, dimension: usize, peak: f64) -> Profile {
+    let (from, to) = (patch.from.map(count), patch.to.map(count));
+    let inward = if upper { -peak } else { peak };
+    Box::new(move |position| {
+        let mut speed = inward;
+        for a in (0..dimension).filter(|&a| a != axis) {
+            let s = ((position[a] - from[a]) / (to[a] - from[a])).clamp(0.0, 1.0);
+            speed *= 4.0 * s * (1.0 - s);
+        }
+        let mut u = [0.0; 3];
+        u[axis] = speed;
+        u
+    })
+}
+
+/// A profile from CSV: the tangential coordinates, then the velocity components, linear between rows (nearest row in 3-D).
+fn table(
+    path: &std::path::Path,
+    axis: usize,
+    plan: &Plan,
+    units: &LatticeUnits,
+) -> Result<Profile, Error> {
+    let dimension = plan.scene.grid.dimension;
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Error::Io(format!("velocity profile {}: {e}", path.display())))?;
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for (n, line) in text.lines().enumerate().skip(1) {
+        if line.trim().is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let row: Option<Vec<f64>> = line.split(',').map(|v| v.trim().parse().ok()).collect();
+        match row {
+            Some(row) if row.len() == 2 * dimension - 1 && row.iter().all(|v| v.is_finite()) => {
+                rows.push(row)
+            }
+            _ => {
+                return Err(Error::Io(format!(
+                    "velocity profile {}: line {} needs {} numbers",
+                    path.display(),
+                    n + 1,
+                    2 * dimension - 1
+                )));
+            }
+        }
+    }
+    if rows.is_empty() {
+        return Err(Error::Io(format!(
+            "velocity profile {}: no rows",
+            path.display()
+        )));
+    }
+    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let spacing = units.spacing;
+    let units = *units;
+    Ok(Box::new(move |position| {
+        let across: Vec<f64> = (0..dimension)
+            .filter(|&a| a != axis)
+            .map(|a| position[a] * spacing)
+            .collect();
+        let velocity: Vec<f64> = if dimension == 2 {
+            let k = rows.partition_point(|row| row[0] < across[0]);
+            let (low, high) = (&rows[k.saturating_sub(1)], &rows[k.min(rows.len() - 1)]);
+            let width = high[0] - low[0];
+            let s = if width > 0.0 {
+                ((across[0] - low[0]) / width).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            (1..3).map(|c| low[c] + s * (high[c] - low[c])).collect()
+        } else {
+            let distance =
+                |row: &Vec<f64>| (row[0] - across[0]).powi(2) + (row[1] - across[1]).powi(2);
+            rows.iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+                .map_or_else(|| vec![0.0; 3], |row| row[2..].to_vec())
+        };
+        std::array::from_fn(|a| {
+            velocity
+                .get(a)
+                .map_or(0.0, |&v| units.velocity_to_lattice(v))
+        })
+    }))
+}
+
+/// The fluid at the start as a field on the lattice; none for a file.
+#[must_use]
+pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn Field>> {
+    let cells = plan.scene.grid.cells.map(count);
+    let u = |v: f64| units.velocity_to_lattice(v);
+    Some(match &flow.initial {
+        Initial::Uniform { velocity, pressure } => {
+            let (v, drho) = (
+                velocity.map(u),
+                units.pressure_to_density_deviation(*pressure),
+            );
+            Box::new(move |_: [f64; 3]| (drho, v))
+        }
+        Initial::TaylorGreen {
+            velocity,
+            wave_numbers,
+        } => {
+            let (speed, h) = (u(*velocity), units.spacing);
+            let [a, b] = wave_numbers.map(|k| k * h);
+            Box::new(move |p: [f64; 3]| {
+                let (x, y) = (a * p[0], b * p[1]);
+                let v = [
+                    -speed * x.cos() * y.sin(),
+                    speed * (a / b) * x.sin() * y.cos(),
+                    0.0,
+                ];
+                // p/rho_0 = -U²/4 (cos 2ax + (a/b)² cos 2by); a density deviation is three times that.
+                let drho =
+                    -0.75 * speed * speed * ((2.0 * x).cos() + (a / b).powi(2) * (2.0 * y).cos());
+                (drho, v)
+            })
+        }
+        Initial::Channel { flow, across, peak } => {
+            let (flow, across, peak) = (*flow, *across, u(*peak));
+            Box::new(move |p: [f64; 3]| {
+                let s = p[across] / cells[across];
+                let mut v = [0.0; 3];
+                v[flow] = 4.0 * peak * s * (1.0 - s);
+                (0.0, v)
+            })
+        }
+        Initial::File(_) => return None,
+    })
+}
+
+/// The choices of the coupling.
+#[must_use]
+pub fn coupling(plan: &Plan) -> CouplingSettings {
+    let scene = &plan.scene;
+    let written = scene.coupling.clone().unwrap_or_default();
+    let limit = written.drop_wall_velocity_at_solid_neighbours as usize;
+    let buoyancy = match &scene.flow {
+        // The pressure of the lattice is then the excess over hydrostatic.
+        Some(flow) if !flow.gravity_acts => scene.gravity.map(|g| -flow.density * g),
+        _ => [0.0; 3],
+    };
+    CouplingSettings {
+        scheme: match written.scheme {
+            WrittenScheme::HalfWay => Scheme::HalfWay,
+            WrittenScheme::Interpolated => Scheme::Interpolated,
+        },
+        average: written.force_average,
+        rules: Rules {
+            hydraulic_radius_factor: written.hydraulic_radius_factor,
+            first_grain: scene.bodies.len() as u64,
+            isolated: (limit > 0).then_some(limit),
+        },
+        buoyancy,
+    }
+}
+
+/// A vector of the space from three components.
+pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
+    let mut vector = S::Vector::default();
+    for (a, &x) in v.iter().enumerate().take(S::DIMENSION) {
+        vector.set(a, x);
+    }
+    vector
+}
+
+/// A spin of the space from the vector of rotation.
+pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
+    let mut spin = S::Spin::default();
+    if S::DIMENSION == 2 {
+        spin.set(0, w[2]);
+    } else {
+        for (a, &x) in w.iter().enumerate() {
+            spin.set(a, x);
+        }
+    }
+    spin
+}
+
+/// The box of the grains.
+pub fn region<S: Space>(plan: &Plan) -> Region<S> {
+    let grid = &plan.scene.grid;
+    Region {
+        lower: S::Vector::default(),
+        upper: vector::<S>(grid.size),
+        periodic: grid.periodic,
+        spacing: grid.spacing,
+    }
+}
+
+/// Contacts and motion of a plan; `radius` is a typical grain.
+///
+/// # Errors
+/// When the engine refuses its settings.
+pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
+    let scene = &plan.scene;
+    let mut settings = Settings::new(region::<S>(plan), plan.clock.solid_time_step, 0.3 * radius);
+    settings.gravity = vector::<S>(scene.gravity);
+    settings.local_damping = scene.contact.as_ref().map_or(0.0, |c| c.local_damping);
+    if scene.flow.is_some() {
+        settings.ghost_margin = (f64::from(GHOSTS) + 0.5) * scene.grid.spacing + settings.skin;
+    }
+    let walls = scene
+        .walls
+        .iter()
+        .map(|w| {
+            Wall::new(
+                vector::<S>(w.point),
+                vector::<S>(w.normal),
+                small(w.material),
+            )
+        })
+        .collect();
+    Dem::new(law(plan), settings, walls)
+}
+
+/// The contact law of a plan; one without forces where nothing can touch.
+#[must_use]
+pub fn law(plan: &Plan) -> Law {
+    let materials = small(plan.scene.materials.len().max(1));
+    let Some(table) = &plan.scene.contact else {
+        let nothing = linear::Parameters {
+            normal_stiffness: 0.0,
+            stiffness_per_diameter: false,
+            stiffness_ratio: 0.0,
+            friction: 0.0,
+            normal_damping: 0.0,
+            shear_damping: 0.0,
+            attraction: false,
+        };
+        return Law::Linear(Linear {
+            parameters: PairTable::uniform(materials, nothing),
+        });
+    };
+    match table.law {
+        WrittenLaw::Linear { attraction } => Law::Linear(Linear {
+            parameters: pairs(table, |p| {
+                let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
+                linear::Parameters {
+                    normal_stiffness,
+                    stiffness_per_diameter,
+                    stiffness_ratio: p.shear_to_normal_stiffness,
+                    friction: p.friction_coefficient,
+                    normal_damping: p.normal_damping_ratio,
+                    shear_damping: p.shear_damping_ratio,
+                    attraction,
+                }
+            }),
+        }),
+        WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
+            parameters: pairs(table, cohesive),
+        }),
+    }
+}
+
+fn cohesive(p: &PairParameters) -> cohesive_frictional::Parameters {
+    let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
+    let (cohesion, cohesion_per_diameter) = scaled(&p.cohesion);
+    cohesive_frictional::Parameters {
+        normal_stiffness,
+        stiffness_per_diameter,
+        stiffness_ratio: p.shear_to_normal_stiffness,
+        friction_angle: p.friction_coefficient.atan().to_degrees(),
+        cohesion,
+        cohesion_per_diameter,
+        normal_damping: p.normal_damping_ratio,
+        shear_damping: p.shear_damping_ratio,
+    }
+}
+
+fn pairs<P: Clone>(table: &ContactTable, make: impl Fn(&PairParameters) -> P) -> PairTable<P> {
+    let n = table.materials;
+    let mut pairs = PairTable::uniform(small(n), make(table.pair(0, 0)));
+    for a in 0..n {
+        for b in a..n {
+            pairs.set(small(a), small(b), make(table.pair(a, b)));
+        }
+    }
+    pairs
+}
+
+fn scaled(value: &crate::case::contact::Scaled) -> (f64, bool) {
+    match value {
+        crate::case::contact::Scaled::PerDiameter(v) => (*v, true),
+        crate::case::contact::Scaled::Absolute(v) => (*v, false),
+    }
+}
+
+fn small(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+/// Adds the named bodies (ids from 0) on the first rank; the first lists hand them to their owners.
+pub fn bodies<S: Space>(plan: &Plan, domain: &Domain, particles: &mut Particles<S>) {
+    if domain.rank() != 0 {
+        return;
+    }
+    for (n, body) in plan.scene.bodies.iter().enumerate() {
+        let density = plan.scene.materials[body.material].density.unwrap_or(1.0);
+        let mut grain = Body::uniform::<S>(n as u64, body.radius, density, small(body.material));
+        grain.kind = match body.mobility {
+            Mobility::Fixed => Kind::Fixed,
+            Mobility::Driven => Kind::Driven,
+            Mobility::Free => Kind::Free,
+        };
+        let motion = Motion {
+            position: vector::<S>(body.position),
+            velocity: vector::<S>(body.velocity),
+            spin: spin::<S>(body.angular_velocity),
+        };
+        particles.insert(grain, motion);
+    }
+}
+
+/// Adds grains on the first rank, with ids from `first`.
+pub fn grains<S: Space>(
+    plan: &Plan,
+    domain: &Domain,
+    particles: &mut Particles<S>,
+    grains: &[Grain],
+    first: u64,
+) {
+    if domain.rank() != 0 {
+        return;
+    }
+    for (id, grain) in (first..).zip(grains) {
+        let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
+        let body = Body::uniform::<S>(id, grain.radius, density, small(grain.material));
+        let motion = Motion {
+            position: vector::<S>(grain.position),
+            velocity: vector::<S>(grain.velocity),
+            spin: spin::<S>(grain.angular_velocity),
+        };
+        particles.insert(body, motion);
+    }
+}
