@@ -1,1 +1,3 @@
 //! The resolved problem, the same on every rank.
+
+pub mod packing;
