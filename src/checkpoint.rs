@@ -128,7 +128,7 @@ where
         let tables = self.tables();
         let mut arrays = Vec::new();
         if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
-            let [shape, start, count] = box_of(fluid).map(|v| v.map(|n| n as u64).to_vec());
+            let [shape, start, count] = box_of(fluid).map(|v| v.to_vec());
             arrays.push(Array { name: "populations", shape, start, count, data: S::data(values) });
         }
         let mut rows = [0; 3];
@@ -139,9 +139,10 @@ where
             .collect();
         let mut name = names.iter();
         for (n, table) in tables.iter().enumerate() {
-            let mine = table.rows() as u64;
-            let (offset, total) = communicator.exclusive_scan_u64(mine);
+            let mine = table.rows();
+            let (offset, total) = communicator.exclusive_scan_u64(mine as u64);
             rows[n] = total;
+            let (offset, total) = (whole(offset), whole(total));
             for (_, values) in &table.columns {
                 let Some(name) = name.next() else { break };
                 if total == 0 {
@@ -231,6 +232,10 @@ where
     }
 }
 
+fn whole(n: u64) -> usize {
+    usize::try_from(n).unwrap_or(usize::MAX)
+}
+
 fn table_to_json(table: &Table) -> Value {
     table
         .columns
@@ -266,7 +271,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
 where
     Everywhere<S>: OnEveryLevel<S>,
 {
-    let [_, start, count] = box_of(fluid).map(|v| v.map(|n| n as u64).to_vec());
+    let [_, start, count] = box_of(fluid).map(|v| v.to_vec());
     let values: Vec<S> = reader.read("populations", &start, &count).map_err(as_error)?;
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
@@ -282,7 +287,7 @@ pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Er
     let attributes = reader.attributes();
     let mut tables = Vec::new();
     for (n, kind) in TABLES.iter().enumerate() {
-        let total = attributes["rows"][n].as_u64().unwrap_or(0);
+        let total = whole(attributes["rows"][n].as_u64().unwrap_or(0));
         let count = if n == 0 && rank != 0 { 0 } else { total };
         let mut table = Table::default();
         for column in attributes["columns"][n].as_array().into_iter().flatten() {

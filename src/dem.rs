@@ -18,6 +18,7 @@
 //! | `contact` | contact laws, one file each |
 //! | `walls` | planes |
 //! | `integrate` | velocity Verlet |
+//! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
 //! | `state` | grains and contacts as named columns |
 //! | `ranks` | what is asked of the ranks |
@@ -29,6 +30,7 @@ mod integrate;
 mod neighbors;
 pub mod particles;
 pub mod ranks;
+pub mod relax;
 pub mod space;
 pub mod state;
 pub mod walls;
@@ -37,6 +39,7 @@ pub use contact::{Failure, Law, PairTable, Partners};
 pub use ghosts::Region;
 pub use particles::{Body, Kind, Load, Motion, Particles};
 pub use ranks::{Alone, Ranks};
+pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
 pub use walls::Wall;
 

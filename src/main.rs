@@ -1,36 +1,15 @@
 //! Entry point: what the commands need from the rest of the program, and the exit code.
 
-use solver::cli::{self, Engine, RunOptions};
-use solver::error::Error;
-use solver::plan::Plan;
-use std::path::{Path, PathBuf};
+use solver::cli::{self, Engine};
+use solver::{analysis, output, simulation};
 
 fn main() {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
     let engine = Engine {
-        run,
-        restart,
-        info,
-        erosion_law,
+        run: simulation::run::run,
+        restart: simulation::run::restart,
+        info: output::info::info,
+        erosion_law: analysis::study::command,
     };
     std::process::exit(cli::main(std::env::args_os(), &engine));
-}
-
-fn run(_plan: Plan, _options: RunOptions) -> Result<(), Error> {
-    Err(absent("run"))
-}
-
-fn restart(_directory: &Path, _set: &[String], _options: RunOptions) -> Result<(), Error> {
-    Err(absent("restart"))
-}
-
-fn info(_file: &Path, _json: bool) -> Result<String, Error> {
-    Err(absent("info"))
-}
-
-fn erosion_law(_runs: &[PathBuf], _output: &Path, _json: bool) -> Result<String, Error> {
-    Err(absent("erosion-law"))
-}
-
-fn absent(command: &str) -> Error {
-    Error::Internal(format!("`{command}` is not part of this build"))
 }

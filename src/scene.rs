@@ -9,6 +9,7 @@ pub mod findings;
 pub mod flow;
 pub mod grid;
 pub mod observe;
+pub mod packing;
 pub mod sample;
 pub mod solids;
 
@@ -273,3 +274,5 @@ pub(crate) fn unique<'a>(
     }
     known.push(name);
 }
+//! The resolved problem, the same on every rank.
+

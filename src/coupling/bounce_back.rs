@@ -44,6 +44,7 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     units: LatticeUnits,
     settings: Settings,
     loads: Vec<Load>,
+    owned: usize,
     /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
     fresh: bool,
     space: PhantomData<Sp>,
@@ -69,6 +70,7 @@ where
             units,
             settings,
             loads: Vec::new(),
+            owned: 0,
             fresh: true,
             space: PhantomData,
         }
@@ -184,6 +186,7 @@ where
             );
         }
         particles.reduce_to_owners(&mut self.loads, ranks)?;
+        self.owned = particles.owned();
         for k in 0..particles.owned() {
             let half = self.about_centre(k, &self.loads[k]);
             let extra = &mut particles.extra[k];
@@ -265,5 +268,28 @@ where
     }
     fn fluxes(&self) -> Vec<Flux> {
         self.fluid.fluxes()
+    }
+}
+
+impl<Sp: Space, S: Stored> BounceBack<Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    /// Loads of the links in the last step as this rank's entries hold them, owners' entries summed: for balances. Entries
+    /// of ghosts are left out, their loads stand at the owners.
+    #[must_use]
+    pub fn half_step_loads(&self) -> &[Load] {
+        &self.loads[..self.owned.min(self.loads.len())]
+    }
+
+    /// The body force on all the fluid outside bodies in the last step (lattice units). Collective.
+    #[must_use]
+    pub fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
+        let mut cells = 0_u64;
+        for (at, _) in self.fluid.populations().interior() {
+            cells += u64::from(self.map.body_at(at).is_none());
+        }
+        let cells = crate::plan::steps_number(communicator.all_reduce_sum_u64(cells));
+        self.fluid.last_force().map(|f| f * cells)
     }
 }

@@ -300,6 +300,22 @@ where
         self.force.at(now).map(|f| 0.5 * f)
     }
 
+    /// Body force of the last step.
+    #[must_use]
+    pub fn last_force(&self) -> [f64; 3] {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let last = self.step.saturating_sub(1) as f64;
+        self.force.at(last)
+    }
+
+    /// A quick look at one population of every cell: finite and near rest. Says no long before numbers overflow.
+    #[must_use]
+    pub fn looks_sound(&self) -> bool {
+        let populations = &self.populations;
+        let positions = populations.slot(0, 0)..populations.slot(0, 1);
+        populations.numbers()[positions].iter().all(|g| g.to_f64().abs() < 1.0)
+    }
+
     /// Density deviation and velocity of an interior cell (position from [`Populations::cell`]).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {

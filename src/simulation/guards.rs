@@ -1,0 +1,228 @@
+//! Guards: numbers that fail are named (cell or grain) before they spoil a run, and the balance of mass and momentum is
+//! kept as a meter.
+//!
+//! * Every `check_every_steps` the rest population of every cell is looked at; a value that is not finite or far from
+//!   equilibrium has the slab searched for the cell. Every tenth time the largest velocity is taken too.
+//! * In the same rhythm one step is balanced: the mass of the lattice before and after against what the faces let through
+//!   (moving bounce-back lets nothing through), and the momentum of the fluid outside the bodies against faces, bodies and
+//!   body force.
+
+use crate::coupling::bounce_back::BounceBack;
+use crate::dem::particles::Particles;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::lbm::boundary::from_quanta;
+use crate::lbm::kernel::{Everywhere, OnEveryLevel};
+use crate::lbm::lanes::Stored;
+use crate::plan::Plan;
+use decomposition::{Communicator, Domain, ExactSum};
+
+/// Steps between balances; each costs about one fluid step.
+const BALANCE_EVERY: u64 = 1000;
+
+/// The guards of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Guards {
+    every: u64,
+    before: Option<[f64; 4]>,
+    mass_error: f64,
+    momentum_error: f64,
+    mach: f64,
+}
+
+impl Guards {
+    /// Guards with the rhythm of the plan.
+    #[must_use]
+    pub fn new(plan: &Plan) -> Self {
+        Self { every: u64::from(plan.scene.guards.check_every_steps).max(1), ..Self::default() }
+    }
+
+    /// Largest relative error of the mass balance of any step looked at.
+    #[must_use]
+    pub fn mass_error(&self) -> f64 {
+        self.mass_error
+    }
+
+    /// Largest error of the momentum balance of any step looked at, over the largest force in it.
+    #[must_use]
+    pub fn momentum_error(&self) -> f64 {
+        self.momentum_error
+    }
+
+    /// Largest velocity over the lattice velocity C when last looked at.
+    #[must_use]
+    pub fn mach(&self) -> f64 {
+        self.mach
+    }
+
+    /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
+    pub fn before<Sp: Space, S: Stored>(&mut self, step: u64, flow: Option<&BounceBack<Sp, S>>, domain: &Domain)
+    where
+        Everywhere<S>: OnEveryLevel<S>,
+    {
+        self.before = None;
+        if let Some(flow) = flow
+            && step.is_multiple_of(BALANCE_EVERY)
+        {
+            self.before = Some(totals(flow, domain.communicator()));
+        }
+    }
+
+    /// After the fluid step, before anything moved: closes the balance. Collective.
+    pub fn after<Sp: Space, S: Stored>(&mut self, flow: Option<&BounceBack<Sp, S>>, domain: &Domain)
+    where
+        Everywhere<S>: OnEveryLevel<S>,
+    {
+        let (Some(before), Some(flow)) = (self.before.take(), flow) else { return };
+        let communicator = domain.communicator();
+        let after = totals(flow, communicator);
+        let mut crossed = [0_i128; 4];
+        for flux in flow.fluid().fluxes() {
+            crossed[0] += flux.mass;
+            for a in 0..3 {
+                crossed[a + 1] += flux.force[a];
+            }
+        }
+        let mut scale = 0.0_f64;
+        for load in flow.half_step_loads() {
+            for a in 0..3 {
+                crossed[a + 1] += load[a];
+                scale = scale.max(from_quanta(load[a]).abs());
+            }
+        }
+        let crossed = crossed.map(|c| from_quanta(sum(communicator, c)));
+        let cells: f64 = flow.fluid().domain_cells().iter().map(|&n| crate::scene::grid::count(n)).product();
+        self.mass_error = self.mass_error.max((after[0] - before[0] + crossed[0]).abs() / cells);
+        let force = flow.fluid_force_total(communicator);
+        let scale = communicator.all_reduce_max_f64(scale);
+        for a in 0..3 {
+            let residual = after[a + 1] - before[a + 1] + crossed[a + 1] - force[a];
+            let size = scale.max(crossed[a + 1].abs()).max(force[a].abs()).max(1e-12);
+            self.momentum_error = self.momentum_error.max(residual.abs() / size);
+        }
+    }
+
+    /// After a step: looks for numbers that fail. Collective.
+    ///
+    /// # Errors
+    /// Names the first cell (in global order) or the grain.
+    pub fn check<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        flow: Option<&BounceBack<Sp, S>>,
+        particles: &Particles<Sp>,
+        plan: &Plan,
+        domain: &Domain,
+    ) -> Result<(), Error>
+    where
+        Everywhere<S>: OnEveryLevel<S>,
+    {
+        if !step.is_multiple_of(self.every) {
+            return Ok(());
+        }
+        let communicator = domain.communicator();
+        let mut worst: Option<(u64, String)> = None;
+        if let Some(flow) = flow {
+            let thorough = step.is_multiple_of(10 * self.every);
+            if thorough || !flow.fluid().looks_sound() {
+                let limit = plan.scene.guards.max_mach;
+                let (speed, bad) = search(flow, limit, plan);
+                self.mach = speed;
+                worst = bad;
+            }
+            if thorough {
+                self.mach = communicator.all_reduce_max_f64(self.mach);
+            }
+        }
+        for k in 0..particles.owned() {
+            let motion = &particles.motion[k];
+            let finite = (0..Sp::DIMENSION)
+                .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite());
+            if !finite && worst.is_none() {
+                let id = particles.body[k].id;
+                worst = Some((u64::MAX - 1, format!("grain {id} has a position or velocity that is not finite")));
+            }
+        }
+        let first = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
+        if communicator.all_reduce_min_u64(first) == u64::MAX {
+            return Ok(());
+        }
+        let mine = match &worst {
+            Some((n, text)) if *n == communicator.all_reduce_min_u64(first) => Err(text.clone()),
+            Some(_) | None => {
+                let _ = communicator.all_reduce_min_u64(first);
+                Ok(())
+            }
+        };
+        match communicator.agree(mine) {
+            Ok(()) => Ok(()),
+            Err(e) => Err(Error::Numerical(format!("step {step}: {}", e.message))),
+        }
+    }
+}
+
+fn sum(communicator: &Communicator, value: i128) -> i128 {
+    communicator.all_reduce_sum_u128(value.cast_unsigned()).cast_signed()
+}
+
+/// Mass of the lattice, momentum of the fluid outside bodies.
+fn totals<Sp: Space, S: Stored>(flow: &BounceBack<Sp, S>, communicator: &Communicator) -> [f64; 4]
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
+    let populations = flow.fluid().populations();
+    for (at, cell) in populations.interior() {
+        let (drho, momentum) = populations.moments(cell);
+        sums[0].add(drho);
+        if flow.map().body_at(at).is_none() {
+            for a in 0..3 {
+                sums[a + 1].add(momentum[a]);
+            }
+        }
+    }
+    sums.map(|mut s| {
+        s.all_reduce(communicator);
+        s.value()
+    })
+}
+
+/// The largest speed of the slab and the first cell whose numbers fail, by global index.
+fn search<Sp: Space, S: Stored>(
+    flow: &BounceBack<Sp, S>,
+    limit: f64,
+    plan: &Plan,
+) -> (f64, Option<(u64, String)>)
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let fluid = flow.fluid();
+    let (all, start) = (fluid.domain_cells(), fluid.start());
+    let mut fastest = 0.0_f64;
+    let mut bad: Option<(u64, String)> = None;
+    for (at, cell) in fluid.populations().interior() {
+        let (drho, u) = fluid.state(cell);
+        let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+        if speed <= limit && drho.is_finite() {
+            fastest = fastest.max(speed);
+            continue;
+        }
+        let global: [usize; 3] = std::array::from_fn(|a| at[a] + start[a]);
+        let index = ((global[2] * all[1] + global[1]) * all[0] + global[0]) as u64;
+        if bad.as_ref().is_none_or(|(n, _)| index < *n) {
+            let centre = plan.scene.grid.centre(global);
+            let tau = fluid.relaxation_time();
+            let text = if speed.is_finite() && drho.is_finite() {
+                format!(
+                    "cell {global:?} at {centre:?} m moves at Mach {speed:.3} (|u|/C), above guards.max_mach = {limit}; relaxation time {tau}; use a smaller time step (smaller relaxation time) or a finer lattice"
+                )
+            } else {
+                format!(
+                    "cell {global:?} at {centre:?} m is not finite (relaxation time {tau}); use a larger relaxation time, a finer lattice or a slower flow"
+                )
+            };
+            bad = Some((index, text));
+        }
+    }
+    (fastest, bad)
+}

@@ -1,0 +1,176 @@
+//! Grains at the start: grown, read or listed; then cut, bonded and brought to rest.
+//!
+//! Growth runs on the first rank alone, so that the sample depends on the seed only. Cutting follows, then bonds where
+//! contacts are, then rest under damping without the fluid: what breaks here broke before any water moved, and is said.
+
+use crate::case::grains::{Amount, Growth, Radii};
+use crate::dem::particles::Particles;
+use crate::dem::space::{Components, Space};
+use crate::dem::{Dem, Relaxation};
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::scene::block::Block;
+use crate::scene::grid::count;
+use crate::scene::packing::{Preparation, Sizes, Stop};
+use crate::scene::sample;
+use crate::scene::solids::{Grain, GrainSource};
+use decomposition::Domain;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// What the preparation came to, for the report and the summary.
+#[derive(Clone, Debug, Default)]
+pub struct Prepared {
+    /// The grains after cutting; on the first rank only.
+    pub grains: Vec<Grain>,
+    /// How it went, for `summary.json`.
+    pub report: Value,
+    /// One line for the terminal.
+    pub line: String,
+}
+
+/// Makes, reads or lists the grains and cuts them. Collective.
+///
+/// # Errors
+/// When the sample cannot be made, read or saved; the same on all ranks.
+pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<Prepared, Error> {
+    let mine = if domain.rank() == 0 { on_first::<S>(plan, folder) } else { Ok(Prepared::default()) };
+    let communicator = domain.communicator();
+    match mine {
+        // The error keeps its kind on the rank that has it; the others leave with its words.
+        Err(error) => {
+            let _ = communicator.agree(Err::<(), _>(error.to_string()));
+            Err(error)
+        }
+        Ok(prepared) => communicator.agree(Ok::<_, String>(prepared)).map_err(|e| Error::Numerical(e.message)),
+    }
+}
+
+fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
+    let Some(scene) = &plan.scene.grains else { return Ok(Prepared::default()) };
+    let dimension = plan.scene.grid.dimension;
+    let names: Vec<String> = plan.scene.materials.iter().map(|m| m.name.clone()).collect();
+    let mut prepared = Prepared::default();
+    let mut all = match &scene.source {
+        GrainSource::List(list) => list.clone(),
+        GrainSource::File { grains, path } => {
+            prepared.line = format!("{} grains from {}", grains.len(), path.display());
+            grains.clone()
+        }
+        GrainSource::Growth { block, number, growth } => {
+            let packing = preparation::<S>(plan, block, *number, growth).pack()?;
+            let r = &packing.report;
+            prepared.line = format!(
+                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {:.1e}, sizes x {:.4}",
+                r.grains, r.steps, r.solid_fraction, r.coordination, r.mean_overlap, r.unbalanced, r.size_factor
+            );
+            prepared.report = json!({ "growth": r });
+            packing
+                .grains
+                .iter()
+                .map(|g| Grain {
+                    position: std::array::from_fn(|a| if a < S::DIMENSION { g.position.get(a) } else { 0.0 }),
+                    radius: g.radius,
+                    velocity: [0.0; 3],
+                    angular_velocity: [0.0; 3],
+                    material: scene.material,
+                })
+                .collect()
+        }
+    };
+    if let Some(path) = &scene.save {
+        let text = sample::write(&all, dimension, &names);
+        io::atomic::write(&folder.join(path), text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
+    }
+    let before = all.len();
+    all.retain(|g| !scene.cut.iter().any(|(_, block)| block.touches(g.position, g.radius)));
+    if !scene.cut.is_empty() {
+        let line = format!("{} of {before} grains left after cutting", all.len());
+        prepared.line = if prepared.line.is_empty() { line } else { format!("{}; {line}", prepared.line) };
+    }
+    prepared.grains = all;
+    Ok(prepared)
+}
+
+fn preparation<S: Space>(plan: &Plan, block: &Block, number: usize, growth: &Growth) -> Preparation<S> {
+    let scene = &plan.scene;
+    let material = scene.grains.as_ref().map_or(0, |g| g.material);
+    let mean = if S::DIMENSION == 2 {
+        std::f64::consts::PI * growth.radii.mean_power(2)
+    } else {
+        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3)
+    };
+    let mean_diameter = 2.0 * growth.radii.mean_power(1);
+    let pair = scene.contact.as_ref().map(|c| c.pair(material, material));
+    let stiffness = pair.map_or(1e6, |p| p.normal_stiffness.at(mean_diameter) / mean_diameter);
+    let friction = growth
+        .friction_angle_degrees
+        .map_or_else(|| pair.map_or(0.0, |p| p.friction_coefficient), |angle| angle.to_radians().tan());
+    Preparation {
+        lower: super::setup::vector::<S>(block.from),
+        upper: super::setup::vector::<S>(block.to),
+        periodic: std::array::from_fn(|a| {
+            // A box from face to face of a periodic axis is periodic itself.
+            scene.grid.periodic[a]
+                && block.from[a] <= 0.0
+                && block.to[a] >= scene.grid.size[a] * (1.0 - 1e-12)
+        }),
+        sizes: match &growth.radii {
+            Radii::Uniform { min, max } => Sizes::Uniform { smallest: 2.0 * min, largest: 2.0 * max },
+            Radii::List(radii) => {
+                Sizes::List((0..number).map(|n| 2.0 * radii[n % radii.len().max(1)]).collect())
+            }
+        },
+        solid_fraction: match growth.amount {
+            Amount::SolidFraction(fraction) => fraction,
+            Amount::Number(_) => (count(number) * mean / block.measure()).min(0.95),
+        },
+        stop: Stop::Overlap(growth.stop.mean_overlap),
+        seed: growth.seed,
+        density: scene.materials[material].density.unwrap_or(1000.0),
+        stiffness_per_diameter: stiffness,
+        friction,
+        overlap: growth.stop.mean_overlap,
+        unbalanced: growth.stop.unbalanced_force,
+        limit: u64::from(growth.stop.at_most_steps),
+    }
+}
+
+/// Bonds the contacts and brings the grains to rest without the fluid. Collective; returns a line to print and what goes
+/// into the summary.
+///
+/// # Errors
+/// As [`Dem::advance`].
+pub fn settle<S: Space>(
+    plan: &Plan,
+    dem: &mut Dem<S>,
+    particles: &mut Particles<S>,
+    domain: &Domain,
+) -> Result<(String, Value), Error> {
+    let bonded = plan.scene.grains.as_ref().is_some_and(|g| g.bond_at_start);
+    if !bonded {
+        return Ok((String::new(), Value::Null));
+    }
+    let communicator = domain.communicator();
+    let bonds = communicator.all_reduce_sum_u64(dem.bond_existing_contacts(particles, domain)?);
+    let still = dem.relax(particles, domain, &Relaxation::default())?;
+    let broken = communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
+    for k in 0..particles.owned() {
+        let zero = particles.motion[k].velocity * 0.0;
+        particles.motion[k].velocity = zero;
+        particles.motion[k].spin = particles.motion[k].spin * 0.0;
+    }
+    let line = format!(
+        "{bonds} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {broken} bonds broke on the way",
+        still.steps,
+        still.unbalanced()
+    );
+    let report = json!({
+        "bonds": bonds,
+        "bonds_broken": broken,
+        "solid_steps": still.steps,
+        "unbalanced_force": still.unbalanced(),
+        "largest_contact_force": still.contact,
+    });
+    Ok((line, report))
+}

@@ -1,0 +1,644 @@
+//! A run from the first step to the last line: start, loop, requests, checkpoints, summary.
+
+use super::erosion::ErosionRecorder;
+use super::guards::Guards;
+use super::phases::{Phase, Phases, Spent};
+use super::preparation;
+use super::progress::{Moment, Progress, clock};
+use super::removal::Removal;
+use super::setup;
+use super::watch::{Request, Watch};
+use super::{Simulation, view::View};
+use crate::case::Document;
+use crate::case::fluid::Precision;
+use crate::case::time::WarmUp;
+use crate::checkpoint::{self, Saved};
+use crate::cli::RunOptions;
+use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::{Flow, FluidView};
+use crate::dem::particles::Particles;
+use crate::dem::space::{Plane, Space, Volume};
+use crate::error::Error;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::kernel::{Everywhere, OnEveryLevel};
+use crate::lbm::lanes::Level;
+use crate::output::Outputs;
+use crate::output::ranks::Together;
+use crate::plan::{Plan, steps_number};
+use crate::scene::flow::Initial;
+use decomposition::{Domain, Slabs, World};
+use io::checkpoint::{Found, Reader};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Steps between questions to the outside (signals, files, clocks).
+const ASK_EVERY: u64 = 10;
+
+/// Runs a plan from its start.
+///
+/// # Errors
+/// Why the run ended before its end; [`Error::Stopped`] when it was asked to.
+pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
+    with_world(plan, options, None)
+}
+
+/// Goes on from the newest checkpoint in a folder.
+///
+/// # Errors
+/// As [`run`], and when there is no checkpoint of this case.
+pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result<(), Error> {
+    let path = folder.join("case.json");
+    let text = std::fs::read_to_string(&path).map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
+    let plan = Document::read(&text, set, folder).and_then(Plan::prepare).map_err(Error::Case)?;
+    options.output = Some(folder.to_owned());
+    with_world(plan, options, Some(!set.is_empty()))
+}
+
+/// Starts MPI and threads, then chooses dimension and storage once. `resume` says whether to go on from a checkpoint, and
+/// whether the case may differ from the one it was written for.
+fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
+    let world = World::start().map_err(|e| Error::Internal(e.to_string()))?;
+    let communicator = world.communicator();
+    let threads = options.threads.unwrap_or_else(|| {
+        let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
+            .ok()
+            .and_then(|n| n.parse::<usize>().ok())
+            .unwrap_or_else(|| communicator.size());
+        (std::thread::available_parallelism().map_or(1, usize::from) / local.max(1)).max(1)
+    });
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|e| Error::Internal(format!("{threads} threads: {e}")))?;
+    let grid = &plan.scene.grid;
+    let axis = setup::axis(grid.split_axis);
+    let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
+    let slabs = match &grid.slab_bounds {
+        Some(bounds) => Slabs::from_bounds(axis, bounds.clone(), periodic)
+            .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))?,
+        None => Slabs::even(axis, planes, communicator.size(), periodic),
+    };
+    let domain = Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
+    let storage = plan.scene.flow.as_ref().map_or(Precision::F64, |flow| flow.storage);
+    let folder = options.output.clone().unwrap_or_else(|| PathBuf::from("results"));
+    let start = Start { folder, limit: options.max_walltime, threads, resume, json: options.json };
+    let result = match (grid.dimension, storage) {
+        (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
+        (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
+        (_, Precision::F64) => Runner::<Volume, f64>::go(plan, domain, start),
+        (_, Precision::F32) => Runner::<Volume, f32>::go(plan, domain, start),
+    };
+    if let Err(error) = &result
+        && !matches!(error, Error::Stopped(_))
+        && communicator.size() > 1
+    {
+        // Another rank may be waiting for this one: nobody is left hanging.
+        log::error!("rank {}: {error}", communicator.rank());
+        communicator.abort(error.exit_code());
+    }
+    result
+}
+
+struct Start {
+    folder: PathBuf,
+    limit: Option<Duration>,
+    threads: usize,
+    resume: Option<bool>,
+    json: bool,
+}
+
+struct Runner<Sp: Space, S: Saved> {
+    simulation: Simulation<Sp, S>,
+    folder: PathBuf,
+    watch: Watch,
+    progress: Progress,
+    threads: usize,
+    first_step: u64,
+    notes: Value,
+    initial_mass: f64,
+}
+
+impl<Sp: Space, S: Saved> Runner<Sp, S>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Error> {
+        let json = start.json;
+        let mut runner = Self::begin(plan, domain, start)?;
+        let outcome = runner.run();
+        let text = match &outcome {
+            Ok(()) => "done",
+            Err(Error::Stopped(_)) => "stopped",
+            Err(_) => "failed",
+        };
+        // A failed rank may be alone: no reductions then.
+        if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
+            runner.summarise(text, json)?;
+        } else if runner.simulation.domain.rank() == 0 {
+            let message = outcome.as_ref().err().map(ToString::to_string);
+            let summary = json!({ "outcome": text, "error": message, "steps": runner.simulation.step });
+            // The error itself matters more than that it could not be written down.
+            let _ = io::atomic::write_json(&runner.folder.join("summary.json"), &summary);
+        }
+        outcome
+    }
+
+    fn begin(plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
+        let communicator = domain.communicator().clone();
+        let first = communicator.rank() == 0;
+        let folder = start.folder;
+        let made = if first { std::fs::create_dir_all(&folder) } else { Ok(()) };
+        communicator
+            .agree(made.map_err(|e| format!("{}: {e}", folder.display())))
+            .map_err(|e| Error::Io(e.message))?;
+        let watch = {
+            let every = plan.scene.checkpoint.every_wall_seconds;
+            let every = (every > 0.0).then(|| Duration::from_secs_f64(every));
+            Watch::new(&folder, start.limit, every)?
+        };
+        let found = match start.resume {
+            None => None,
+            Some(changed) => Some(find(&plan, &folder, &domain, changed)?),
+        };
+        let mut progress = Progress::new(first, 0);
+        progress.note(&format!(
+            "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
+            communicator.size(),
+            start.threads,
+            domain.axis(),
+            Level::best().name()
+        ));
+        if first && found.is_none() {
+            io::atomic::write(&folder.join("case.json"), plan.case_text.as_bytes())
+                .map_err(|e| Error::Io(e.to_string()))?;
+        }
+        let units = plan.units;
+        let mut flow = match (&plan.scene.flow, units) {
+            (Some(scene), Some(units)) => {
+                let made = setup::fluid(&plan, scene, &units)
+                    .and_then(|setup| Fluid::<S>::new(setup, &domain).map_err(Error::Internal));
+                let mut fluid = made?;
+                if found.is_none() {
+                    match setup::initial(&plan, scene, &units) {
+                        Some(field) => fluid.initialise(field.as_ref()),
+                        None => {
+                            if let Initial::File(path) = &scene.initial {
+                                from_file(&mut fluid, path, &plan)?;
+                            }
+                        }
+                    }
+                }
+                Some(BounceBack::<Sp, S>::new(fluid, units, [0.0; 3], setup::coupling(&plan)))
+            }
+            _ => None,
+        };
+        let solid = !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
+        let mut particles = Particles::<Sp>::new();
+        let mut notes = json!({});
+        let mut removal = Removal::new(&plan);
+        let (mut step, mut recorder_state) = (0, Value::Null);
+        let mut dem = None;
+        let resumed = found.is_some();
+        if let Some((found, path)) = &found {
+            let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+            if let Some(flow) = &mut flow {
+                checkpoint::read_fluid(flow.fluid_mut(), &reader)?;
+                flow.restart();
+            }
+            let attributes = reader.attributes().clone();
+            step = found.manifest.step;
+            notes = attributes["notes"].clone();
+            removal.restore(&attributes["removal"])?;
+            recorder_state = attributes["recorder"].clone();
+            if solid {
+                let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
+                particles = Particles::from_table(&grains)?;
+                let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
+                let mut engine = setup::dem::<Sp>(&plan, radius)?;
+                engine.restore(&contacts)?;
+                engine.prepare(&mut particles, &domain)?;
+                notes["typical_radius"] = json!(radius);
+                dem = Some(engine);
+            }
+            progress.note(&format!("going on from step {step}: {}", path.display()));
+        } else if solid {
+            let prepared = preparation::grains::<Sp>(&plan, &folder, &domain)?;
+            progress.note(&prepared.line);
+            setup::bodies(&plan, &domain, &mut particles);
+            setup::grains(&plan, &domain, &mut particles, &prepared.grains, plan.scene.bodies.len() as u64);
+            let radius = typical_radius(&plan, &prepared.grains, &domain);
+            let mut engine = setup::dem::<Sp>(&plan, radius)?;
+            engine.prepare(&mut particles, &domain)?;
+            let (line, report) = preparation::settle(&plan, &mut engine, &mut particles, &domain)?;
+            progress.note(&line);
+            notes = json!({ "preparation": prepared.report, "settling": report, "typical_radius": radius });
+            dem = Some(engine);
+        }
+        if dem.is_some() {
+            particles.refresh_ghosts(&domain)?;
+        }
+        if let Some(flow) = &mut flow {
+            flow.follow(&mut particles, &domain)?;
+        }
+        if !resumed && let Some(flow) = &mut flow {
+            let line = warm_up(&plan, flow, &mut particles, &domain)?;
+            progress.note(&line);
+        }
+        let resumed_at = resumed.then_some(step);
+        let outputs = Outputs::create(&plan, &folder, provenance(&plan, &domain, start.threads), &domain, resumed_at)?;
+        let mut recorder = match plan.scene.erosion_law {
+            Some(_) => Some(ErosionRecorder::create(&plan, &folder, &domain, resumed_at)?),
+            None => None,
+        };
+        if resumed && let Some(recorder) = &mut recorder {
+            recorder.restore(&recorder_state)?;
+        }
+        let guards = Guards::new(&plan);
+        progress = Progress::new(first, step);
+        let mut runner = Self {
+            simulation: Simulation {
+                plan,
+                domain,
+                flow,
+                dem,
+                particles,
+                removal,
+                recorder,
+                outputs,
+                guards,
+                phases: Phases::start(),
+                step,
+            },
+            folder,
+            watch,
+            progress,
+            threads: start.threads,
+            first_step: step,
+            notes,
+            initial_mass: 0.0,
+        };
+        runner.initial_mass = runner.mass();
+        if !resumed {
+            if let Some(mut recorder) = runner.simulation.recorder.take() {
+                let recorded = recorder.record_due(&runner.simulation.view(), &[], Vec::new(), 0.0);
+                runner.simulation.recorder = Some(recorder);
+                recorded?;
+            }
+            runner.simulation.write_due()?;
+        }
+        runner.simulation.phases = Phases::start();
+        Ok(runner)
+    }
+
+    /// Mass of the lattice (lattice units of deviation), for drift. Collective.
+    fn mass(&self) -> f64 {
+        let Some(flow) = &self.simulation.flow else { return 0.0 };
+        let mut sum = decomposition::ExactSum::new();
+        let populations = flow.fluid().populations();
+        for (_, cell) in populations.interior() {
+            sum.add(populations.moments(cell).0);
+        }
+        sum.all_reduce(self.simulation.domain.communicator());
+        sum.value()
+    }
+
+    fn run(&mut self) -> Result<(), Error> {
+        let steps = self.simulation.plan.clock.steps;
+        let save_every = self.simulation.plan.scene.checkpoint.every.map(|t| self.simulation.plan.clock.interval_to_steps(t));
+        while self.simulation.step < steps {
+            self.simulation.step()?;
+            let step = self.simulation.step;
+            if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
+                self.save()?;
+            }
+            if step.is_multiple_of(ASK_EVERY) {
+                self.tell();
+                let request = self.watch.ask(self.simulation.domain.communicator());
+                self.simulation.phases.done(Phase::Guards);
+                match request {
+                    Request::None => {}
+                    Request::Checkpoint => self.save()?,
+                    Request::Stop => {
+                        self.save()?;
+                        if self.simulation.domain.rank() == 0 {
+                            self.watch.forget_file();
+                        }
+                        let text = format!("step {step} of {steps}; go on with `solver restart {}`", self.folder.display());
+                        return Err(Error::Stopped(text));
+                    }
+                }
+            }
+        }
+        let view = View {
+            plan: &self.simulation.plan,
+            domain: &self.simulation.domain,
+            fluid: self.simulation.flow.as_ref().map(|flow| flow as &dyn FluidView),
+            particles: &self.simulation.particles,
+            dem: self.simulation.dem.as_ref(),
+            step: self.simulation.step,
+            time: self.simulation.time(),
+        };
+        self.simulation.outputs.write_all_now(&view)?;
+        self.simulation.phases.done(Phase::Output);
+        Ok(())
+    }
+
+    fn tell(&mut self) {
+        if !self.progress.due() {
+            return;
+        }
+        let simulation = &self.simulation;
+        let mut more = String::new();
+        if simulation.flow.is_some() {
+            more = format!("Mach {:.3}", simulation.guards.mach());
+        }
+        if let Some(recorder) = &simulation.recorder {
+            more += &format!("  eroded {:.2} %", 100.0 * recorder.eroded_fraction());
+        }
+        let cells = if simulation.flow.is_some() { simulation.plan.scene.grid.cell_count() as u64 } else { 0 };
+        let moment = Moment {
+            step: simulation.step,
+            steps: simulation.plan.clock.steps,
+            time: simulation.time(),
+            cells,
+            // Of this rank only: good enough for a line, and no message.
+            grains: simulation.particles.owned() as u64,
+            solid_steps: u64::from(simulation.plan.clock.solid_steps_per_step),
+            more,
+        };
+        self.progress.say(&moment);
+    }
+
+    fn save(&mut self) -> Result<(), Error> {
+        let begun = Instant::now();
+        let simulation = &mut self.simulation;
+        simulation.outputs.sync()?;
+        if let Some(recorder) = &mut simulation.recorder {
+            recorder.sync()?;
+        }
+        let attributes = json!({
+            "case_hash": simulation.plan.case_hash,
+            "removal": simulation.removal.state()?,
+            "recorder": simulation.recorder.as_ref().map(ErosionRecorder::state),
+            "notes": self.notes,
+            "typical_radius": self.notes["typical_radius"],
+            "version": env!("CARGO_PKG_VERSION"),
+            "commit": env!("SOLVER_COMMIT"),
+        });
+        let keep = simulation.plan.scene.checkpoint.keep as usize;
+        let (step, time) = (simulation.step, simulation.time());
+        let communicator = simulation.domain.communicator();
+        let written =
+            simulation.state().write(&checkpoint_folder(&self.folder), step, time, attributes, keep, communicator);
+        match written {
+            Ok(()) => {}
+            Err(io::Error::Space { needed, free, path }) => {
+                self.progress.note(&format!(
+                    "no checkpoint at step {step}: it needs {needed} bytes, {} has {free}; the run goes on",
+                    path.display()
+                ));
+            }
+            Err(error) => return Err(Error::Io(error.to_string())),
+        }
+        self.watch.wrote(begun.elapsed());
+        simulation_phase(&mut self.simulation.phases);
+        Ok(())
+    }
+
+    fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
+        let simulation = &self.simulation;
+        let communicator = simulation.domain.communicator();
+        let phases = simulation.phases.reduce(communicator);
+        let wall = self.watch.elapsed().as_secs_f64();
+        let looped: f64 = phases.iter().map(|p| p.mean).sum();
+        let steps = steps_number(simulation.step - self.first_step);
+        let cells = if simulation.flow.is_some() { simulation.plan.scene.grid.cell_count() } else { 0 };
+        let mlups = crate::scene::grid::count(cells) * steps / looped.max(1e-9) / 1e6;
+        let grains = communicator.all_reduce_sum_u64(simulation.particles.owned() as u64);
+        let solid_steps = f64::from(simulation.plan.clock.solid_steps_per_step);
+        let rate = if simulation.dem.is_some() { steps_number(grains) * steps * solid_steps / looped.max(1e-9) } else { 0.0 };
+        let rss = communicator.all_reduce_max_u64(peak_rss());
+        let rss_total = communicator.all_reduce_sum_u64(peak_rss());
+        let hash = simulation.state().hash(communicator);
+        let drift = self.mass() - self.initial_mass;
+        let mut summary = json!({
+            "outcome": outcome,
+            "steps": simulation.step,
+            "steps_of_this_run": simulation.step - self.first_step,
+            "time": simulation.time(),
+            "wall_seconds": wall,
+            "loop_seconds": looped,
+            "phases": phases,
+            "mlups": mlups,
+            "particle_steps_per_second": rate,
+            "grains": grains,
+            "peak_rss_bytes": rss,
+            "peak_rss_bytes_all_ranks": rss_total,
+            "mass_error": simulation.guards.mass_error(),
+            "mass_change": drift / crate::scene::grid::count(cells.max(1)),
+            "momentum_error": simulation.guards.momentum_error(),
+            "mach": simulation.guards.mach(),
+            "ranks": communicator.size(),
+            "threads": self.threads,
+            "case_hash": simulation.plan.case_hash,
+            "state_hash": hash,
+            "notes": self.notes,
+            "versions": versions(),
+        });
+        if let Some(recorder) = &simulation.recorder {
+            summary["erosion"] = recorder.summary();
+        }
+        let first = communicator.rank() == 0;
+        let written = if first {
+            io::atomic::write_json(&self.folder.join("summary.json"), &summary).map_err(|e| e.to_string())
+        } else {
+            Ok(())
+        };
+        communicator.agree(written).map_err(|e| Error::Io(e.message))?;
+        if as_json {
+            self.progress.note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
+        } else {
+            self.progress.note(&table(&phases, looped));
+            self.progress.note(&format!(
+                "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
+                simulation.step - self.first_step,
+                clock(wall),
+                mlups,
+                rate / 1e6,
+                steps_number(rss) / 1e6
+            ));
+            self.progress.note(&format!(
+                "mass error {:.1e} a step, momentum error {:.1e} of the largest force; state {hash}",
+                simulation.guards.mass_error(),
+                simulation.guards.momentum_error()
+            ));
+            self.progress.note(&format!(
+                "files in {}: open *.xmf in ParaView; summary.json for scripts",
+                self.folder.display()
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn simulation_phase(phases: &mut Phases) {
+    phases.done(Phase::Checkpoint);
+}
+
+fn checkpoint_folder(folder: &Path) -> PathBuf {
+    folder.join("checkpoints")
+}
+
+fn find(plan: &Plan, folder: &Path, domain: &Domain, changed: bool) -> Result<(Found, PathBuf), Error> {
+    let group = Together(domain.communicator());
+    let found = io::checkpoint::newest(&checkpoint_folder(folder), &group).map_err(|e| Error::Io(e.to_string()))?;
+    for passed in &found.passed_over {
+        log::warn!("checkpoint passed over: {passed}");
+    }
+    let theirs = found.manifest.attributes["case_hash"].as_str().unwrap_or_default();
+    if theirs != plan.case_hash && !changed {
+        return Err(Error::Io(format!(
+            "{} belongs to another case (hash {theirs}, this case {}); use --set to change a field on purpose",
+            found.path.display(),
+            plan.case_hash
+        )));
+    }
+    let path = found.path.clone();
+    Ok((found, path))
+}
+
+fn generates(plan: &Plan) -> bool {
+    plan.scene
+        .regions
+        .iter()
+        .any(|r| matches!(r.action, crate::scene::observe::Action::Generate { .. }))
+}
+
+/// Mean radius of the grains, or of the bodies: sets the skin of the lists, never a result. Collective.
+fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &Domain) -> f64 {
+    let radii: Vec<f64> = if grains.is_empty() {
+        plan.scene.bodies.iter().map(|b| b.radius).collect()
+    } else {
+        grains.iter().map(|g| g.radius).collect()
+    };
+    let mean = radii.iter().sum::<f64>() / crate::scene::grid::count(radii.len().max(1));
+    let agreed = domain.communicator().all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
+    if agreed > 0.0 { agreed } else { plan.scene.grid.spacing }
+}
+
+/// The fluid flows round grains that stand still until it is steady. Collective.
+fn warm_up<Sp: Space, S: Saved>(
+    plan: &Plan,
+    flow: &mut BounceBack<Sp, S>,
+    particles: &mut Particles<Sp>,
+    domain: &Domain,
+) -> Result<String, Error>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let Some(WarmUp::FluidOnly { relative_change, .. }) = plan.scene.time.warm_up else {
+        return Ok(String::new());
+    };
+    const LOOK_EVERY: u64 = 100;
+    let communicator = domain.communicator();
+    let cells: Vec<usize> = flow.fluid().populations().interior().map(|(_, cell)| cell).collect();
+    let mut before: Vec<[f64; 3]> = vec![[0.0; 3]; cells.len()];
+    let mut change = f64::INFINITY;
+    let mut step = 0;
+    while step < plan.clock.warm_up_steps {
+        flow.advance(particles, domain)?;
+        step += 1;
+        if step % LOOK_EVERY == 0 {
+            let (mut moved, mut size) = (0.0_f64, 0.0_f64);
+            for (&cell, old) in cells.iter().zip(&mut before) {
+                let (_, u) = flow.fluid().state(cell);
+                for a in 0..3 {
+                    moved = moved.max((u[a] - old[a]).abs());
+                    size = size.max(u[a].abs());
+                }
+                *old = u;
+            }
+            change = communicator.all_reduce_max_f64(moved) / communicator.all_reduce_max_f64(size).max(1e-300);
+            if change < relative_change {
+                break;
+            }
+        }
+    }
+    Ok(format!("fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"))
+}
+
+/// Velocity and pressure from a field output of the same size.
+fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result<(), Error>
+where
+    Everywhere<S>: OnEveryLevel<S>,
+{
+    let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
+    let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
+    let (velocity, pressure) = (read("velocity")?, read("pressure")?);
+    let cells = plan.scene.grid.cells;
+    let count = cells[0] * cells[1] * cells[2];
+    if velocity.values.len() != 3 * count || pressure.values.len() != count {
+        return Err(wrong(format!("it does not hold {cells:?} cells")));
+    }
+    let Some(units) = plan.units else { return Ok(()) };
+    let field = move |p: [f64; 3]| {
+        let at: [usize; 3] = std::array::from_fn(|a| {
+            crate::scene::grid::whole(p[a].floor().max(0.0)).min(cells[a] - 1)
+        });
+        let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
+        let u = std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
+        (units.pressure_to_density_deviation(pressure.values[n]), u)
+    };
+    fluid.initialise(&field);
+    Ok(())
+}
+
+fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, String)> {
+    let mut all = vec![
+        ("case".to_owned(), plan.case_text.clone()),
+        ("case_hash".to_owned(), plan.case_hash.clone()),
+        ("ranks".to_owned(), domain.communicator().size().to_string()),
+        ("threads".to_owned(), threads.to_string()),
+    ];
+    if let Value::Object(versions) = versions() {
+        all.extend(versions.into_iter().map(|(k, v)| (k, v.as_str().unwrap_or_default().to_owned())));
+    }
+    all
+}
+
+fn versions() -> Value {
+    json!({
+        "solver": env!("CARGO_PKG_VERSION"),
+        "commit": env!("SOLVER_COMMIT"),
+        "lanes": Level::best().name(),
+        "mpi": decomposition::Communicator::serial().mpi_version(),
+    })
+}
+
+/// Peak resident memory of this process [bytes].
+fn peak_rss() -> u64 {
+    std::fs::read_to_string("/proc/self/status")
+        .ok()
+        .and_then(|text| {
+            let line = text.lines().find(|l| l.starts_with("VmHWM:"))?;
+            line.split_whitespace().nth(1)?.parse::<u64>().ok()
+        })
+        .map_or(0, |kib| kib * 1024)
+}
+
+fn table(phases: &[Spent], looped: f64) -> String {
+    let mut text = format!("{:<12} {:>9} {:>9} {:>9} {:>7}\n", "phase", "min s", "mean s", "max s", "share");
+    for p in phases {
+        let name = serde_json::to_value(p.phase).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default();
+        text += &format!(
+            "{name:<12} {:>9.3} {:>9.3} {:>9.3} {:>6.1}%\n",
+            p.min,
+            p.mean,
+            p.max,
+            100.0 * p.mean / looped.max(1e-9)
+        );
+    }
+    text.pop();
+    text
+}
