@@ -9,7 +9,8 @@ use nalgebra::{Vector2, Vector3};
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::contact::linear::{self, Linear};
 use solver::dem::{
-    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space, Volume, Wall,
+    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings,
+    Space, Volume, Wall,
 };
 use solver::error::Error;
 use solver::random::Stream;
@@ -61,7 +62,10 @@ fn discs() -> Preparation<Plane> {
         lower: Vector2::zeros(),
         upper: Vector2::new(10.5e-3, 7.2e-3),
         periodic: [false; 3],
-        sizes: Sizes::Uniform { smallest: 1.5e-4, largest: 2.5e-4 },
+        sizes: Sizes::Uniform {
+            smallest: 1.5e-4,
+            largest: 2.5e-4,
+        },
         solid_fraction: 0.83,
         stop: Stop::Overlap(1e-6),
         seed: 1,
@@ -76,11 +80,19 @@ fn discs() -> Preparation<Plane> {
 
 fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
     let how = discs();
-    let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, PAPER) });
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, PAPER),
+    });
     let mut particles = Particles::<Plane>::new();
     for (id, grain) in (0..).zip(&packing.grains) {
         let body = Body::uniform::<Plane>(id, grain.radius, 2650.0, 0);
-        particles.insert(body, Motion { position: grain.position, ..Motion::default() });
+        particles.insert(
+            body,
+            Motion {
+                position: grain.position,
+                ..Motion::default()
+            },
+        );
     }
     let limit = law.critical_time_step::<Plane>(&particles.body, 1);
     let region = Region::closed(how.lower, how.upper, 1e-4);
@@ -108,18 +120,29 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
         shear_damping: 0.0,
         attraction: false,
     };
-    let law = Law::Linear(Linear { parameters: PairTable::uniform(1, parameters) });
+    let law = Law::Linear(Linear {
+        parameters: PairTable::uniform(1, parameters),
+    });
     let length = side * spacing;
-    let mut region =
-        Region::<Volume>::closed(Vector3::zeros(), Vector3::new(length, length, length), spacing);
+    let mut region = Region::<Volume>::closed(
+        Vector3::zeros(),
+        Vector3::new(length, length, length),
+        spacing,
+    );
     region.periodic = [true; 3];
     let mut particles = Particles::<Volume>::new();
     for n in 0..count {
         let mut draw = Stream::new(1, n as u64, 0);
         let mut motion = Motion::<Volume>::default();
-        let cell = [n as f64 % side, (n as f64 / side).floor() % side, (n as f64 / side / side).floor()];
+        let cell = [
+            n as f64 % side,
+            (n as f64 / side).floor() % side,
+            (n as f64 / side / side).floor(),
+        ];
         for (axis, cell) in cell.into_iter().enumerate() {
-            motion.position.set(axis, (cell + 0.5 + 0.05 * (draw.uniform() - 0.5)) * spacing);
+            motion
+                .position
+                .set(axis, (cell + 0.5 + 0.05 * (draw.uniform() - 0.5)) * spacing);
             motion.velocity.set(axis, 0.02 * (draw.uniform() - 0.5));
         }
         particles.insert(Body::uniform::<Volume>(n as u64, 1e-3, 2600.0, 0), motion);
@@ -129,14 +152,22 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
         settings.gravity = Vector3::new(0.0, 0.0, -9.81);
     }
     let mut dem = Dem::new(law, settings, Vec::new())?;
-    let name = format!("{} spheres, {}", count, if packed { "packed" } else { "falling" });
+    let name = format!(
+        "{} spheres, {}",
+        count,
+        if packed { "packed" } else { "falling" }
+    );
     report(&name, &mut dem, &mut particles, 200)
 }
 
 fn main() -> Result<(), Error> {
     let start = Instant::now();
     let packing = discs().pack()?;
-    println!("packing {:?} in {:.1} s", packing.report, start.elapsed().as_secs_f64());
+    println!(
+        "packing {:?} in {:.1} s",
+        packing.report,
+        start.elapsed().as_secs_f64()
+    );
     bonded(&packing)?;
     spheres(100_000, true)?;
     spheres(100_000, false)

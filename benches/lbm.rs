@@ -8,7 +8,6 @@
 use decomposition::{Axis, Domain};
 use solver::lbm::boundary::{Condition, Patch, Ramp};
 use solver::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
-use solver::lbm::kernel::{Everywhere, OnEveryLevel};
 use solver::lbm::lanes::Stored;
 use std::time::Instant;
 
@@ -30,10 +29,7 @@ fn measure<S: Stored>(
     force: Force,
     cells: [usize; 3],
     steps: usize,
-) -> f64
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+) -> f64 {
     let setup = Setup {
         set,
         operator,

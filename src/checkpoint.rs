@@ -9,7 +9,6 @@ use crate::dem::space::Space;
 use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
-use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::lbm::lanes::Stored;
 use crate::output::ranks::Together;
 use decomposition::{Communicator, StateHash, field_key};
@@ -64,7 +63,11 @@ fn scatter<S: Stored>(fluid: &mut Fluid<S>, all: &[S], step: u64) {
 
 /// Where a slab lies in the array of populations: shape, start and count.
 fn box_of<S: Stored>(fluid: &Fluid<S>) -> [[usize; 4]; 3] {
-    let (all, start, count) = (fluid.domain_cells(), fluid.start(), fluid.populations().cells());
+    let (all, start, count) = (
+        fluid.domain_cells(),
+        fluid.start(),
+        fluid.populations().cells(),
+    );
     let q = fluid.populations().velocities().q();
     [
         [all[2], all[1], all[0], q],
@@ -73,21 +76,10 @@ fn box_of<S: Stored>(fluid: &Fluid<S>) -> [[usize; 4]; 3] {
     ]
 }
 
-/// Moves numbers between memory and files.
-pub trait Saved: Stored + io::data::Element {
-    /// As data to write.
-    fn data(values: &[Self]) -> Data<'_>;
-}
-impl Saved for f64 {
-    fn data(values: &[Self]) -> Data<'_> {
-        values.into()
-    }
-}
-impl Saved for f32 {
-    fn data(values: &[Self]) -> Data<'_> {
-        values.into()
-    }
-}
+/// A number at rest that files can hold.
+pub trait Saved: Stored + io::data::Element {}
+impl Saved for f64 {}
+impl Saved for f32 {}
 
 /// The state of a run, lent for saving.
 pub struct State<'a, Sp: Space, S: Stored> {
@@ -101,10 +93,7 @@ pub struct State<'a, Sp: Space, S: Stored> {
 
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
 
-impl<Sp: Space, S: Saved> State<'_, Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Saved> State<'_, Sp, S> {
     fn tables(&self) -> [Table; 3] {
         let contacts = self.contacts.clone().unwrap_or_default();
         [self.particles.table(), contacts.grains, contacts.walls]
@@ -129,13 +118,24 @@ where
         let mut arrays = Vec::new();
         if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
             let [shape, start, count] = box_of(fluid).map(|v| v.to_vec());
-            arrays.push(Array { name: "populations", shape, start, count, data: S::data(values) });
+            arrays.push(Array {
+                name: "populations",
+                shape,
+                start,
+                count,
+                data: <S as io::data::Element>::data(values),
+            });
         }
         let mut rows = [0; 3];
         let names: Vec<String> = TABLES
             .iter()
             .zip(&tables)
-            .flat_map(|(kind, table)| table.columns.iter().map(move |(name, _)| format!("{kind}_{name}")))
+            .flat_map(|(kind, table)| {
+                table
+                    .columns
+                    .iter()
+                    .map(move |(name, _)| format!("{kind}_{name}"))
+            })
             .collect();
         let mut name = names.iter();
         for (n, table) in tables.iter().enumerate() {
@@ -153,7 +153,13 @@ where
                     Values::Whole(values) => Data::from(values.as_slice()),
                 };
                 let (shape, start, count) = (vec![total], vec![offset], vec![mine]);
-                arrays.push(Array { name, shape, start, count, data });
+                arrays.push(Array {
+                    name,
+                    shape,
+                    start,
+                    count,
+                    data,
+                });
             }
         }
         attributes["rows"] = json!(rows);
@@ -165,7 +171,14 @@ where
                         .columns
                         .iter()
                         .map(|(name, values)| {
-                            json!([name, if matches!(values, Values::Real(_)) { "real" } else { "whole" }])
+                            json!([
+                                name,
+                                if matches!(values, Values::Real(_)) {
+                                    "real"
+                                } else {
+                                    "whole"
+                                }
+                            ])
                         })
                         .collect::<Vec<_>>()
                 })
@@ -178,7 +191,16 @@ where
         if let Some(fluid) = self.fluid {
             attributes["fluid_steps"] = json!(fluid.steps());
         }
-        io::checkpoint::write(folder, step, time, &arrays, &attributes, &group, io::hdf::Mode::default(), keep)?;
+        io::checkpoint::write(
+            folder,
+            step,
+            time,
+            &arrays,
+            &attributes,
+            &group,
+            io::hdf::Mode::default(),
+            keep,
+        )?;
         Ok(())
     }
 
@@ -194,7 +216,8 @@ where
             for z in 0..count[0] {
                 for y in 0..count[1] {
                     for x in 0..count[2] {
-                        let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                        let cell =
+                            ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
                         for i in 0..count[3] {
                             let bits = values[n].to_f64().to_bits();
                             hash.add(key, (cell * shape[3] + i) as u64, bits);
@@ -218,7 +241,11 @@ where
                 }
                 let key = field_key(&format!("{kind}_{name}"));
                 for row in 0..table.rows() {
-                    let other = if *kind == "grains" { 0 } else { second.get(row).copied().unwrap_or(0) };
+                    let other = if *kind == "grains" {
+                        0
+                    } else {
+                        second.get(row).copied().unwrap_or(0)
+                    };
                     let index = first.get(row).copied().unwrap_or(0) | (other << 32);
                     let bits = match values {
                         Values::Real(values) => values[row].to_bits(),
@@ -242,7 +269,11 @@ fn table_to_json(table: &Table) -> Value {
         .iter()
         .map(|(name, values)| match values {
             // Bits, so that nothing is rounded.
-            Values::Real(values) => json!([name, "real", values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()]),
+            Values::Real(values) => json!([
+                name,
+                "real",
+                values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+            ]),
             Values::Whole(values) => json!([name, "whole", values]),
         })
         .collect()
@@ -252,7 +283,12 @@ fn table_from_json(value: &Value) -> Table {
     let mut table = Table::default();
     for column in value.as_array().into_iter().flatten() {
         let name = column[0].as_str().unwrap_or_default().to_owned();
-        let bits: Vec<u64> = column[2].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
+        let bits: Vec<u64> = column[2]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_u64)
+            .collect();
         let values = if column[1] == "real" {
             Values::Real(bits.into_iter().map(f64::from_bits).collect())
         } else {
@@ -267,12 +303,11 @@ fn table_from_json(value: &Value) -> Table {
 ///
 /// # Errors
 /// When the checkpoint holds other populations than the slab needs.
-pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     let [_, start, count] = box_of(fluid).map(|v| v.to_vec());
-    let values: Vec<S> = reader.read("populations", &start, &count).map_err(as_error)?;
+    let values: Vec<S> = reader
+        .read("populations", &start, &count)
+        .map_err(as_error)?;
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
     Ok(())

@@ -274,5 +274,3 @@ pub(crate) fn unique<'a>(
     }
     known.push(name);
 }
-//! The resolved problem, the same on every rank.
-

@@ -20,7 +20,6 @@ use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
-use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::output::Outputs;
 use crate::plan::Plan;
 use decomposition::Domain;
@@ -45,16 +44,14 @@ pub struct Simulation<Sp: Space, S: Saved> {
     step: u64,
 }
 
-impl<Sp: Space, S: Saved> Simulation<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// One step. Collective.
     ///
     /// # Errors
     /// When the numbers fail or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
-        self.guards.before(self.step, self.flow.as_ref(), &self.domain);
+        self.guards
+            .before(self.step, self.flow.as_ref(), &self.domain);
         if let Some(flow) = &mut self.flow {
             flow.advance(&mut self.particles, &self.domain)?;
         }
@@ -68,7 +65,13 @@ where
         self.phases.done(Phase::Grains);
         self.step += 1;
         let time = self.time();
-        let removed = self.removal.leaving(&mut self.particles, &self.plan, &self.domain, self.step, time)?;
+        let removed = self.removal.leaving(
+            &mut self.particles,
+            &self.plan,
+            &self.domain,
+            self.step,
+            time,
+        )?;
         if let Some(dem) = &mut self.dem {
             dem.prepare(&mut self.particles, &self.domain)?;
             self.particles.refresh_ghosts(&self.domain)?;
@@ -80,7 +83,8 @@ where
         self.phases.done(Phase::Mapping);
         if let Some(mut recorder) = self.recorder.take() {
             let breaks = self.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
-            let recorded = recorder.record_due(&self.view(), &removed, breaks, self.guards.mass_error());
+            let recorded =
+                recorder.record_due(&self.view(), &removed, breaks, self.guards.mass_error());
             self.recorder = Some(recorder);
             recorded?;
         } else if let Some(dem) = &mut self.dem {
@@ -90,7 +94,13 @@ where
         self.phases.done(Phase::Analysis);
         self.write_due()?;
         self.phases.done(Phase::Output);
-        self.guards.check(self.step, self.flow.as_ref(), &self.particles, &self.plan, &self.domain)?;
+        self.guards.check(
+            self.step,
+            self.flow.as_ref(),
+            &self.particles,
+            &self.plan,
+            &self.domain,
+        )?;
         self.phases.done(Phase::Guards);
         Ok(())
     }

@@ -1034,3 +1034,16 @@ mod tests {
         assert!(run(&[folder], root.path()).is_err());
     }
 }
+
+/// `solver erosion-law`: the tables of [`run`] as text or JSON.
+///
+/// # Errors
+/// As [`run`].
+pub fn command(runs: &[PathBuf], output: &Path, json: bool) -> Result<String, Error> {
+    let report = run(runs, output)?;
+    if json {
+        serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))
+    } else {
+        Ok(report.to_string())
+    }
+}

@@ -17,7 +17,6 @@ use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::boundary::{Flux, from_quanta};
 use crate::lbm::fluid::Fluid;
-use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Scheme, bounce};
 use crate::units::LatticeUnits;
@@ -50,10 +49,7 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     space: PhantomData<Sp>,
 }
 
-impl<Sp: Space, S: Stored> BounceBack<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
     /// Couples a fluid with the bodies that [`Flow::follow`] will show it.
     pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
         let grid = Grid {
@@ -156,10 +152,7 @@ where
     }
 }
 
-impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
         self.fluid.advance();
         if particles.is_empty() && ranks.size() == 1 {
@@ -239,10 +232,7 @@ where
     }
 }
 
-impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     fn units(&self) -> &LatticeUnits {
         &self.units
     }
@@ -271,10 +261,7 @@ where
     }
 }
 
-impl<Sp: Space, S: Stored> BounceBack<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
     /// Loads of the links in the last step as this rank's entries hold them, owners' entries summed: for balances. Entries
     /// of ghosts are left out, their loads stand at the owners.
     #[must_use]

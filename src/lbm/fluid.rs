@@ -5,7 +5,7 @@ use super::collision::bgk::{Bgk, ForcedBgk};
 use super::collision::trt::{ForcedTrt, Trt};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
-use super::kernel::{Everywhere, OnEveryLevel, Pass, Shared, choose};
+use super::kernel::{Pass, Shared, choose};
 use super::lanes::{Level, Stored};
 use super::lattice::{D2Q9, D3Q19, D3Q27, Lattice, Velocities};
 use super::populations::Populations;
@@ -103,10 +103,7 @@ struct Passes<S: Stored> {
     describe: fn(&mut Populations<S>) -> Shared<S>,
 }
 
-impl<S: Stored> Passes<S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<S: Stored> Passes<S> {
     fn of<L: Lattice<Q>, const Q: usize>(level: Level) -> Self {
         Self {
             bgk: choose::<L, Bgk, S, Q>(level),
@@ -135,10 +132,7 @@ pub struct Fluid<S: Stored> {
     step: u64,
 }
 
-impl<S: Stored> Fluid<S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<S: Stored> Fluid<S> {
     /// Fluid at rest in the slab of this rank.
     ///
     /// # Errors
@@ -313,7 +307,9 @@ where
     pub fn looks_sound(&self) -> bool {
         let populations = &self.populations;
         let positions = populations.slot(0, 0)..populations.slot(0, 1);
-        populations.numbers()[positions].iter().all(|g| g.to_f64().abs() < 1.0)
+        populations.numbers()[positions]
+            .iter()
+            .all(|g| g.to_f64().abs() < 1.0)
     }
 
     /// Density deviation and velocity of an interior cell (position from [`Populations::cell`]).

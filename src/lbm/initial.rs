@@ -44,7 +44,7 @@ pub fn fill<S: Stored>(
         let (drho, u) = field.at(position);
         let mut gradient = [[0.0; 3]; 3];
         for (a, row) in gradient.iter_mut().enumerate().take(velocities.dimension) {
-            let mut side = |shift: f64| {
+            let side = |shift: f64| {
                 let mut p = position;
                 p[a] += shift;
                 field.at(p).1

@@ -54,38 +54,30 @@ impl<S: Stored> Shared<S> {
 
 /// The pass for this lattice, operator, storage and level.
 #[must_use]
-pub fn choose<L, C, S, const Q: usize>(level: Level) -> Pass<S, C>
-where
-    L: Lattice<Q>,
-    C: Collision,
-    S: Stored,
-    Everywhere<S>: OnEveryLevel<S>,
-{
+pub fn choose<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(level: Level) -> Pass<S, C> {
     match level {
         Level::Scalar => scalar::<L, C, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => <Everywhere<S> as OnEveryLevel<S>>::avx2::<L, C, Q>(),
+        Level::Avx2 => S::avx2::<L, C, Q>(),
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => <Everywhere<S> as OnEveryLevel<S>>::avx512::<L, C, Q>(),
+        Level::Avx512 => S::avx512::<L, C, Q>(),
     }
 }
 
-/// Carries the fact that `S` can be moved to and from every width of lanes.
-pub struct Everywhere<S>(std::marker::PhantomData<S>);
-
-/// Passes at the wider levels.
-pub trait OnEveryLevel<S: Stored> {
+/// A number at rest for which the pass exists at every level: vector code cannot be written over an unknown type of number,
+/// so each says how it is loaded.
+pub trait OnEveryLevel: Sized {
     /// Pass with AVX2 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx2<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<S, C>;
+    fn avx2<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<Self, C>;
     /// Pass with AVX-512 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx512<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<S, C>;
+    fn avx512<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<Self, C>;
 }
 
 macro_rules! on_every_level {
     ($stored:ty, $avx2:ident, $avx512:ident) => {
-        impl OnEveryLevel<$stored> for Everywhere<$stored> {
+        impl OnEveryLevel for $stored {
             #[cfg(target_arch = "x86_64")]
             fn avx2<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<$stored, C> {
                 $avx2::<L, C, Q>

@@ -4,6 +4,7 @@
 //! is correctly rounded, and fused multiply-add is explicit, so all widths give the same bits (design rule 6). The
 //! width is chosen once at start from what the processor offers ([`Level`]).
 
+use super::kernel::OnEveryLevel;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Several `f64` that go through the same arithmetic.
@@ -21,7 +22,7 @@ pub trait Lanes:
 }
 
 /// A number at rest in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
-pub trait Stored: Copy + Send + Sync + Default + bytemuck::Pod {
+pub trait Stored: Copy + Send + Sync + Default + bytemuck::Pod + OnEveryLevel {
     /// Name as written in a case.
     const NAME: &'static str;
     /// From working precision, rounded to nearest.

@@ -12,7 +12,6 @@ use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::boundary::from_quanta;
-use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use decomposition::{Communicator, Domain, ExactSum};
@@ -34,7 +33,10 @@ impl Guards {
     /// Guards with the rhythm of the plan.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
-        Self { every: u64::from(plan.scene.guards.check_every_steps).max(1), ..Self::default() }
+        Self {
+            every: u64::from(plan.scene.guards.check_every_steps).max(1),
+            ..Self::default()
+        }
     }
 
     /// Largest relative error of the mass balance of any step looked at.
@@ -56,10 +58,12 @@ impl Guards {
     }
 
     /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
-    pub fn before<Sp: Space, S: Stored>(&mut self, step: u64, flow: Option<&BounceBack<Sp, S>>, domain: &Domain)
-    where
-        Everywhere<S>: OnEveryLevel<S>,
-    {
+    pub fn before<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        flow: Option<&BounceBack<Sp, S>>,
+        domain: &Domain,
+    ) {
         self.before = None;
         if let Some(flow) = flow
             && step.is_multiple_of(BALANCE_EVERY)
@@ -69,11 +73,14 @@ impl Guards {
     }
 
     /// After the fluid step, before anything moved: closes the balance. Collective.
-    pub fn after<Sp: Space, S: Stored>(&mut self, flow: Option<&BounceBack<Sp, S>>, domain: &Domain)
-    where
-        Everywhere<S>: OnEveryLevel<S>,
-    {
-        let (Some(before), Some(flow)) = (self.before.take(), flow) else { return };
+    pub fn after<Sp: Space, S: Stored>(
+        &mut self,
+        flow: Option<&BounceBack<Sp, S>>,
+        domain: &Domain,
+    ) {
+        let (Some(before), Some(flow)) = (self.before.take(), flow) else {
+            return;
+        };
         let communicator = domain.communicator();
         let after = totals(flow, communicator);
         let mut crossed = [0_i128; 4];
@@ -91,13 +98,23 @@ impl Guards {
             }
         }
         let crossed = crossed.map(|c| from_quanta(sum(communicator, c)));
-        let cells: f64 = flow.fluid().domain_cells().iter().map(|&n| crate::scene::grid::count(n)).product();
-        self.mass_error = self.mass_error.max((after[0] - before[0] + crossed[0]).abs() / cells);
+        let cells: f64 = flow
+            .fluid()
+            .domain_cells()
+            .iter()
+            .map(|&n| crate::scene::grid::count(n))
+            .product();
+        self.mass_error = self
+            .mass_error
+            .max((after[0] - before[0] + crossed[0]).abs() / cells);
         let force = flow.fluid_force_total(communicator);
         let scale = communicator.all_reduce_max_f64(scale);
         for a in 0..3 {
             let residual = after[a + 1] - before[a + 1] + crossed[a + 1] - force[a];
-            let size = scale.max(crossed[a + 1].abs()).max(force[a].abs()).max(1e-12);
+            let size = scale
+                .max(crossed[a + 1].abs())
+                .max(force[a].abs())
+                .max(1e-12);
             self.momentum_error = self.momentum_error.max(residual.abs() / size);
         }
     }
@@ -113,10 +130,7 @@ impl Guards {
         particles: &Particles<Sp>,
         plan: &Plan,
         domain: &Domain,
-    ) -> Result<(), Error>
-    where
-        Everywhere<S>: OnEveryLevel<S>,
-    {
+    ) -> Result<(), Error> {
         if !step.is_multiple_of(self.every) {
             return Ok(());
         }
@@ -140,7 +154,10 @@ impl Guards {
                 .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite());
             if !finite && worst.is_none() {
                 let id = particles.body[k].id;
-                worst = Some((u64::MAX - 1, format!("grain {id} has a position or velocity that is not finite")));
+                worst = Some((
+                    u64::MAX - 1,
+                    format!("grain {id} has a position or velocity that is not finite"),
+                ));
             }
         }
         let first = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
@@ -162,14 +179,13 @@ impl Guards {
 }
 
 fn sum(communicator: &Communicator, value: i128) -> i128 {
-    communicator.all_reduce_sum_u128(value.cast_unsigned()).cast_signed()
+    communicator
+        .all_reduce_sum_u128(value.cast_unsigned())
+        .cast_signed()
 }
 
 /// Mass of the lattice, momentum of the fluid outside bodies.
-fn totals<Sp: Space, S: Stored>(flow: &BounceBack<Sp, S>, communicator: &Communicator) -> [f64; 4]
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+fn totals<Sp: Space, S: Stored>(flow: &BounceBack<Sp, S>, communicator: &Communicator) -> [f64; 4] {
     let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
     let populations = flow.fluid().populations();
     for (at, cell) in populations.interior() {
@@ -192,10 +208,7 @@ fn search<Sp: Space, S: Stored>(
     flow: &BounceBack<Sp, S>,
     limit: f64,
     plan: &Plan,
-) -> (f64, Option<(u64, String)>)
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+) -> (f64, Option<(u64, String)>) {
     let fluid = flow.fluid();
     let (all, start) = (fluid.domain_cells(), fluid.start());
     let mut fastest = 0.0_f64;

@@ -61,7 +61,10 @@ impl Phases {
     /// Starts the watch.
     #[must_use]
     pub fn start() -> Self {
-        Self { spent: [Duration::ZERO; PHASES.len()], last: Instant::now() }
+        Self {
+            spent: [Duration::ZERO; PHASES.len()],
+            last: Instant::now(),
+        }
     }
 
     /// The time since the last call belongs to `phase`.

@@ -34,7 +34,11 @@ pub struct Prepared {
 /// # Errors
 /// When the sample cannot be made, read or saved; the same on all ranks.
 pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<Prepared, Error> {
-    let mine = if domain.rank() == 0 { on_first::<S>(plan, folder) } else { Ok(Prepared::default()) };
+    let mine = if domain.rank() == 0 {
+        on_first::<S>(plan, folder)
+    } else {
+        Ok(Prepared::default())
+    };
     let communicator = domain.communicator();
     match mine {
         // The error keeps its kind on the rank that has it; the others leave with its words.
@@ -42,14 +46,23 @@ pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<P
             let _ = communicator.agree(Err::<(), _>(error.to_string()));
             Err(error)
         }
-        Ok(prepared) => communicator.agree(Ok::<_, String>(prepared)).map_err(|e| Error::Numerical(e.message)),
+        Ok(prepared) => communicator
+            .agree(Ok::<_, String>(prepared))
+            .map_err(|e| Error::Numerical(e.message)),
     }
 }
 
 fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
-    let Some(scene) = &plan.scene.grains else { return Ok(Prepared::default()) };
+    let Some(scene) = &plan.scene.grains else {
+        return Ok(Prepared::default());
+    };
     let dimension = plan.scene.grid.dimension;
-    let names: Vec<String> = plan.scene.materials.iter().map(|m| m.name.clone()).collect();
+    let names: Vec<String> = plan
+        .scene
+        .materials
+        .iter()
+        .map(|m| m.name.clone())
+        .collect();
     let mut prepared = Prepared::default();
     let mut all = match &scene.source {
         GrainSource::List(list) => list.clone(),
@@ -57,19 +70,35 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
-        GrainSource::Growth { block, number, growth } => {
+        GrainSource::Growth {
+            block,
+            number,
+            growth,
+        } => {
             let packing = preparation::<S>(plan, block, *number, growth).pack()?;
             let r = &packing.report;
             prepared.line = format!(
                 "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {:.1e}, sizes x {:.4}",
-                r.grains, r.steps, r.solid_fraction, r.coordination, r.mean_overlap, r.unbalanced, r.size_factor
+                r.grains,
+                r.steps,
+                r.solid_fraction,
+                r.coordination,
+                r.mean_overlap,
+                r.unbalanced,
+                r.size_factor
             );
             prepared.report = json!({ "growth": r });
             packing
                 .grains
                 .iter()
                 .map(|g| Grain {
-                    position: std::array::from_fn(|a| if a < S::DIMENSION { g.position.get(a) } else { 0.0 }),
+                    position: std::array::from_fn(|a| {
+                        if a < S::DIMENSION {
+                            g.position.get(a)
+                        } else {
+                            0.0
+                        }
+                    }),
                     radius: g.radius,
                     velocity: [0.0; 3],
                     angular_velocity: [0.0; 3],
@@ -80,19 +109,34 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
     };
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
-        io::atomic::write(&folder.join(path), text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
+        io::atomic::write(&folder.join(path), text.as_bytes())
+            .map_err(|e| Error::Io(e.to_string()))?;
     }
     let before = all.len();
-    all.retain(|g| !scene.cut.iter().any(|(_, block)| block.touches(g.position, g.radius)));
+    all.retain(|g| {
+        !scene
+            .cut
+            .iter()
+            .any(|(_, block)| block.touches(g.position, g.radius))
+    });
     if !scene.cut.is_empty() {
         let line = format!("{} of {before} grains left after cutting", all.len());
-        prepared.line = if prepared.line.is_empty() { line } else { format!("{}; {line}", prepared.line) };
+        prepared.line = if prepared.line.is_empty() {
+            line
+        } else {
+            format!("{}; {line}", prepared.line)
+        };
     }
     prepared.grains = all;
     Ok(prepared)
 }
 
-fn preparation<S: Space>(plan: &Plan, block: &Block, number: usize, growth: &Growth) -> Preparation<S> {
+fn preparation<S: Space>(
+    plan: &Plan,
+    block: &Block,
+    number: usize,
+    growth: &Growth,
+) -> Preparation<S> {
     let scene = &plan.scene;
     let material = scene.grains.as_ref().map_or(0, |g| g.material);
     let mean = if S::DIMENSION == 2 {
@@ -102,10 +146,13 @@ fn preparation<S: Space>(plan: &Plan, block: &Block, number: usize, growth: &Gro
     };
     let mean_diameter = 2.0 * growth.radii.mean_power(1);
     let pair = scene.contact.as_ref().map(|c| c.pair(material, material));
-    let stiffness = pair.map_or(1e6, |p| p.normal_stiffness.at(mean_diameter) / mean_diameter);
-    let friction = growth
-        .friction_angle_degrees
-        .map_or_else(|| pair.map_or(0.0, |p| p.friction_coefficient), |angle| angle.to_radians().tan());
+    let stiffness = pair.map_or(1e6, |p| {
+        p.normal_stiffness.at(mean_diameter) / mean_diameter
+    });
+    let friction = growth.friction_angle_degrees.map_or_else(
+        || pair.map_or(0.0, |p| p.friction_coefficient),
+        |angle| angle.to_radians().tan(),
+    );
     Preparation {
         lower: super::setup::vector::<S>(block.from),
         upper: super::setup::vector::<S>(block.to),
@@ -116,10 +163,15 @@ fn preparation<S: Space>(plan: &Plan, block: &Block, number: usize, growth: &Gro
                 && block.to[a] >= scene.grid.size[a] * (1.0 - 1e-12)
         }),
         sizes: match &growth.radii {
-            Radii::Uniform { min, max } => Sizes::Uniform { smallest: 2.0 * min, largest: 2.0 * max },
-            Radii::List(radii) => {
-                Sizes::List((0..number).map(|n| 2.0 * radii[n % radii.len().max(1)]).collect())
-            }
+            Radii::Uniform { min, max } => Sizes::Uniform {
+                smallest: 2.0 * min,
+                largest: 2.0 * max,
+            },
+            Radii::List(radii) => Sizes::List(
+                (0..number)
+                    .map(|n| 2.0 * radii[n % radii.len().max(1)])
+                    .collect(),
+            ),
         },
         solid_fraction: match growth.amount {
             Amount::SolidFraction(fraction) => fraction,

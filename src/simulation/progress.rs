@@ -66,7 +66,8 @@ impl Progress {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
         let number = crate::plan::steps_number;
         let rate = number(moment.step.saturating_sub(self.last_step)) / since;
-        let whole = number(moment.step.saturating_sub(self.first_step)) / self.start.elapsed().as_secs_f64().max(1e-9);
+        let whole = number(moment.step.saturating_sub(self.first_step))
+            / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = number(moment.steps.saturating_sub(moment.step)) / whole.max(1e-12);
         let part = number(moment.step) / number(moment.steps.max(1));
         let mut text = format!(
@@ -91,7 +92,9 @@ impl Progress {
         if self.terminal {
             const WIDTH: usize = 24;
             let full = crate::scene::grid::whole(part * 24.0).min(WIDTH);
-            let bar: String = (0..WIDTH).map(|k| if k < full { '█' } else { '░' }).collect();
+            let bar: String = (0..WIDTH)
+                .map(|k| if k < full { '█' } else { '░' })
+                .collect();
             write(&format!("\r\x1b[2K{bar} {text}"));
         } else {
             write(&format!("{text}\n"));

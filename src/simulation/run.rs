@@ -20,7 +20,6 @@ use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
-use crate::lbm::kernel::{Everywhere, OnEveryLevel};
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::ranks::Together;
@@ -49,8 +48,11 @@ pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
 /// As [`run`], and when there is no checkpoint of this case.
 pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result<(), Error> {
     let path = folder.join("case.json");
-    let text = std::fs::read_to_string(&path).map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
-    let plan = Document::read(&text, set, folder).and_then(Plan::prepare).map_err(Error::Case)?;
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
+    let plan = Document::read(&text, set, folder)
+        .and_then(Plan::prepare)
+        .map_err(Error::Case)?;
     options.output = Some(folder.to_owned());
     with_world(plan, options, Some(!set.is_empty()))
 }
@@ -79,10 +81,24 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
             .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))?,
         None => Slabs::even(axis, planes, communicator.size(), periodic),
     };
-    let domain = Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
-    let storage = plan.scene.flow.as_ref().map_or(Precision::F64, |flow| flow.storage);
-    let folder = options.output.clone().unwrap_or_else(|| PathBuf::from("results"));
-    let start = Start { folder, limit: options.max_walltime, threads, resume, json: options.json };
+    let domain =
+        Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
+    let storage = plan
+        .scene
+        .flow
+        .as_ref()
+        .map_or(Precision::F64, |flow| flow.storage);
+    let folder = options
+        .output
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("results"));
+    let start = Start {
+        folder,
+        limit: options.max_walltime,
+        threads,
+        resume,
+        json: options.json,
+    };
     let result = match (grid.dimension, storage) {
         (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
         (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
@@ -119,10 +135,7 @@ struct Runner<Sp: Space, S: Saved> {
     initial_mass: f64,
 }
 
-impl<Sp: Space, S: Saved> Runner<Sp, S>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Error> {
         let json = start.json;
         let mut runner = Self::begin(plan, domain, start)?;
@@ -137,7 +150,8 @@ where
             runner.summarise(text, json)?;
         } else if runner.simulation.domain.rank() == 0 {
             let message = outcome.as_ref().err().map(ToString::to_string);
-            let summary = json!({ "outcome": text, "error": message, "steps": runner.simulation.step });
+            let summary =
+                json!({ "outcome": text, "error": message, "steps": runner.simulation.step });
             // The error itself matters more than that it could not be written down.
             let _ = io::atomic::write_json(&runner.folder.join("summary.json"), &summary);
         }
@@ -148,7 +162,11 @@ where
         let communicator = domain.communicator().clone();
         let first = communicator.rank() == 0;
         let folder = start.folder;
-        let made = if first { std::fs::create_dir_all(&folder) } else { Ok(()) };
+        let made = if first {
+            std::fs::create_dir_all(&folder)
+        } else {
+            Ok(())
+        };
         communicator
             .agree(made.map_err(|e| format!("{}: {e}", folder.display())))
             .map_err(|e| Error::Io(e.message))?;
@@ -189,11 +207,17 @@ where
                         }
                     }
                 }
-                Some(BounceBack::<Sp, S>::new(fluid, units, [0.0; 3], setup::coupling(&plan)))
+                Some(BounceBack::<Sp, S>::new(
+                    fluid,
+                    units,
+                    [0.0; 3],
+                    setup::coupling(&plan),
+                ))
             }
             _ => None,
         };
-        let solid = !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
+        let solid =
+            !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
@@ -226,7 +250,13 @@ where
             let prepared = preparation::grains::<Sp>(&plan, &folder, &domain)?;
             progress.note(&prepared.line);
             setup::bodies(&plan, &domain, &mut particles);
-            setup::grains(&plan, &domain, &mut particles, &prepared.grains, plan.scene.bodies.len() as u64);
+            setup::grains(
+                &plan,
+                &domain,
+                &mut particles,
+                &prepared.grains,
+                plan.scene.bodies.len() as u64,
+            );
             let radius = typical_radius(&plan, &prepared.grains, &domain);
             let mut engine = setup::dem::<Sp>(&plan, radius)?;
             engine.prepare(&mut particles, &domain)?;
@@ -246,9 +276,17 @@ where
             progress.note(&line);
         }
         let resumed_at = resumed.then_some(step);
-        let outputs = Outputs::create(&plan, &folder, provenance(&plan, &domain, start.threads), &domain, resumed_at)?;
+        let outputs = Outputs::create(
+            &plan,
+            &folder,
+            provenance(&plan, &domain, start.threads),
+            &domain,
+            resumed_at,
+        )?;
         let mut recorder = match plan.scene.erosion_law {
-            Some(_) => Some(ErosionRecorder::create(&plan, &folder, &domain, resumed_at)?),
+            Some(_) => Some(ErosionRecorder::create(
+                &plan, &folder, &domain, resumed_at,
+            )?),
             None => None,
         };
         if resumed && let Some(recorder) = &mut recorder {
@@ -293,7 +331,9 @@ where
 
     /// Mass of the lattice (lattice units of deviation), for drift. Collective.
     fn mass(&self) -> f64 {
-        let Some(flow) = &self.simulation.flow else { return 0.0 };
+        let Some(flow) = &self.simulation.flow else {
+            return 0.0;
+        };
         let mut sum = decomposition::ExactSum::new();
         let populations = flow.fluid().populations();
         for (_, cell) in populations.interior() {
@@ -305,7 +345,13 @@ where
 
     fn run(&mut self) -> Result<(), Error> {
         let steps = self.simulation.plan.clock.steps;
-        let save_every = self.simulation.plan.scene.checkpoint.every.map(|t| self.simulation.plan.clock.interval_to_steps(t));
+        let save_every = self
+            .simulation
+            .plan
+            .scene
+            .checkpoint
+            .every
+            .map(|t| self.simulation.plan.clock.interval_to_steps(t));
         while self.simulation.step < steps {
             self.simulation.step()?;
             let step = self.simulation.step;
@@ -324,7 +370,10 @@ where
                         if self.simulation.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
-                        let text = format!("step {step} of {steps}; go on with `solver restart {}`", self.folder.display());
+                        let text = format!(
+                            "step {step} of {steps}; go on with `solver restart {}`",
+                            self.folder.display()
+                        );
                         return Err(Error::Stopped(text));
                     }
                 }
@@ -333,7 +382,11 @@ where
         let view = View {
             plan: &self.simulation.plan,
             domain: &self.simulation.domain,
-            fluid: self.simulation.flow.as_ref().map(|flow| flow as &dyn FluidView),
+            fluid: self
+                .simulation
+                .flow
+                .as_ref()
+                .map(|flow| flow as &dyn FluidView),
             particles: &self.simulation.particles,
             dem: self.simulation.dem.as_ref(),
             step: self.simulation.step,
@@ -356,7 +409,11 @@ where
         if let Some(recorder) = &simulation.recorder {
             more += &format!("  eroded {:.2} %", 100.0 * recorder.eroded_fraction());
         }
-        let cells = if simulation.flow.is_some() { simulation.plan.scene.grid.cell_count() as u64 } else { 0 };
+        let cells = if simulation.flow.is_some() {
+            simulation.plan.scene.grid.cell_count() as u64
+        } else {
+            0
+        };
         let moment = Moment {
             step: simulation.step,
             steps: simulation.plan.clock.steps,
@@ -389,14 +446,19 @@ where
         let keep = simulation.plan.scene.checkpoint.keep as usize;
         let (step, time) = (simulation.step, simulation.time());
         let communicator = simulation.domain.communicator();
-        let written =
-            simulation.state().write(&checkpoint_folder(&self.folder), step, time, attributes, keep, communicator);
+        let written = simulation.state().write(
+            &checkpoint_folder(&self.folder),
+            step,
+            time,
+            attributes,
+            keep,
+            communicator,
+        );
         match written {
             Ok(()) => {}
             Err(io::Error::Space { needed, free, path }) => {
                 self.progress.note(&format!(
-                    "no checkpoint at step {step}: it needs {needed} bytes, {} has {free}; the run goes on",
-                    path.display()
+                    "no checkpoint at step {step}: it needs {needed} bytes, {path} has {free}; the run goes on"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),
@@ -413,11 +475,19 @@ where
         let wall = self.watch.elapsed().as_secs_f64();
         let looped: f64 = phases.iter().map(|p| p.mean).sum();
         let steps = steps_number(simulation.step - self.first_step);
-        let cells = if simulation.flow.is_some() { simulation.plan.scene.grid.cell_count() } else { 0 };
+        let cells = if simulation.flow.is_some() {
+            simulation.plan.scene.grid.cell_count()
+        } else {
+            0
+        };
         let mlups = crate::scene::grid::count(cells) * steps / looped.max(1e-9) / 1e6;
         let grains = communicator.all_reduce_sum_u64(simulation.particles.owned() as u64);
         let solid_steps = f64::from(simulation.plan.clock.solid_steps_per_step);
-        let rate = if simulation.dem.is_some() { steps_number(grains) * steps * solid_steps / looped.max(1e-9) } else { 0.0 };
+        let rate = if simulation.dem.is_some() {
+            steps_number(grains) * steps * solid_steps / looped.max(1e-9)
+        } else {
+            0.0
+        };
         let rss = communicator.all_reduce_max_u64(peak_rss());
         let rss_total = communicator.all_reduce_sum_u64(peak_rss());
         let hash = simulation.state().hash(communicator);
@@ -451,13 +521,17 @@ where
         }
         let first = communicator.rank() == 0;
         let written = if first {
-            io::atomic::write_json(&self.folder.join("summary.json"), &summary).map_err(|e| e.to_string())
+            io::atomic::write_json(&self.folder.join("summary.json"), &summary)
+                .map_err(|e| e.to_string())
         } else {
             Ok(())
         };
-        communicator.agree(written).map_err(|e| Error::Io(e.message))?;
+        communicator
+            .agree(written)
+            .map_err(|e| Error::Io(e.message))?;
         if as_json {
-            self.progress.note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
+            self.progress
+                .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
         } else {
             self.progress.note(&table(&phases, looped));
             self.progress.note(&format!(
@@ -490,13 +564,21 @@ fn checkpoint_folder(folder: &Path) -> PathBuf {
     folder.join("checkpoints")
 }
 
-fn find(plan: &Plan, folder: &Path, domain: &Domain, changed: bool) -> Result<(Found, PathBuf), Error> {
+fn find(
+    plan: &Plan,
+    folder: &Path,
+    domain: &Domain,
+    changed: bool,
+) -> Result<(Found, PathBuf), Error> {
     let group = Together(domain.communicator());
-    let found = io::checkpoint::newest(&checkpoint_folder(folder), &group).map_err(|e| Error::Io(e.to_string()))?;
+    let found = io::checkpoint::newest(&checkpoint_folder(folder), &group)
+        .map_err(|e| Error::Io(e.to_string()))?;
     for passed in &found.passed_over {
         log::warn!("checkpoint passed over: {passed}");
     }
-    let theirs = found.manifest.attributes["case_hash"].as_str().unwrap_or_default();
+    let theirs = found.manifest.attributes["case_hash"]
+        .as_str()
+        .unwrap_or_default();
     if theirs != plan.case_hash && !changed {
         return Err(Error::Io(format!(
             "{} belongs to another case (hash {theirs}, this case {}); use --set to change a field on purpose",
@@ -523,8 +605,14 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &
         grains.iter().map(|g| g.radius).collect()
     };
     let mean = radii.iter().sum::<f64>() / crate::scene::grid::count(radii.len().max(1));
-    let agreed = domain.communicator().all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
-    if agreed > 0.0 { agreed } else { plan.scene.grid.spacing }
+    let agreed = domain
+        .communicator()
+        .all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
+    if agreed > 0.0 {
+        agreed
+    } else {
+        plan.scene.grid.spacing
+    }
 }
 
 /// The fluid flows round grains that stand still until it is steady. Collective.
@@ -533,16 +621,21 @@ fn warm_up<Sp: Space, S: Saved>(
     flow: &mut BounceBack<Sp, S>,
     particles: &mut Particles<Sp>,
     domain: &Domain,
-) -> Result<String, Error>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
-    let Some(WarmUp::FluidOnly { relative_change, .. }) = plan.scene.time.warm_up else {
+) -> Result<String, Error> {
+    let Some(WarmUp::FluidOnly {
+        relative_change, ..
+    }) = plan.scene.time.warm_up
+    else {
         return Ok(String::new());
     };
     const LOOK_EVERY: u64 = 100;
     let communicator = domain.communicator();
-    let cells: Vec<usize> = flow.fluid().populations().interior().map(|(_, cell)| cell).collect();
+    let cells: Vec<usize> = flow
+        .fluid()
+        .populations()
+        .interior()
+        .map(|(_, cell)| cell)
+        .collect();
     let mut before: Vec<[f64; 3]> = vec![[0.0; 3]; cells.len()];
     let mut change = f64::INFINITY;
     let mut step = 0;
@@ -559,20 +652,20 @@ where
                 }
                 *old = u;
             }
-            change = communicator.all_reduce_max_f64(moved) / communicator.all_reduce_max_f64(size).max(1e-300);
+            change = communicator.all_reduce_max_f64(moved)
+                / communicator.all_reduce_max_f64(size).max(1e-300);
             if change < relative_change {
                 break;
             }
         }
     }
-    Ok(format!("fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"))
+    Ok(format!(
+        "fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"
+    ))
 }
 
 /// Velocity and pressure from a field output of the same size.
-fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result<(), Error>
-where
-    Everywhere<S>: OnEveryLevel<S>,
-{
+fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result<(), Error> {
     let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
     let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
     let (velocity, pressure) = (read("velocity")?, read("pressure")?);
@@ -581,7 +674,9 @@ where
     if velocity.values.len() != 3 * count || pressure.values.len() != count {
         return Err(wrong(format!("it does not hold {cells:?} cells")));
     }
-    let Some(units) = plan.units else { return Ok(()) };
+    let Some(units) = plan.units else {
+        return Ok(());
+    };
     let field = move |p: [f64; 3]| {
         let at: [usize; 3] = std::array::from_fn(|a| {
             crate::scene::grid::whole(p[a].floor().max(0.0)).min(cells[a] - 1)
@@ -602,7 +697,11 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
         ("threads".to_owned(), threads.to_string()),
     ];
     if let Value::Object(versions) = versions() {
-        all.extend(versions.into_iter().map(|(k, v)| (k, v.as_str().unwrap_or_default().to_owned())));
+        all.extend(
+            versions
+                .into_iter()
+                .map(|(k, v)| (k, v.as_str().unwrap_or_default().to_owned())),
+        );
     }
     all
 }
@@ -628,9 +727,15 @@ fn peak_rss() -> u64 {
 }
 
 fn table(phases: &[Spent], looped: f64) -> String {
-    let mut text = format!("{:<12} {:>9} {:>9} {:>9} {:>7}\n", "phase", "min s", "mean s", "max s", "share");
+    let mut text = format!(
+        "{:<12} {:>9} {:>9} {:>9} {:>7}\n",
+        "phase", "min s", "mean s", "max s", "share"
+    );
     for p in phases {
-        let name = serde_json::to_value(p.phase).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default();
+        let name = serde_json::to_value(p.phase)
+            .ok()
+            .and_then(|v| v.as_str().map(str::to_owned))
+            .unwrap_or_default();
         text += &format!(
             "{name:<12} {:>9.3} {:>9.3} {:>9.3} {:>6.1}%\n",
             p.min,

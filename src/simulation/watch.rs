@@ -43,10 +43,22 @@ impl Watch {
     ///
     /// # Errors
     /// When signals cannot be caught.
-    pub fn new(folder: &Path, limit: Option<Duration>, every: Option<Duration>) -> Result<Self, Error> {
+    pub fn new(
+        folder: &Path,
+        limit: Option<Duration>,
+        every: Option<Duration>,
+    ) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
-        let (stop, save) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-        for (signal, flag) in [(SIGTERM, &stop), (SIGINT, &stop), (SIGUSR2, &stop), (SIGUSR1, &save)] {
+        let (stop, save) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicBool::new(false)),
+        );
+        for (signal, flag) in [
+            (SIGTERM, &stop),
+            (SIGINT, &stop),
+            (SIGUSR2, &stop),
+            (SIGUSR1, &save),
+        ] {
             signal_hook::flag::register(signal, Arc::clone(flag))
                 .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;
         }
@@ -71,12 +83,18 @@ impl Watch {
             mine = Request::Checkpoint;
         }
         if communicator.rank() == 0 {
-            if self.every.is_some_and(|every| self.saved.elapsed() >= every) {
+            if self
+                .every
+                .is_some_and(|every| self.saved.elapsed() >= every)
+            {
                 mine = Request::Checkpoint;
             }
             // Time for three checkpoints is kept back from the walltime: the disk may be busier then.
             let reserve = 3 * self.cost + Duration::from_secs(1);
-            if self.limit.is_some_and(|limit| self.start.elapsed() + reserve >= limit) {
+            if self
+                .limit
+                .is_some_and(|limit| self.start.elapsed() + reserve >= limit)
+            {
                 mine = Request::Stop;
             }
             if self.looked.elapsed() >= Duration::from_millis(500) {
