@@ -10,7 +10,7 @@ use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
-use crate::output::ranks::Together;
+use crate::output::together::Together;
 use decomposition::{Communicator, StateHash, field_key};
 use io::checkpoint::{Array, Reader};
 use io::data::Data;

@@ -1,34 +1,279 @@
-//! stub
-pub mod ranks;
-use crate::{dem::space::Space, error::Error, plan::Plan, simulation::view::View};
+//! Which fields and series, when, in SI.
+//!
+//! [`Outputs`] stands between the run and the files: it knows what is due at a step, asks the [`View`] for it, converts
+//! through [`crate::units`] and hands named arrays to [`io`]. A step at which nothing is due costs one comparison.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `together` | the ranks as a group that writes |
+//! | `schedule` | when something is due |
+//! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
+//! | `grains`, `contacts`, `order` | grains and contacts in one order |
+//! | `probes` | numbers over time |
+//! | `info` | what is in a file or folder |
+//!
+//! No file depends on the number of ranks.
+
+mod contacts;
+mod fluid;
+mod grains;
+pub mod info;
+mod order;
+mod planes;
+mod probes;
+mod schedule;
+pub mod together;
+
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::simulation::view::View;
+use contacts::Contacts;
 use decomposition::Domain;
+use fluid::Fields;
+use grains::Grains;
+use io::{Mode, Moment, Series};
+use probes::Probe;
+use schedule::Schedule;
 use std::path::Path;
-pub mod info {
-    pub fn info(_: &std::path::Path, _: bool) -> Result<String, crate::error::Error> {
-        Ok(String::new())
+use together::Together;
+
+/// A series of files and when it is due.
+#[derive(Debug)]
+struct Output<T> {
+    series: Series,
+    schedule: Schedule,
+    last: Option<u64>,
+    buffers: T,
+}
+
+/// Everything a run writes in the course of time, apart from checkpoints and analyses.
+#[derive(Debug)]
+pub struct Outputs {
+    provenance: Vec<(String, String)>,
+    fluid: Option<Output<Fields>>,
+    grains: Option<Output<Grains>>,
+    contacts: Option<Output<Contacts>>,
+    probes: Vec<Probe>,
+    next: u64,
+}
+
+impl Outputs {
+    /// Opens the series `fluid`, `grains`, `contacts` and the tables `probe_NAME.csv` in `folder`, which is there.
+    ///
+    /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written up to
+    /// that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Io`], the same on all ranks.
+    pub fn create(
+        plan: &Plan,
+        folder: &Path,
+        provenance: Vec<(String, String)>,
+        domain: &Domain,
+        resumed_at: Option<u64>,
+    ) -> Result<Self, Error> {
+        let written = &plan.scene.output;
+        let group = Together(domain.communicator());
+        let every = |interval: f64| plan.clock.interval_to_steps(interval);
+        let fluid = match &written.fluid {
+            Some(output) => {
+                let fields = Fields::new(&output.fields, output.precision);
+                let every = every(output.every);
+                Some(Output::open(
+                    folder, "fluid", every, fields, &group, resumed_at,
+                )?)
+            }
+            None => None,
+        };
+        let grains = match &written.grains {
+            Some(output) => {
+                let every = every(output.every);
+                let columns = Grains::default();
+                Some(Output::open(
+                    folder, "grains", every, columns, &group, resumed_at,
+                )?)
+            }
+            None => None,
+        };
+        let contacts = match &written.contacts {
+            Some(output) => {
+                let every = every(output.every);
+                let columns = Contacts::default();
+                Some(Output::open(
+                    folder, "contacts", every, columns, &group, resumed_at,
+                )?)
+            }
+            None => None,
+        };
+        let probes = Probe::all(plan, folder, domain, resumed_at)?;
+        let mut outputs = Self {
+            provenance,
+            fluid,
+            grains,
+            contacts,
+            probes,
+            next: 0,
+        };
+        outputs.next = outputs.earliest();
+        Ok(outputs)
+    }
+
+    /// Writes what is due at the step of the view. Call it before the first step, after a restart too, and after every
+    /// step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
+    ///
+    /// # Errors
+    /// [`Error::Io`], the same on all ranks; a write that failed half-way ends the job with exit code 5.
+    pub fn write_due<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+        if view.step < self.next {
+            return Ok(());
+        }
+        self.write_series(view, |schedule| schedule.is_due(view.step))?;
+        for probe in &mut self.probes {
+            if probe.schedule.is_due(view.step) {
+                probe.write(view)?;
+            }
+            probe.schedule.pass(view.step);
+        }
+        self.next = self.earliest();
+        Ok(())
+    }
+
+    /// Writes fluid, grains and contacts as they are now, unless that was done at this step. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::write_due`].
+    pub fn write_all_now<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+        self.write_series(view, |_| true)?;
+        self.next = self.earliest();
+        Ok(())
+    }
+
+    /// The next step at which anything is due; `u64::MAX` where nothing ever is.
+    #[must_use]
+    pub fn next_due(&self) -> u64 {
+        self.next
+    }
+
+    /// Flushes all tables to the disk itself, as before a checkpoint. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Io`], the same on all ranks.
+    pub fn sync(&self, domain: &Domain) -> Result<(), Error> {
+        if self.probes.is_empty() {
+            return Ok(());
+        }
+        Together(domain.communicator()).on_root(|| self.probes.iter().try_for_each(Probe::sync))
+    }
+
+    fn write_series<S: Space>(
+        &mut self,
+        view: &View<S>,
+        due: impl Fn(&Schedule) -> bool,
+    ) -> Result<(), Error> {
+        let grid = &view.plan.scene.grid;
+        let communicator = view.domain.communicator();
+        let group = Together(communicator);
+        let provenance = &self.provenance;
+        let when = Moment {
+            step: view.step,
+            time: view.time,
+        };
+        if let Some(output) = &mut self.fluid {
+            if output.is_wanted(view.step, &due) {
+                let fluid = probes::fluid(view)?;
+                output.buffers.read(fluid, grid, view.domain)?;
+                let image = output.buffers.image(fluid, grid);
+                let mode = Mode::Collective;
+                group.settle(
+                    output
+                        .series
+                        .write_image(when, &image, provenance, &group, mode),
+                )?;
+                output.last = Some(view.step);
+            }
+            output.schedule.pass(view.step);
+        }
+        if let Some(output) = &mut self.grains {
+            if output.is_wanted(view.step, &due) {
+                output.buffers.read(view.particles, grid, communicator)?;
+                let mesh = output.buffers.mesh(grid.dimension);
+                let mode = Mode::Collective;
+                group.settle(
+                    output
+                        .series
+                        .write_mesh(when, &mesh, provenance, &group, mode),
+                )?;
+                output.last = Some(view.step);
+            }
+            output.schedule.pass(view.step);
+        }
+        if let Some(output) = &mut self.contacts {
+            if output.is_wanted(view.step, &due) {
+                let (dem, particles) = (view.dem, view.particles);
+                output.buffers.read(dem, particles, grid, communicator)?;
+                let mesh = output.buffers.mesh(grid.dimension);
+                let mode = Mode::Collective;
+                group.settle(
+                    output
+                        .series
+                        .write_mesh(when, &mesh, provenance, &group, mode),
+                )?;
+                output.last = Some(view.step);
+            }
+            output.schedule.pass(view.step);
+        }
+        Ok(())
+    }
+
+    fn earliest(&self) -> u64 {
+        let series = [
+            self.fluid.as_ref().map(|o| o.schedule),
+            self.grains.as_ref().map(|o| o.schedule),
+            self.contacts.as_ref().map(|o| o.schedule),
+        ];
+        let probes = self.probes.iter().map(|probe| probe.schedule);
+        series
+            .into_iter()
+            .flatten()
+            .chain(probes)
+            .map(|schedule| schedule.next())
+            .min()
+            .unwrap_or(u64::MAX)
     }
 }
-pub struct Outputs;
-impl Outputs {
-    pub fn create(
-        _: &Plan,
-        _: &Path,
-        _: Vec<(String, String)>,
-        _: &Domain,
-        _: Option<u64>,
+
+impl<T> Output<T> {
+    fn open(
+        folder: &Path,
+        name: &str,
+        every: u64,
+        buffers: T,
+        group: &Together,
+        resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
-        Ok(Self)
+        let (series, schedule, last) = match resumed_at {
+            None => {
+                let series = group.settle(Series::create(folder, name, group))?;
+                (series, Schedule::new(every), None)
+            }
+            Some(step) => {
+                let mut series = group.settle(Series::open(folder, name, group))?;
+                group.settle(series.truncate_after(step, group))?;
+                let written = group.on_root(|| Ok(series.moments().any(|m| m.step == step)))?;
+                let last = written.then_some(step);
+                (series, Schedule::resumed(every, step, written), last)
+            }
+        };
+        Ok(Self {
+            series,
+            schedule,
+            last,
+            buffers,
+        })
     }
-    pub fn next_due(&self) -> u64 {
-        u64::MAX
-    }
-    pub fn write_due<S: Space>(&mut self, _: &View<S>) -> Result<(), Error> {
-        Ok(())
-    }
-    pub fn write_all_now<S: Space>(&mut self, _: &View<S>) -> Result<(), Error> {
-        Ok(())
-    }
-    pub fn sync(&mut self) -> Result<(), Error> {
-        Ok(())
+
+    fn is_wanted(&self, step: u64, due: impl Fn(&Schedule) -> bool) -> bool {
+        self.last != Some(step) && due(&self.schedule)
     }
 }

@@ -22,7 +22,7 @@ use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
-use crate::output::ranks::Together;
+use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
 use decomposition::{Domain, Slabs, World};
@@ -430,7 +430,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn save(&mut self) -> Result<(), Error> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
-        simulation.outputs.sync()?;
+        simulation.outputs.sync(&simulation.domain)?;
         if let Some(recorder) = &mut simulation.recorder {
             recorder.sync()?;
         }

@@ -1,0 +1,130 @@
+//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall.
+
+use super::grains::{force_unit, signed, space_vector, wrapped};
+use super::order::{sorted, vector};
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::dem::{Contact, Dem};
+use crate::error::Error;
+use crate::scene::grid::Grid;
+use decomposition::Communicator;
+use io::{Cells, Column, Data, Mesh};
+
+/// Columns of the contacts of one output; buffers reused.
+#[derive(Debug, Default)]
+pub(crate) struct Contacts {
+    points: Vec<f64>,
+    lines: Vec<[usize; 2]>,
+    grain: Vec<i64>,
+    other: Vec<i64>,
+    wall: Vec<i32>,
+    normal_force: Vec<f64>,
+    overlap: Vec<f64>,
+    bonded: Vec<u8>,
+}
+
+/// Grain, other or [`NONE`], wall or [`NONE`], bonded, force, overlap, then both ends.
+const NUMBERS: usize = 6 + 2 * 3;
+const NONE: u64 = u64::MAX;
+
+impl Contacts {
+    /// Reads the contacts of every rank. Collective.
+    pub(crate) fn read<S: Space>(
+        &mut self,
+        dem: Option<&Dem<S>>,
+        particles: &Particles<S>,
+        grid: &Grid,
+        communicator: &Communicator,
+    ) -> Result<(), Error> {
+        let mut rows = Vec::new();
+        if let Some(dem) = dem {
+            dem.for_each_contact(particles, |contact| {
+                rows.push(row(&contact, particles, grid))
+            });
+        }
+        let rows = sorted(communicator, rows)?;
+        self.clear();
+        for row in &rows {
+            let first = self.points.len() / 3;
+            self.lines.push([first, first + 1]);
+            self.points.extend(vector(row, 6));
+            self.points.extend(vector(row, 9));
+            self.grain.push(signed(row[0]));
+            self.other
+                .push(if row[1] == NONE { -1 } else { signed(row[1]) });
+            self.wall.push(i32::try_from(row[2]).unwrap_or(-1));
+            self.bonded.push(u8::from(row[3] == 1));
+            self.normal_force.push(f64::from_bits(row[4]));
+            self.overlap.push(f64::from_bits(row[5]));
+        }
+        Ok(())
+    }
+
+    fn clear(&mut self) {
+        self.points.clear();
+        self.lines.clear();
+        self.grain.clear();
+        self.other.clear();
+        self.wall.clear();
+        self.normal_force.clear();
+        self.overlap.clear();
+        self.bonded.clear();
+    }
+
+    /// This rank's lines.
+    pub(crate) fn mesh(&self, dimension: usize) -> Mesh<'_> {
+        let column = |name, units, data| Column {
+            name,
+            units,
+            components: 1,
+            data,
+        };
+        Mesh {
+            points: Data::F64(&self.points),
+            cells: Cells::Lines(&self.lines),
+            point_columns: Vec::new(),
+            cell_columns: vec![
+                column("grain", "-", Data::I64(&self.grain)),
+                column("other", "-", Data::I64(&self.other)),
+                column("wall", "-", Data::I32(&self.wall)),
+                column(
+                    "normal_force",
+                    force_unit(dimension),
+                    Data::F64(&self.normal_force),
+                ),
+                column("overlap", "m", Data::F64(&self.overlap)),
+                column("bonded", "-", Data::U8(&self.bonded)),
+            ],
+        }
+    }
+}
+
+fn row<S: Space>(contact: &Contact<S>, particles: &Particles<S>, grid: &Grid) -> [u64; NUMBERS] {
+    let radius = particles.body[contact.grain].radius;
+    let from = wrapped(particles, contact.grain, grid);
+    let normal = space_vector(&contact.normal);
+    // Along the normal, so that a contact through a periodic face is a short line that leaves the domain.
+    let arm = match contact.other {
+        Some(other) => radius + particles.body[other].radius - contact.overlap,
+        None => 0.5 * contact.overlap - radius,
+    };
+    let mut row = [
+        particles.body[contact.grain].id,
+        contact.other.map_or(NONE, |k| particles.body[k].id),
+        contact.wall.map_or(NONE, u64::from),
+        u64::from(contact.bonded),
+        contact.normal_force.to_bits(),
+        contact.overlap.to_bits(),
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+    ];
+    for axis in 0..3 {
+        row[6 + axis] = from[axis].to_bits();
+        row[9 + axis] = (from[axis] + arm * normal[axis]).to_bits();
+    }
+    row
+}

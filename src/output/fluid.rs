@@ -1,0 +1,178 @@
+//! Fields of the fluid as an image, one value per cell, in SI.
+//!
+//! Covered cells hold the state of the fictitious fluid inside a body; `solid` tells them apart. The vorticity is a
+//! central difference, one-sided in the cells at a face that is not periodic.
+
+use super::planes::Velocities;
+use crate::case::fluid::Precision;
+use crate::case::observe::FieldName;
+use crate::coupling::FluidView;
+use crate::error::Error;
+use crate::scene::grid::Grid;
+use decomposition::Domain;
+use io::{Column, Data, Element, Image};
+
+/// A number type of a field in a file.
+pub(crate) trait Number: Element {
+    /// Rounded to the nearest.
+    fn of(value: f64) -> Self;
+}
+
+impl Number for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
+}
+
+impl Number for f32 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "files in f32 are rounded on purpose"
+    )]
+    fn of(value: f64) -> Self {
+        value as Self
+    }
+}
+
+/// The columns of one output; buffers reused.
+#[derive(Debug)]
+pub(crate) enum Fields {
+    Single(Buffers<f32>),
+    Double(Buffers<f64>),
+}
+
+impl Fields {
+    pub(crate) fn new(fields: &[FieldName], precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::Single(Buffers::new(fields)),
+            Precision::F64 => Self::Double(Buffers::new(fields)),
+        }
+    }
+
+    /// Reads the slab. Collective.
+    pub(crate) fn read(
+        &mut self,
+        fluid: &dyn FluidView,
+        grid: &Grid,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        match self {
+            Self::Single(buffers) => buffers.read(fluid, grid, domain),
+            Self::Double(buffers) => buffers.read(fluid, grid, domain),
+        }
+    }
+
+    /// This rank's box of the image.
+    pub(crate) fn image<'a>(&'a self, fluid: &dyn FluidView, grid: &Grid) -> Image<'a> {
+        Image {
+            origin: [0.0; 3],
+            spacing: [grid.spacing; 3],
+            cells: grid.cells,
+            start: fluid.start(),
+            count: fluid.cells(),
+            fields: match self {
+                Self::Single(buffers) => buffers.columns(grid.dimension),
+                Self::Double(buffers) => buffers.columns(grid.dimension),
+            },
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct Buffers<T> {
+    fields: Vec<(FieldName, Vec<T>)>,
+    solid: Vec<u8>,
+    body: Vec<i32>,
+    velocities: Velocities,
+}
+
+impl<T: Number> Buffers<T> {
+    fn new(fields: &[FieldName]) -> Self {
+        Self {
+            fields: fields.iter().map(|field| (*field, Vec::new())).collect(),
+            solid: Vec::new(),
+            body: Vec::new(),
+            velocities: Velocities::default(),
+        }
+    }
+
+    fn read(&mut self, fluid: &dyn FluidView, grid: &Grid, domain: &Domain) -> Result<(), Error> {
+        let units = fluid.units();
+        let cells = fluid.cells();
+        if self.fields.iter().any(|f| f.0 == FieldName::Vorticity) {
+            self.velocities.read(fluid, domain)?;
+        }
+        self.solid.clear();
+        self.body.clear();
+        for (field, to) in &mut self.fields {
+            to.clear();
+            for z in 0..cells[2] {
+                for y in 0..cells[1] {
+                    for x in 0..cells[0] {
+                        let cell = [x, y, z];
+                        match field {
+                            FieldName::Velocity => {
+                                let (_, velocity) = fluid.state(cell);
+                                to.extend(velocity.map(|u| T::of(units.velocity_to_si(u))));
+                            }
+                            FieldName::Pressure => {
+                                let (deviation, _) = fluid.state(cell);
+                                to.push(T::of(units.density_deviation_to_pressure(deviation)));
+                            }
+                            FieldName::Density => {
+                                let (deviation, _) = fluid.state(cell);
+                                to.push(T::of(units.density_deviation_to_density(deviation)));
+                            }
+                            FieldName::Vorticity => {
+                                let w = self.velocities.vorticity(cell, grid.periodic);
+                                let w = w.map(|w| T::of(units.rate_to_si(w)));
+                                to.extend_from_slice(&w[if grid.dimension == 3 { 0 } else { 2 }..]);
+                            }
+                            FieldName::Solid => {
+                                let body = fluid.body_at(cell);
+                                self.solid.push(u8::from(body.is_some()));
+                                self.body.push(
+                                    body.map_or(-1, |id| i32::try_from(id).unwrap_or(i32::MAX)),
+                                );
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn columns(&self, dimension: usize) -> Vec<Column<'_>> {
+        let mut columns = Vec::new();
+        for (field, values) in &self.fields {
+            let (name, units) = match field {
+                FieldName::Velocity => ("velocity", "m/s"),
+                FieldName::Pressure => ("pressure", "Pa"),
+                FieldName::Density => ("density", "kg/m3"),
+                FieldName::Vorticity => ("vorticity", "1/s"),
+                FieldName::Solid => ("solid", "-"),
+            };
+            let data = if *field == FieldName::Solid {
+                Data::U8(&self.solid)
+            } else {
+                T::data(values)
+            };
+            columns.push(Column {
+                name,
+                units,
+                components: field.components(dimension),
+                data,
+            });
+            if *field == FieldName::Solid {
+                columns.push(Column {
+                    name: "body",
+                    units: "-",
+                    components: 1,
+                    data: Data::I32(&self.body),
+                });
+            }
+        }
+        columns
+    }
+}

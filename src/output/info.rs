@@ -1,0 +1,295 @@
+//! What is in a file or folder of a run, as text or JSON: `solver info`.
+//!
+//! | given | said |
+//! |---|---|
+//! | a folder | outcome of the run, its series, tables and checkpoints |
+//! | `.vtkhdf`, `.h5` | step, time, datasets with shape and unit, provenance |
+//! | `.xmf` | steps and times of the series |
+//! | `checkpoint_*.json` | what it holds, and whether every bit is as it was written |
+//! | other `.json` | its content |
+//! | `.csv` | columns, number of rows, last row |
+
+use crate::error::Error;
+use io::{Alone, Series};
+use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Describes a file or folder; `json` for scripts, else text for people. Serial.
+///
+/// # Errors
+/// [`Error::Io`] where it cannot be read or is of no known kind. A damaged checkpoint is described, not an error.
+pub fn info(path: &Path, json: bool) -> Result<String, Error> {
+    let value = if path.is_dir() {
+        folder(path)?
+    } else {
+        file(path)?
+    };
+    if json {
+        return serde_json::to_string_pretty(&value)
+            .map(|text| text + "\n")
+            .map_err(|error| Error::Internal(error.to_string()));
+    }
+    let mut text = format!("{}\n", path.display());
+    write_value(&mut text, &value, 1);
+    Ok(text)
+}
+
+fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
+    Error::Io(format!("{}: {reason}", path.display()))
+}
+
+fn extension(path: &Path) -> &str {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("")
+}
+
+fn name(path: &Path) -> String {
+    path.file_name()
+        .map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default()
+}
+
+fn is_checkpoint(path: &Path) -> bool {
+    name(path).starts_with("checkpoint_") && extension(path) == "json"
+}
+
+fn file(path: &Path) -> Result<Value, Error> {
+    match extension(path) {
+        "vtkhdf" | "h5" | "hdf5" => hdf(path),
+        "xmf" => series(path),
+        "csv" => table(path),
+        "json" if is_checkpoint(path) => Ok(checkpoint(path, true)),
+        "json" => read_json(path),
+        _ if path.exists() => Err(failed(
+            path,
+            "no file of a run; info reads folders, .vtkhdf, .h5, .xmf, .csv and .json",
+        )),
+        _ => Err(failed(path, "there is no such file or folder")),
+    }
+}
+
+fn read_json(path: &Path) -> Result<Value, Error> {
+    let text = std::fs::read_to_string(path).map_err(|error| failed(path, error))?;
+    serde_json::from_str(&text).map_err(|error| failed(path, error))
+}
+
+/// A folder and the folders in it, one level deep: checkpoints may have their own.
+fn folder(path: &Path) -> Result<Value, Error> {
+    let mut files = Vec::new();
+    for entry in entries(path)? {
+        if entry.is_dir() {
+            files.extend(entries(&entry)?.into_iter().filter(|file| file.is_file()));
+        } else {
+            files.push(entry);
+        }
+    }
+    let mut all = Map::new();
+    let mut found = |kind: &str, one: &Path, value: Value| {
+        let Value::Object(list) = all.entry(kind).or_insert_with(|| json!({})) else {
+            return;
+        };
+        let short = one.strip_prefix(path).unwrap_or(one);
+        list.insert(short.display().to_string(), value);
+    };
+    // What cannot be read is said in its place: one bad file does not hide the others.
+    let told = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
+    for one in &files {
+        match extension(one) {
+            "xmf" => found("series", one, told(series(one))),
+            "csv" => found("tables", one, told(table(one))),
+            "json" if is_checkpoint(one) => found("checkpoints", one, checkpoint(one, false)),
+            "json" if name(one) == "summary.json" => found("summary", one, told(read_json(one))),
+            "part" => found("unfinished", one, Value::Null),
+            _ => {}
+        }
+    }
+    if all.is_empty() {
+        return Err(failed(path, "no file of a run is in this folder"));
+    }
+    Ok(Value::Object(all))
+}
+
+fn entries(path: &Path) -> Result<Vec<PathBuf>, Error> {
+    let mut all = std::fs::read_dir(path)
+        .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
+        .map_err(|error| failed(path, error))?
+        .into_iter()
+        .map(|entry| entry.path())
+        .collect::<Vec<_>>();
+    all.sort();
+    Ok(all)
+}
+
+fn hdf(path: &Path) -> Result<Value, Error> {
+    let info = io::fields::inspect(path).map_err(|error| Error::Io(error.to_string()))?;
+    let mut all = Map::new();
+    for (group, key, label) in [
+        ("/VTKHDF", "Type", "type"),
+        ("/output", "step", "step"),
+        ("/output", "time", "time"),
+        ("/VTKHDF", "WholeExtent", "extent"),
+        ("/VTKHDF", "Origin", "origin"),
+        ("/VTKHDF", "Spacing", "spacing"),
+    ] {
+        if let Some(value) = info.attribute(group, key) {
+            all.insert(label.to_owned(), value.clone());
+        }
+    }
+    let mut datasets = Map::new();
+    let mut texts = Map::new();
+    for dataset in &info.datasets {
+        if dataset.path.starts_with("/provenance/") {
+            texts.insert(dataset.name().to_owned(), json!({ "shape": dataset.shape }));
+            continue;
+        }
+        let shape: Vec<String> = dataset.shape.iter().map(ToString::to_string).collect();
+        let kind = dataset.kind.map_or_else(
+            || "other".to_owned(),
+            |kind| format!("{kind:?}").to_lowercase(),
+        );
+        let unit = match &dataset.units {
+            Some(unit) if unit != "-" => format!(" [{unit}]"),
+            _ => String::new(),
+        };
+        let line = format!("{kind} {}{unit}", shape.join(" x "));
+        datasets.insert(dataset.path.clone(), json!(line));
+    }
+    all.insert("datasets".to_owned(), Value::Object(datasets));
+    if let Some((_, attributes)) = info.groups.iter().find(|g| g.0 == "/provenance") {
+        texts.extend(attributes.iter().cloned());
+    }
+    if !texts.is_empty() {
+        all.insert("provenance".to_owned(), Value::Object(texts));
+    }
+    Ok(Value::Object(all))
+}
+
+fn series(path: &Path) -> Result<Value, Error> {
+    let parent = path.parent().unwrap_or(Path::new("."));
+    let stem = path
+        .file_stem()
+        .map(|stem| stem.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    if !path.exists() {
+        return Err(failed(path, "there is no such file or folder"));
+    }
+    let series =
+        Series::open(parent, &stem, &Alone).map_err(|error| Error::Io(error.to_string()))?;
+    let moments: Vec<_> = series.moments().collect();
+    let mut all = Map::new();
+    all.insert("outputs".to_owned(), json!(moments.len()));
+    for (label, moment) in [("first", moments.first()), ("last", moments.last())] {
+        if let Some(moment) = moment {
+            all.insert(
+                label.to_owned(),
+                json!({
+                    "step": moment.step,
+                    "time": moment.time,
+                    "file": name(&series.heavy(moment.step)),
+                }),
+            );
+        }
+    }
+    Ok(Value::Object(all))
+}
+
+fn table(path: &Path) -> Result<Value, Error> {
+    let text = std::fs::read_to_string(path).map_err(|error| failed(path, error))?;
+    let mut lines = text
+        .split_inclusive('\n')
+        .filter(|line| line.ends_with('\n'))
+        .map(str::trim_end);
+    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let mut units = None;
+    let (mut rows, mut last) = (0_u64, None);
+    for line in lines {
+        if let Some(comment) = line.strip_prefix('#') {
+            units.get_or_insert_with(|| comment.trim().split(',').collect::<Vec<_>>());
+        } else if !line.is_empty() {
+            rows += 1;
+            last = Some(line);
+        }
+    }
+    let headings: Vec<String> = columns
+        .iter()
+        .enumerate()
+        .map(|(k, column)| match units.as_ref().and_then(|u| u.get(k)) {
+            Some(unit) if *unit != "-" && !unit.is_empty() => format!("{column} [{unit}]"),
+            _ => (*column).to_owned(),
+        })
+        .collect();
+    let mut all = Map::new();
+    all.insert("columns".to_owned(), json!(headings.join(", ")));
+    all.insert("rows".to_owned(), json!(rows));
+    if let Some(last) = last {
+        all.insert("last".to_owned(), json!(last));
+    }
+    Ok(Value::Object(all))
+}
+
+/// A checkpoint by its manifest, verified bit by bit.
+fn checkpoint(path: &Path, arrays: bool) -> Value {
+    let manifest = match io::checkpoint::verify(path, &Alone) {
+        Ok(found) => found.manifest,
+        Err(error) => return json!({ "sound": false, "reason": error.to_string() }),
+    };
+    let mut all = json!({
+        "sound": true,
+        "step": manifest.step,
+        "time": manifest.time,
+        "file": manifest.file,
+        "bytes": manifest.bytes,
+    });
+    if arrays && let Value::Object(all) = &mut all {
+        all.insert("blake3".to_owned(), json!(manifest.blake3));
+        all.insert("attributes".to_owned(), manifest.attributes);
+        let list = manifest.arrays.iter().map(|array| {
+            let shape: Vec<String> = array.shape.iter().map(ToString::to_string).collect();
+            let kind = format!("{:?}", array.kind).to_lowercase();
+            (
+                array.name.clone(),
+                json!(format!("{kind} {}", shape.join(" x "))),
+            )
+        });
+        all.insert("arrays".to_owned(), Value::Object(list.collect()));
+    }
+    all
+}
+
+/// Nested names and values, two spaces a level.
+fn write_value(text: &mut String, value: &Value, level: usize) {
+    let indent = "  ".repeat(level);
+    // Writing to a String cannot fail.
+    match value {
+        Value::Object(fields) => {
+            let width = fields
+                .iter()
+                .filter(|(_, value)| !value.is_object())
+                .map(|(key, _)| key.chars().count())
+                .max()
+                .unwrap_or(0);
+            for (key, value) in fields {
+                if value.is_object() {
+                    let _ = writeln!(text, "{indent}{key}");
+                    write_value(text, value, level + 1);
+                } else {
+                    let _ = writeln!(text, "{indent}{key:width$}  {}", plain(value));
+                }
+            }
+        }
+        other => {
+            let _ = writeln!(text, "{indent}{}", plain(other));
+        }
+    }
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => String::new(),
+        Value::Array(list) if !list.iter().any(|v| v.is_object() || v.is_array()) => {
+            list.iter().map(plain).collect::<Vec<_>>().join(", ")
+        }
+        other => other.to_string(),
+    }
+}

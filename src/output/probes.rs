@@ -1,0 +1,417 @@
+//! Numbers over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
+//!
+//! Every file begins with the columns `step` and `time`; the columns are the same in 2-D and 3-D. Every value is gathered
+//! from the ranks that own it, or summed without rounding, so that it does not depend on their number.
+//!
+//! | probe | columns |
+//! |---|---|
+//! | point | velocity, pressure |
+//! | line | distance from the first point, position, velocity, pressure; one row per point and time |
+//! | plane | discharge, means over the fluid cells, largest speed, share of fluid |
+//! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
+//! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
+//!
+//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the line
+//! is continued. Covered cells count as they are. **Planes** are interpolated between the two planes of cells beside
+//! them; only cells whose centre is in the fluid count. **Faces**: see [`wall`].
+
+mod points;
+mod wall;
+
+use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
+use super::schedule::Schedule;
+use super::together::Together;
+use crate::coupling::FluidView;
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::scene::grid::count;
+use crate::scene::observe::ProbeAt;
+use crate::simulation::view::View;
+use crate::units::LatticeUnits;
+use decomposition::{Domain, ExactSum};
+use io::Table;
+use points::{Points, along, clamped};
+use std::path::Path;
+use wall::Wall;
+
+/// A probe with its file.
+#[derive(Debug)]
+pub(crate) struct Probe {
+    pub(crate) schedule: Schedule,
+    at: At,
+    /// On rank 0.
+    table: Option<Table>,
+    /// The rows of one sample, on rank 0; reused.
+    rows: Vec<Vec<f64>>,
+}
+
+#[derive(Debug)]
+enum At {
+    Point(Points),
+    Line(Points),
+    Plane { axis: usize, position: f64 },
+    Body(u64),
+    Wall(Box<Wall>),
+}
+
+/// A column and its unit.
+type Heading = (&'static str, &'static str);
+
+const TIME: Heading = ("time", "s");
+const VELOCITY: [Heading; 3] = [
+    ("velocity_x", "m/s"),
+    ("velocity_y", "m/s"),
+    ("velocity_z", "m/s"),
+];
+const POSITION: [Heading; 3] = [("x", "m"), ("y", "m"), ("z", "m")];
+
+impl Probe {
+    /// All probes of the plan. Collective.
+    pub(crate) fn all(
+        plan: &Plan,
+        folder: &Path,
+        domain: &Domain,
+        resumed_at: Option<u64>,
+    ) -> Result<Vec<Self>, Error> {
+        let probes = plan.scene.probes.iter();
+        probes
+            .map(|probe| {
+                let at = At::new(plan, &probe.at, domain)?;
+                let headings = at.headings(plan.scene.grid.dimension);
+                let path = folder.join(format!("probe_{}.csv", probe.name));
+                let every = plan.clock.interval_to_steps(probe.every);
+                let mut table = None;
+                let group = Together(domain.communicator());
+                let written = group.on_root(|| {
+                    let (opened, written) =
+                        open(&path, &headings, resumed_at, every, at.rows() as u64)?;
+                    table = Some(opened);
+                    Ok(written)
+                })?;
+                let schedule = match resumed_at {
+                    Some(step) => Schedule::resumed(every, step, written),
+                    None => Schedule::new(every),
+                };
+                Ok(Self {
+                    schedule,
+                    at,
+                    table,
+                    rows: Vec::new(),
+                })
+            })
+            .collect()
+    }
+
+    /// Samples and writes the rows of this step. Collective.
+    pub(crate) fn write<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+        let width = self.at.headings(view.plan.scene.grid.dimension).len();
+        self.rows.resize_with(self.at.rows(), Vec::new);
+        for row in &mut self.rows {
+            row.clear();
+            row.reserve(width);
+            row.push(view.time);
+        }
+        let here = self.at.sample(view, &mut self.rows)?;
+        Together(view.domain.communicator()).on_root(|| {
+            if let (Some(table), true) = (&mut self.table, here) {
+                for row in &self.rows {
+                    table.row(view.step, row)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Flushes the rows to the disk itself, on rank 0.
+    pub(crate) fn sync(&self) -> io::Result<()> {
+        self.table.as_ref().map_or(Ok(()), Table::sync)
+    }
+}
+
+/// A new table, or the one of an earlier part of the run; whether it holds a whole sample of the step it goes on from.
+fn open(
+    path: &Path,
+    headings: &[Heading],
+    resumed_at: Option<u64>,
+    every: u64,
+    rows: u64,
+) -> io::Result<(Table, bool)> {
+    let Some(step) = resumed_at else {
+        return Ok((Table::create(path, headings)?, false));
+    };
+    let table = Table::resume(path, headings, step)?;
+    if !Schedule::falls_on(every, step) {
+        return Ok((table, false));
+    }
+    let steps = io::table::read(path)?.steps;
+    let there = steps.iter().rev().take_while(|&&s| s == step).count() as u64;
+    if there == rows {
+        return Ok((table, true));
+    }
+    // A sample cut short by the end of the run is taken again.
+    let table = match step.checked_sub(1) {
+        Some(before) => Table::resume(path, headings, before)?,
+        None => Table::create(path, headings)?,
+    };
+    Ok((table, false))
+}
+
+impl At {
+    fn new(plan: &Plan, at: &ProbeAt, domain: &Domain) -> Result<Self, Error> {
+        let scene = &plan.scene;
+        Ok(match at {
+            ProbeAt::Point(point) => Self::Point(Points::new(&[*point], &scene.grid, domain)?),
+            ProbeAt::Line { from, to, points } => Self::Line(Points::new(
+                &along(*from, *to, *points),
+                &scene.grid,
+                domain,
+            )?),
+            ProbeAt::Plane { axis, position } => Self::Plane {
+                axis: *axis,
+                position: *position,
+            },
+            // Named bodies have the ids 0, 1, … in the order of the case.
+            ProbeAt::Body(index) => Self::Body(*index as u64),
+            ProbeAt::Wall(face) => {
+                let flow = scene.flow.as_ref().ok_or_else(no_fluid)?;
+                Self::Wall(Box::new(Wall::new(
+                    *face,
+                    flow,
+                    &scene.grid,
+                    plan.clock.warm_up_steps > 0,
+                )))
+            }
+        })
+    }
+
+    /// Rows of one sample.
+    fn rows(&self) -> usize {
+        match self {
+            Self::Line(points) => points.len(),
+            Self::Point(_) | Self::Plane { .. } | Self::Body(_) | Self::Wall(_) => 1,
+        }
+    }
+
+    fn headings(&self, dimension: usize) -> Vec<Heading> {
+        let flat = dimension == 2;
+        let (force, torque) = (force_unit(dimension), torque_unit(dimension));
+        let mut headings = vec![TIME];
+        match self {
+            Self::Point(_) => {
+                headings.extend(VELOCITY);
+                headings.push(("pressure", "Pa"));
+            }
+            Self::Line(_) => {
+                headings.push(("distance", "m"));
+                headings.extend(POSITION);
+                headings.extend(VELOCITY);
+                headings.push(("pressure", "Pa"));
+            }
+            Self::Plane { .. } => {
+                headings.push(("discharge", if flat { "m2/s" } else { "m3/s" }));
+                headings.extend([
+                    ("mean_velocity_x", "m/s"),
+                    ("mean_velocity_y", "m/s"),
+                    ("mean_velocity_z", "m/s"),
+                    ("mean_pressure", "Pa"),
+                    ("largest_speed", "m/s"),
+                    ("fluid_share", "-"),
+                ]);
+            }
+            Self::Body(_) => {
+                headings.extend(POSITION);
+                headings.extend(VELOCITY);
+                headings.extend([
+                    ("angular_velocity_x", "rad/s"),
+                    ("angular_velocity_y", "rad/s"),
+                    ("angular_velocity_z", "rad/s"),
+                    ("fluid_force_x", force),
+                    ("fluid_force_y", force),
+                    ("fluid_force_z", force),
+                    ("fluid_torque_x", torque),
+                    ("fluid_torque_y", torque),
+                    ("fluid_torque_z", torque),
+                    ("contact_force_x", force),
+                    ("contact_force_y", force),
+                    ("contact_force_z", force),
+                    ("contact_torque_x", torque),
+                    ("contact_torque_y", torque),
+                    ("contact_torque_z", torque),
+                ]);
+            }
+            Self::Wall(_) => headings.extend([
+                ("force_x", force),
+                ("force_y", force),
+                ("force_z", force),
+                ("normal_force", force),
+                ("shear_force", force),
+                ("mean_pressure", "Pa"),
+                ("mean_shear_stress", "Pa"),
+                ("mass_flux", if flat { "kg/(m s)" } else { "kg/s" }),
+            ]),
+        }
+        headings
+    }
+
+    /// Appends this step's values to the rows, which hold the time, on rank 0; whether there is anything to sample.
+    /// Collective.
+    fn sample<S: Space>(&self, view: &View<S>, rows: &mut [Vec<f64>]) -> Result<bool, Error> {
+        match self {
+            Self::Point(points) => {
+                let samples = points.sample(fluid(view)?, view.domain)?;
+                for (row, (_, velocity, pressure)) in rows.iter_mut().zip(samples) {
+                    row.extend(velocity);
+                    row.push(pressure);
+                }
+            }
+            Self::Line(points) => {
+                let samples = points.sample(fluid(view)?, view.domain)?;
+                let mut first = None;
+                for (row, (at, velocity, pressure)) in rows.iter_mut().zip(samples) {
+                    let from: [f64; 3] = *first.get_or_insert(at);
+                    let squared: f64 = (0..3).map(|a| (at[a] - from[a]).powi(2)).sum();
+                    row.push(squared.sqrt());
+                    row.extend(at);
+                    row.extend(velocity);
+                    row.push(pressure);
+                }
+            }
+            Self::Plane { axis, position } => {
+                let values = plane(view, fluid(view)?, *axis, *position);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Body(id) => {
+                let values = body(view, *id)?;
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Wall(wall) => {
+                if !wall.has_flux(view.step) {
+                    return Ok(false);
+                }
+                let values = wall.sample(fluid(view)?, view.domain.communicator())?;
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+        }
+        Ok(true)
+    }
+}
+
+fn no_fluid() -> Error {
+    Error::Internal("there is no fluid to sample".into())
+}
+
+pub(super) fn fluid<'a, S: Space>(view: &View<'a, S>) -> Result<&'a dyn FluidView, Error> {
+    view.fluid.ok_or_else(no_fluid)
+}
+
+/// Edge (2-D, m) or face (3-D, m²) of a cell.
+fn face_area(units: &LatticeUnits) -> f64 {
+    if units.dimension == 2 {
+        units.spacing
+    } else {
+        units.spacing * units.spacing
+    }
+}
+
+/// Discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN where there is no fluid.
+fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position: f64) -> [f64; 7] {
+    let (grid, units) = (&view.plan.scene.grid, fluid.units());
+    let neighbours = clamped(position, grid, axis);
+    let mut sums: [ExactSum; 5] = std::array::from_fn(|_| ExactSum::new());
+    let mut largest = f64::NEG_INFINITY;
+    let (start, cells) = (fluid.start(), fluid.cells());
+    for (plane, weight) in neighbours {
+        let Some(local) = plane
+            .checked_sub(start[axis])
+            .filter(|local| *local < cells[axis] && weight > 0.0)
+        else {
+            continue;
+        };
+        let (mut from, mut to) = ([0; 3], cells);
+        (from[axis], to[axis]) = (local, local + 1);
+        for z in from[2]..to[2] {
+            for y in from[1]..to[1] {
+                for x in from[0]..to[0] {
+                    if fluid.body_at([x, y, z]).is_some() {
+                        continue;
+                    }
+                    let (deviation, [u, v, w]) = fluid.state([x, y, z]);
+                    for (sum, value) in sums.iter_mut().zip([u, v, w, deviation, 1.0]) {
+                        sum.add(weight * value);
+                    }
+                    largest = largest.max(u * u + v * v + w * w);
+                }
+            }
+        }
+    }
+    let communicator = view.domain.communicator();
+    let [u, v, w, deviation, number] = sums.map(|mut sum| {
+        sum.all_reduce(communicator);
+        sum.value()
+    });
+    let largest = communicator.all_reduce_max_f64(largest);
+    let all: f64 = (0..3)
+        .filter(|&a| a != axis)
+        .map(|a| count(grid.cells[a]))
+        .product();
+    let discharge = units.velocity_to_si([u, v, w][axis]) * face_area(units);
+    let speed = if number > 0.0 {
+        units.velocity_to_si(largest.sqrt())
+    } else {
+        f64::NAN
+    };
+    [
+        discharge,
+        units.velocity_to_si(u / number),
+        units.velocity_to_si(v / number),
+        units.velocity_to_si(w / number),
+        units.density_deviation_to_pressure(deviation / number),
+        speed,
+        number / all,
+    ]
+}
+
+/// Motion and loads of a body; NaN once it is gone.
+fn body<S: Space>(view: &View<S>, id: u64) -> Result<[f64; 21], Error> {
+    let particles = view.particles;
+    let mut bytes = Vec::new();
+    if let Some(k) = (0..particles.owned()).find(|&k| particles.body[k].id == id) {
+        let (motion, fluid, contact) = (
+            &particles.motion[k],
+            &particles.fluid[k],
+            &particles.contact[k],
+        );
+        let vectors = [
+            space_vector(&motion.position),
+            space_vector(&motion.velocity),
+            spin_vector(&motion.spin),
+            space_vector(&fluid.force),
+            spin_vector(&fluid.torque),
+            space_vector(&contact.force),
+            spin_vector(&contact.torque),
+        ];
+        for value in vectors.as_flattened() {
+            bytes.extend_from_slice(&value.to_le_bytes());
+        }
+    }
+    let mut values = [f64::NAN; 21];
+    for message in view
+        .domain
+        .communicator()
+        .gather_bytes(0, &bytes)
+        .unwrap_or_default()
+    {
+        let (numbers, rest) = message.as_chunks::<8>();
+        if !rest.is_empty() || !(numbers.is_empty() || numbers.len() == values.len()) {
+            return Err(Error::Internal(format!(
+                "{} bytes about body {id}",
+                message.len()
+            )));
+        }
+        for (value, number) in values.iter_mut().zip(numbers) {
+            *value = f64::from_le_bytes(*number);
+        }
+    }
+    Ok(values)
+}

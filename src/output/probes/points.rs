@@ -1,0 +1,222 @@
+//! The state of the fluid at points, interpolated linearly along each axis from the cell centres around them.
+
+use crate::coupling::FluidView;
+use crate::error::Error;
+use crate::scene::grid::{Grid, count, whole};
+use decomposition::Domain;
+
+/// Points with the cells around them.
+#[derive(Debug)]
+pub(super) struct Points {
+    points: Vec<Point>,
+    /// Cells that any point needs, each once, with their owners; the same on every rank.
+    cells: Vec<([usize; 3], usize)>,
+}
+
+#[derive(Debug)]
+struct Point {
+    /// m
+    position: [f64; 3],
+    /// Places in [`Points::cells`] and weights.
+    around: Vec<(usize, f64)>,
+}
+
+/// Density deviation and velocity, lattice units.
+type State = [f64; 4];
+
+/// Position (m), velocity (m/s), pressure (Pa).
+pub(super) type Sample = ([f64; 3], [f64; 3], f64);
+
+impl Points {
+    pub(super) fn new(positions: &[[f64; 3]], grid: &Grid, domain: &Domain) -> Result<Self, Error> {
+        let corners: Vec<Vec<([usize; 3], f64)>> =
+            positions.iter().map(|p| corners(*p, grid)).collect();
+        let mut all: Vec<[usize; 3]> = corners.iter().flatten().map(|c| c.0).collect();
+        all.sort_unstable();
+        all.dedup();
+        let points = positions
+            .iter()
+            .zip(&corners)
+            .map(|(position, corners)| Point {
+                position: *position,
+                around: corners
+                    .iter()
+                    .filter_map(|(cell, weight)| Some((all.binary_search(cell).ok()?, *weight)))
+                    .collect(),
+            })
+            .collect();
+        let axis = domain.axis().index();
+        let cells = all
+            .into_iter()
+            .map(|cell| match domain.slabs().owner_of_plane(cell[axis]) {
+                Some(owner) => Ok((cell, owner)),
+                None => Err(Error::Internal(format!("no rank owns the cell {cell:?}"))),
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { points, cells })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The state at every point, in their order, on rank 0; nothing on the others. Collective.
+    pub(super) fn sample(
+        &self,
+        fluid: &dyn FluidView,
+        domain: &Domain,
+    ) -> Result<Vec<Sample>, Error> {
+        let start = fluid.start();
+        let mut bytes = Vec::new();
+        for (cell, _) in self.cells.iter().filter(|c| c.1 == domain.rank()) {
+            let (deviation, [u, v, w]) =
+                fluid.state(std::array::from_fn(|a| cell[a].wrapping_sub(start[a])));
+            for value in [deviation, u, v, w] {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+        let Some(messages) = domain.communicator().gather_bytes(0, &bytes) else {
+            return Ok(Vec::new());
+        };
+        let mut streams: Vec<_> = messages
+            .iter()
+            .map(|m| m.as_chunks::<8>().0.as_chunks::<4>().0.iter())
+            .collect();
+        let states = self
+            .cells
+            .iter()
+            .map(|(cell, owner)| {
+                streams
+                    .get_mut(*owner)
+                    .and_then(Iterator::next)
+                    .map(|state| state.map(f64::from_le_bytes))
+                    .ok_or_else(|| Error::Internal(format!("the cell {cell:?} did not arrive")))
+            })
+            .collect::<Result<Vec<State>, _>>()?;
+        let units = fluid.units();
+        let sample = |point: &Point| {
+            let mut sum = [0.0; 4];
+            for (place, weight) in &point.around {
+                for (to, value) in sum.iter_mut().zip(states[*place]) {
+                    *to += weight * value;
+                }
+            }
+            let [deviation, u, v, w] = sum;
+            (
+                point.position,
+                [u, v, w].map(|u| units.velocity_to_si(u)),
+                units.density_deviation_to_pressure(deviation),
+            )
+        };
+        Ok(self.points.iter().map(sample).collect())
+    }
+}
+
+/// Points at equal distances, both ends included.
+pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]> {
+    let last = count(points.max(2) - 1);
+    (0..points)
+        .map(|n| {
+            let t = count(n) / last;
+            std::array::from_fn(|a| from[a] * (1.0 - t) + to[a] * t)
+        })
+        .collect()
+}
+
+/// The cells around a point and their weights, which add up to one.
+fn corners(position: [f64; 3], grid: &Grid) -> Vec<([usize; 3], f64)> {
+    let mut corners = vec![([0; 3], 1.0)];
+    for axis in 0..grid.dimension {
+        let ends = continued(position[axis], grid, axis);
+        corners = corners
+            .iter()
+            .flat_map(|(cell, weight)| {
+                ends.iter().map(move |(plane, share)| {
+                    let mut cell: [usize; 3] = *cell;
+                    cell[axis] = *plane;
+                    (cell, weight * share)
+                })
+            })
+            .filter(|c| c.1 != 0.0)
+            .collect();
+    }
+    corners
+}
+
+/// The two planes of cells beside a coordinate and their weights: continued beyond the last centres, wrapped where the
+/// axis is periodic.
+fn continued(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
+    let cells = grid.cells[axis];
+    if cells == 1 {
+        return [(0, 1.0), (0, 0.0)];
+    }
+    let at = position / grid.spacing - 0.5;
+    if grid.periodic[axis] {
+        let low = at.floor();
+        let first = whole(low + count(cells)) % cells;
+        return [(first, 1.0 - (at - low)), ((first + 1) % cells, at - low)];
+    }
+    let low = at.floor().clamp(0.0, count(cells - 2));
+    let first = whole(low);
+    [(first, 1.0 - (at - low)), (first + 1, at - low)]
+}
+
+/// The same, but constant beyond the last centres: weights are never negative.
+pub(super) fn clamped(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
+    continued(position, grid, axis).map(|(plane, weight)| (plane, weight.clamp(0.0, 1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn grid(periodic: bool) -> Grid {
+        Grid {
+            dimension: 2,
+            cells: [4, 3, 1],
+            size: [2.0, 1.5, 0.5],
+            spacing: 0.5,
+            periodic: [periodic, false, false],
+            split_axis: 0,
+            slab_bounds: None,
+        }
+    }
+
+    /// A linear function of the cell centres is met everywhere, up to the faces.
+    #[test]
+    fn a_linear_field_is_interpolated_exactly() {
+        let grid = grid(false);
+        for point in [[0.0, 0.0, 0.0], [2.0, 1.5, 0.0], [0.9, 0.31, 0.0]] {
+            let corners = corners(point, &grid);
+            let weights: f64 = corners.iter().map(|c| c.1).sum();
+            let value: f64 = corners
+                .iter()
+                .map(|(cell, weight)| {
+                    let [x, y, _] = grid.centre(*cell);
+                    weight * (3.0 * x - 2.0 * y)
+                })
+                .sum();
+            assert_relative_eq!(weights, 1.0, epsilon = 1e-14);
+            assert_relative_eq!(value, 3.0 * point[0] - 2.0 * point[1], epsilon = 1e-13);
+        }
+    }
+
+    #[test]
+    fn a_periodic_axis_wraps() {
+        let grid = grid(true);
+        assert_eq!(continued(0.0, &grid, 0), [(3, 0.5), (0, 0.5)]);
+        assert_eq!(continued(2.0, &grid, 0), [(3, 0.5), (0, 0.5)]);
+        assert_eq!(continued(0.75, &grid, 0), [(1, 1.0), (2, 0.0)]);
+        assert_eq!(clamped(0.0, &grid, 1), [(0, 1.0), (1, 0.0)]);
+        assert_eq!(clamped(1.5, &grid, 1), [(1, 0.0), (2, 1.0)]);
+    }
+
+    #[test]
+    fn a_line_has_both_ends() {
+        let line = along([0.0; 3], [1.0, 2.0, 0.0], 5);
+        assert_eq!(line.len(), 5);
+        assert_eq!((line[0], line[4]), ([0.0; 3], [1.0, 2.0, 0.0]));
+        assert_eq!(line[2], [0.5, 1.0, 0.0]);
+    }
+}
