@@ -1,3 +1,4 @@
 //! Owns the state; step and run.
 
+pub mod removal;
 pub mod view;

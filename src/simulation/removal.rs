@@ -1,0 +1,629 @@
+//! Grains that leave and grains that appear: regions that remove (A-27) and regions that generate.
+//!
+//! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is taken out; the
+//! first region that holds it counts. Named bodies stay. A generating region owes `rate x time` grains. The draws of
+//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]); of the places drawn the first
+//! one that is free of every grain, body and wall is taken. Where none of a batch is free, the next step goes on with
+//! the next batch. Ids continue above every id that was ever in use.
+//!
+//! Whether a grain is inside is asked of its position brought into the periodic box here, not of the image the neighbour
+//! lists hold, so that neither ranks nor list rebuilds show. In a step in which nothing happens the cost is a scan of the own
+//! grains and one reduction of a number.
+
+use crate::analysis::erosion_law::RemovedGrain;
+use crate::case::grains::Radii;
+use crate::case::observe::When;
+use crate::dem::particles::{Body, Motion, Particles};
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::random::Stream;
+use crate::scene::block::Block;
+use crate::scene::grid::{Grid, count, whole};
+use crate::scene::observe::Action;
+use decomposition::Domain;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// A grain that was taken out, and by which region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Departed {
+    /// Index of the region in [`crate::scene::Scene::regions`].
+    pub region: usize,
+    /// The row of `removed.csv`.
+    pub grain: RemovedGrain,
+}
+
+/// What a region that removes has taken so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Taken {
+    /// Grains.
+    pub grains: u64,
+    /// Their mass [kg; in 2-D kg/m].
+    pub mass: f64,
+}
+
+/// How far a region that generates has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Made {
+    grains: u64,
+    /// Batches of places drawn in vain for the next grain.
+    batches: u32,
+}
+
+/// What a restart needs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct State {
+    /// The next free id; none until first needed.
+    next_id: Option<u64>,
+    /// Per region of the scene.
+    taken: Vec<Taken>,
+    made: Vec<Made>,
+}
+
+/// Regions that remove and generate, with their counts: see the module. Every method with a domain is collective.
+#[derive(Clone, Debug)]
+pub struct Removal {
+    /// Ids below this are named bodies.
+    first_grain: u64,
+    removes: Vec<(usize, Block, When)>,
+    generates: bool,
+    state: State,
+}
+
+/// Random numbers of the radius; places use the purposes above.
+const PURPOSE: u32 = 0x5eed;
+/// Places drawn before the ranks compare notes.
+const BATCH: usize = 32;
+
+impl Removal {
+    /// The regions of the scene, nothing taken or made yet.
+    #[must_use]
+    pub fn new(plan: &Plan) -> Self {
+        let regions = &plan.scene.regions;
+        Self {
+            first_grain: plan.scene.bodies.len() as u64,
+            removes: regions
+                .iter()
+                .enumerate()
+                .filter_map(|(n, region)| match region.action {
+                    Action::Remove { when } => Some((n, region.block, when)),
+                    _ => None,
+                })
+                .collect(),
+            generates: regions
+                .iter()
+                .any(|region| matches!(region.action, Action::Generate { .. })),
+            state: State {
+                next_id: None,
+                taken: vec![Taken::default(); regions.len()],
+                made: vec![Made::default(); regions.len()],
+            },
+        }
+    }
+
+    /// What each region of the scene has taken so far, all ranks together.
+    #[must_use]
+    pub fn taken(&self) -> &[Taken] {
+        &self.state.taken
+    }
+
+    /// How many grains have been generated so far.
+    #[must_use]
+    pub fn generated(&self) -> u64 {
+        self.state.made.iter().map(|made| made.grains).sum()
+    }
+
+    /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
+    /// `step` and `time` [s] are those of the rows. Where the list is not empty ghosts were dropped: prepare them again.
+    ///
+    /// # Errors
+    /// Where a message between ranks is garbled.
+    pub fn leaving<S: Space>(
+        &mut self,
+        particles: &mut Particles<S>,
+        plan: &Plan,
+        domain: &Domain,
+        step: u64,
+        time: f64,
+    ) -> Result<Vec<Departed>, Error> {
+        // An id that leaves now may be the highest that ever was.
+        self.settle_ids(particles, domain);
+        if self.removes.is_empty() {
+            return Ok(Vec::new());
+        }
+        let grid = &plan.scene.grid;
+        let holder = |particles: &Particles<S>, k: usize| -> Option<usize> {
+            if particles.body[k].id < self.first_grain {
+                return None;
+            }
+            let at = boxed(&particles.motion[k].position, grid);
+            let radius = particles.body[k].radius;
+            self.removes
+                .iter()
+                .find(|(_, block, when)| holds(block, *when, at, radius, grid))
+                .map(|(region, ..)| *region)
+        };
+        let mut regions = Vec::new();
+        let gone = particles.remove(|particles, k| match holder(particles, k) {
+            Some(region) => {
+                regions.push(region);
+                true
+            }
+            None => false,
+        });
+        let communicator = domain.communicator();
+        if communicator.all_reduce_max_u64(gone.len() as u64) == 0 {
+            return Ok(Vec::new());
+        }
+        let mut bytes = Vec::new();
+        for ((body, motion), region) in gone.iter().zip(&regions) {
+            let at = boxed(&motion.position, grid);
+            let fields = [
+                *region as u64,
+                body.id,
+                body.mass.to_bits(),
+                body.radius.to_bits(),
+                at[0].to_bits(),
+                at[1].to_bits(),
+            ];
+            bytes.extend(fields.iter().flat_map(|field| field.to_le_bytes()));
+        }
+        let mut all = Vec::new();
+        for bytes in communicator.all_gather_bytes(&bytes) {
+            for [region, id, mass, radius, x, y] in rows::<6>(&bytes)? {
+                all.push(Departed {
+                    region: whole_index(region)?,
+                    grain: RemovedGrain {
+                        step,
+                        time,
+                        id,
+                        mass: f64::from_bits(mass),
+                        radius: f64::from_bits(radius),
+                        x: f64::from_bits(x),
+                        y: f64::from_bits(y),
+                    },
+                });
+            }
+        }
+        all.sort_unstable_by_key(|departed| departed.grain.id);
+        for departed in &all {
+            // Sums in the order of the rows: the same on any ranks and after a restart.
+            let taken = self
+                .state
+                .taken
+                .get_mut(departed.region)
+                .ok_or_else(|| Error::Internal("a grain left through no region".into()))?;
+            taken.grains += 1;
+            taken.mass += departed.grain.mass;
+        }
+        Ok(all)
+    }
+
+    /// Puts in the grains that the generating regions owe at `time` [s] and returns how many came, on every rank. Where
+    /// any came, ghosts were dropped: prepare them again, which also hands each to its owner.
+    ///
+    /// # Errors
+    /// Where the material of the region has no density.
+    pub fn appearing<S: Space>(
+        &mut self,
+        particles: &mut Particles<S>,
+        plan: &Plan,
+        domain: &Domain,
+        time: f64,
+    ) -> Result<u64, Error> {
+        if !self.generates {
+            return Ok(0);
+        }
+        self.settle_ids(particles, domain);
+        let mut born = 0;
+        for (n, region) in plan.scene.regions.iter().enumerate() {
+            let Action::Generate {
+                rate,
+                ref radii,
+                velocity,
+                seed,
+                material,
+                at_most,
+            } = region.action
+            else {
+                continue;
+            };
+            let density = plan
+                .scene
+                .materials
+                .get(material)
+                .and_then(|material| material.density)
+                .ok_or_else(|| {
+                    Error::Numerical(format!(
+                        "regions[{n}]: the material of grains that appear needs a density"
+                    ))
+                })?;
+            let owed = owed(rate, time, at_most);
+            while self.state.made[n].grains < owed {
+                let made = self.state.made[n];
+                let ordinal = ((n as u64) << 48) | made.grains;
+                let radius = draw_radius(radii, &mut Stream::new(seed, ordinal, PURPOSE));
+                let places = draw_places(
+                    &region.block,
+                    radius,
+                    &mut Stream::new(seed, ordinal, PURPOSE + 1 + made.batches),
+                );
+                let Some(at) = first_free(&places, radius, particles, plan, domain) else {
+                    self.state.made[n].batches = (made.batches + 1) % (1 << 30);
+                    break;
+                };
+                let id = self.state.next_id.unwrap_or(self.first_grain);
+                if domain.rank() == 0 {
+                    let mut motion = Motion::<S>::default();
+                    for axis in 0..S::DIMENSION {
+                        motion.position.set(axis, at[axis]);
+                        motion.velocity.set(axis, velocity[axis]);
+                    }
+                    let material = u32::try_from(material)
+                        .map_err(|_| Error::Internal("more than 2^32 materials".into()))?;
+                    particles.insert(Body::uniform::<S>(id, radius, density, material), motion);
+                }
+                self.state.next_id = Some(id + 1);
+                self.state.made[n] = Made {
+                    grains: made.grains + 1,
+                    batches: 0,
+                };
+                born += 1;
+            }
+        }
+        Ok(born)
+    }
+
+    /// The counts, for a checkpoint; the same on every rank.
+    ///
+    /// # Errors
+    /// Where they cannot be written as JSON.
+    pub fn state(&self) -> Result<Value, Error> {
+        serde_json::to_value(&self.state).map_err(|error| Error::Internal(error.to_string()))
+    }
+
+    /// Takes back the counts of [`Self::state`].
+    ///
+    /// # Errors
+    /// [`Error::Io`] where they are not those of a run with as many regions.
+    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
+        let state: State = serde_json::from_value(state.clone())
+            .map_err(|error| Error::Io(format!("counts of the regions: {error}")))?;
+        if state.taken.len() != self.state.taken.len() || state.made.len() != self.state.made.len()
+        {
+            return Err(Error::Io(format!(
+                "counts of {} regions saved, {} here",
+                state.taken.len(),
+                self.state.taken.len()
+            )));
+        }
+        self.state = state;
+        Ok(())
+    }
+
+    /// The first id above all present ones, once, while all grains are still there.
+    fn settle_ids<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
+        if self.generates && self.state.next_id.is_none() {
+            let mine = particles.body[..particles.owned()]
+                .iter()
+                .map(|body| body.id + 1)
+                .fold(self.first_grain, u64::max);
+            self.state.next_id = Some(domain.communicator().all_reduce_max_u64(mine));
+        }
+    }
+}
+
+/// Rows of `N` numbers from their bytes.
+pub(super) fn rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[u64; N]>, Error> {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
+    let (rows, more) = words.as_chunks::<N>();
+    if rest.is_empty() && more.is_empty() {
+        Ok(rows.to_vec())
+    } else {
+        Err(Error::Internal(
+            "a message between ranks has the wrong length".into(),
+        ))
+    }
+}
+
+fn whole_index(number: u64) -> Result<usize, Error> {
+    usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is no index")))
+}
+
+/// A raw position in the box: periodic axes wrapped into [0, length).
+pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        if axis >= grid.dimension {
+            return 0.0;
+        }
+        let x = position.get(axis);
+        if grid.periodic[axis] {
+            x - (x / grid.size[axis]).floor() * grid.size[axis]
+        } else {
+            x
+        }
+    })
+}
+
+fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
+    match when {
+        When::Centre => block.contains(at),
+        When::Touches => {
+            // Along a periodic axis the nearest image; a grain is smaller than half the box.
+            let nearest = std::array::from_fn(|axis| {
+                let middle = 0.5 * (block.from[axis] + block.to[axis]);
+                at[axis] + image(at[axis] - middle, axis, grid)
+            });
+            block.touches(nearest, radius)
+        }
+    }
+}
+
+/// What to add to a difference along an axis to make it that of the nearest image.
+fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
+    if axis < grid.dimension && grid.periodic[axis] {
+        -(difference / grid.size[axis]).round() * grid.size[axis]
+    } else {
+        0.0
+    }
+}
+
+/// How many grains a region owes at a time.
+fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
+    // A rounding below a whole number of grains counts as that number.
+    let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
+    at_most.map_or(owed, |most| owed.min(u64::from(most)))
+}
+
+fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
+    let share = draw.uniform();
+    match radii {
+        Radii::Uniform { min, max } => min + share * (max - min),
+        Radii::List(list) => {
+            let n = whole(share * count(list.len()));
+            list.get(n).or(list.last()).copied().unwrap_or(0.0)
+        }
+    }
+}
+
+/// Places at which a grain lies wholly in the box, or on its middle line where the box is thinner.
+fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATCH] {
+    std::array::from_fn(|_| {
+        std::array::from_fn(|axis| {
+            if axis >= block.dimension {
+                return 0.0;
+            }
+            let (from, to) = (block.from[axis] + radius, block.to[axis] - radius);
+            let share = draw.uniform();
+            if from < to {
+                from + share * (to - from)
+            } else {
+                0.5 * (from + to)
+            }
+        })
+    })
+}
+
+/// The first of the places that no grain, body or wall covers on any rank.
+fn first_free<S: Space>(
+    places: &[[f64; 3]; BATCH],
+    radius: f64,
+    particles: &Particles<S>,
+    plan: &Plan,
+    domain: &Domain,
+) -> Option<[f64; 3]> {
+    let grid = &plan.scene.grid;
+    let mut covered = [0_i64; BATCH];
+    for (covered, place) in covered.iter_mut().zip(places) {
+        let at_wall = plan.scene.walls.iter().any(|wall| {
+            let distance: f64 = (0..S::DIMENSION)
+                .map(|axis| (place[axis] - wall.point[axis]) * wall.normal[axis])
+                .sum();
+            distance < radius
+        });
+        let by_grain = || {
+            (0..particles.owned()).any(|k| {
+                let at = boxed(&particles.motion[k].position, grid);
+                let squared: f64 = (0..S::DIMENSION)
+                    .map(|axis| {
+                        let apart = place[axis] - at[axis];
+                        (apart + image(apart, axis, grid)).powi(2)
+                    })
+                    .sum();
+                squared < (radius + particles.body[k].radius).powi(2)
+            })
+        };
+        *covered = i64::from(at_wall || by_grain());
+    }
+    domain.communicator().all_reduce_sum_i64s(&mut covered);
+    covered
+        .iter()
+        .position(|&covered| covered == 0)
+        .map(|free| places[free])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::dem::space::Plane;
+    use decomposition::Axis;
+    use nalgebra::Vector2;
+    use std::path::Path;
+
+    fn plan(regions: &str) -> Plan {
+        let text = format!(
+            r#"{{"title": "removal", "domain": {{"size": [0.01, 0.004], "spacing": 1e-4}},
+            "materials": {{"soil": {{"density": 2000}}}},
+            "grains": {{"material": "soil", "initial": {{"list": [{{"position": [0.001, 0.001], "radius": 1e-4}}]}}}},
+            "bodies": [{{"name": "stone", "shape": {{"disc": {{"radius": 2e-4}}}}, "position": [0.0095, 0.002],
+                "motion": {{"fixed": {{}}}}, "material": "soil"}}],
+            "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e3}}}}}},
+            "regions": [{regions}], "time": {{"end": 0.01}}}}"#
+        );
+        let document = Document::read(&text, &[], Path::new(".")).unwrap();
+        Plan::prepare(document).unwrap()
+    }
+
+    const OUT: &str = r#"{"name": "left", "box": {"from": [0, 0], "to": [0.0005, 0.004]}, "action": {"remove": {"when": "centre"}}},
+        {"name": "out", "box": {"from": [0.009, 0], "to": [0.01, 0.004]}, "action": {"remove": {}}}"#;
+
+    fn grain(id: u64, x: f64, y: f64) -> (Body, Motion<Plane>) {
+        let motion = Motion {
+            position: Vector2::new(x, y),
+            ..Motion::default()
+        };
+        (Body::uniform::<Plane>(id, 1e-4, 2000.0, 0), motion)
+    }
+
+    fn serial() -> Domain {
+        Domain::serial(Axis::X, 100, false)
+    }
+
+    #[test]
+    fn grains_in_a_region_go_by_rising_id_and_bodies_stay() {
+        let plan = plan(OUT);
+        let mut particles = Particles::<Plane>::new();
+        for (body, motion) in [
+            grain(0, 0.0095, 0.002),
+            // Touches the outlet.
+            grain(9, 0.00895, 0.003),
+            // Just does not touch it.
+            grain(3, 0.00889, 0.001),
+            // Its surface is in the left box, its centre is not.
+            grain(5, 0.00055, 0.001),
+            grain(4, 0.0004, 0.003),
+            grain(2, 0.0099, 0.0005),
+        ] {
+            particles.insert(body, motion);
+        }
+        let mut removal = Removal::new(&plan);
+        let gone = removal
+            .leaving(&mut particles, &plan, &serial(), 7, 0.5)
+            .unwrap();
+        let ids: Vec<_> = gone.iter().map(|d| (d.grain.id, d.region)).collect();
+        assert_eq!(ids, [(2, 1), (4, 0), (9, 1)]);
+        assert_eq!((gone[0].grain.step, gone[0].grain.time), (7, 0.5));
+        let mass = Body::uniform::<Plane>(0, 1e-4, 2000.0, 0).mass;
+        assert_eq!(removal.taken()[1].grains, 2);
+        approx::assert_relative_eq!(removal.taken()[1].mass, 2.0 * mass, max_relative = 1e-15);
+        assert_eq!(particles.owned(), 3);
+        let again = removal.leaving(&mut particles, &plan, &serial(), 8, 0.6);
+        assert!(again.unwrap().is_empty());
+
+        let saved = removal.state().unwrap();
+        let mut other = Removal::new(&plan);
+        let text = serde_json::to_string(&saved).unwrap();
+        other
+            .restore(&serde_json::from_str(&text).unwrap())
+            .unwrap();
+        assert_eq!(other.taken(), removal.taken());
+        assert!(other.restore(&serde_json::json!({"taken": []})).is_err());
+    }
+
+    const SPRING: &str = r#"{"name": "spring", "box": {"from": [0.002, 0.001], "to": [0.004, 0.002]},
+        "action": {"generate": {"rate": 1000, "radii": {"uniform": {"min": 1e-4, "max": 1.5e-4}},
+        "velocity": [0.1, 0], "seed": 4, "at_most": 12}}}"#;
+
+    fn apart(particles: &Particles<Plane>) -> bool {
+        let n = particles.owned();
+        (0..n).all(|i| {
+            (i + 1..n).all(|j| {
+                let gap = (particles.motion[i].position - particles.motion[j].position).norm();
+                gap >= particles.body[i].radius + particles.body[j].radius
+            })
+        })
+    }
+
+    fn present(particles: &Particles<Plane>) -> Vec<(u64, u64, u64, u64)> {
+        (0..particles.owned())
+            .map(|k| {
+                let (body, at) = (particles.body[k], particles.motion[k].position);
+                (
+                    body.id,
+                    body.radius.to_bits(),
+                    at.x.to_bits(),
+                    at.y.to_bits(),
+                )
+            })
+            .collect()
+    }
+
+    #[test]
+    fn grains_appear_at_their_rate_apart_and_the_same_after_a_restart() {
+        let plan = plan(SPRING);
+        let domain = serial();
+        let start = || {
+            let mut particles = Particles::<Plane>::new();
+            let (body, motion) = grain(41, 0.003, 0.0015);
+            particles.insert(body, motion);
+            particles
+        };
+        let mut straight = start();
+        let mut removal = Removal::new(&plan);
+        let mut born = Vec::new();
+        for step in 0..20_u32 {
+            let time = f64::from(step) * 1e-3;
+            born.push(
+                removal
+                    .appearing(&mut straight, &plan, &domain, time)
+                    .unwrap(),
+            );
+        }
+        assert_eq!(born[..4], [0, 1, 1, 1]);
+        assert_eq!(born.iter().sum::<u64>(), 12, "at most twelve: {born:?}");
+        assert_eq!(removal.generated(), 12);
+        assert!(apart(&straight));
+        let ids: Vec<_> = straight.body.iter().map(|body| body.id).collect();
+        assert_eq!(ids, (41..=53).collect::<Vec<_>>());
+        for k in 1..straight.owned() {
+            let (at, r) = (straight.motion[k].position, straight.body[k].radius);
+            assert!(at.x >= 0.002 + r && at.x <= 0.004 - r && (1e-4..=1.5e-4).contains(&r));
+            assert!((straight.motion[k].velocity.x - 0.1).abs() < 1e-15);
+        }
+
+        let mut resumed = start();
+        let mut first = Removal::new(&plan);
+        for step in 0..6_u32 {
+            let time = f64::from(step) * 1e-3;
+            first
+                .appearing(&mut resumed, &plan, &domain, time)
+                .unwrap();
+        }
+        let mut second = Removal::new(&plan);
+        second.restore(&first.state().unwrap()).unwrap();
+        for step in 6..20_u32 {
+            let time = f64::from(step) * 1e-3;
+            second
+                .appearing(&mut resumed, &plan, &domain, time)
+                .unwrap();
+        }
+        assert_eq!(present(&resumed), present(&straight));
+    }
+
+    #[test]
+    fn a_full_region_waits_and_ids_are_never_used_twice() {
+        let plan = plan(&format!("{OUT}, {SPRING}"));
+        let domain = serial();
+        let mut particles = Particles::<Plane>::new();
+        let mut stopper = grain(7, 0.003, 0.0015);
+        stopper.0.radius = 2e-3;
+        particles.insert(stopper.0, stopper.1);
+        let last = grain(60, 0.0099, 0.001);
+        particles.insert(last.0, last.1);
+        let mut removal = Removal::new(&plan);
+        let gone = removal
+            .leaving(&mut particles, &plan, &domain, 0, 0.0)
+            .unwrap();
+        assert_eq!(gone.len(), 1);
+        let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
+        assert_eq!(born.unwrap(), 0);
+        particles.remove(|particles, k| particles.body[k].id == 7);
+        let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
+        assert_eq!(born.unwrap(), 2);
+        let ids: Vec<_> = particles.body.iter().map(|body| body.id).collect();
+        assert_eq!(ids, [61, 62]);
+    }
+}
