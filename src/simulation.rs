@@ -1,4 +1,5 @@
 //! Owns the state; step and run.
 
+pub mod erosion;
 pub mod removal;
 pub mod view;

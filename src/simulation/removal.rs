@@ -588,9 +588,7 @@ mod tests {
         let mut first = Removal::new(&plan);
         for step in 0..6_u32 {
             let time = f64::from(step) * 1e-3;
-            first
-                .appearing(&mut resumed, &plan, &domain, time)
-                .unwrap();
+            first.appearing(&mut resumed, &plan, &domain, time).unwrap();
         }
         let mut second = Removal::new(&plan);
         second.restore(&first.state().unwrap()).unwrap();
