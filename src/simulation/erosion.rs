@@ -1,60 +1,833 @@
-//! stub
-use super::removal::Departed;
-use crate::{dem::BondBreak, dem::space::Space, error::Error, plan::Plan, simulation::view::View};
-use decomposition::Domain;
+//! What a piping run writes down about its erosion: `removed.csv`, `bonds.csv` and `erosion.csv` (A-27 to A-30, E-05).
+//!
+//! After every fluid step the grains that left and the bonds that broke are noted; every `erosion_law.every` seconds the
+//! state of the hole becomes one row. Let x be the axis of the flow, y the axis across the hole and L, d_h its length and width:
+//!
+//! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, solid cells at rest.
+//!   [`hole_faces`] finds the faces in s(y), against the mean of s outside the hole at the first row.
+//! - **Gradient.** [`shear_by_gradient`] of V_x(y) at those faces, times the dynamic viscosity.
+//! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as hole erosion
+//!   tests are read. What is lost in the chambers makes it an upper bound.
+//! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, so it
+//!   is independent of the other two. A grain of volume V inside a packing of solid fraction phi feels in any case
+//!   the seepage force G V / phi, with G = -dp/dx, because there the grains carry the whole pressure gradient. What the grains
+//!   behind a face feel beyond it is what the flow in the hole hands over:
+//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean diameters
+//!   behind a face or [`BEFORE`] in front of it; the shear fades within less than a diameter, so a deeper layer adds only
+//!   noise. G is the least-squares slope of the mean pressure of the water along the hole; phi is measured once, from the
+//!   grains beside the hole at the first row.
+//! - **Bonds.** A bond breaks at the wall of the hole where its contact point lies between the faces of the last row or within
+//!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; else inside. Before the
+//!   first row the faces are those of the box in the case.
+//!
+//! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses are kg/m;
+//! in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
+//!
+//! Rank 0 writes. Rows are appended; a resumed run first cuts the tables back to its checkpoint, so that they go on as those of
+//! a run that was never stopped.
+
+use super::removal::{Departed, boxed, rows};
+use super::view::View;
+use crate::analysis::erosion_law::hole::Profile;
+use crate::analysis::erosion_law::{
+    BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
+    RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
+};
+use crate::case::contact::Scaled;
+use crate::dem::space::{Components, Space};
+use crate::dem::{BondBreak, Failure};
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::scene::contact::Law;
+use crate::scene::flow::Condition;
+use crate::scene::grid::{count, whole};
+use crate::scene::observe::{Action, ErosionLaw};
+use decomposition::{Domain, ExactSum, Fixed};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::path::Path;
-pub struct ErosionRecorder {
-    n: usize,
-    b: usize,
-    modes: [usize; 2],
+use std::fs::{self, File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Grains up to this many mean diameters behind a face count for the traction.
+const BEHIND: f64 = 2.0;
+/// Grains up to this many mean diameters in front of a face count for the traction: rough faces stick out.
+const BEFORE: f64 = 0.5;
+/// Bonds up to this many mean diameters from a face break at the wall of the hole.
+const NEAR_WALL: f64 = 1.5;
+
+/// What is measured once, at the first call, while the sample is whole.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Start {
+    /// M_0 [kg/m].
+    mass: f64,
+    /// Mean diameter of the grains [m].
+    diameter: f64,
+    /// Solid fraction of the grains beside the hole, by their own radii.
+    packing: f64,
 }
+
+/// What a restart needs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct State {
+    start: Option<Start>,
+    /// Solid fraction beside the hole as the water sees it, at the first row.
+    intact: Option<f64>,
+    /// Faces of the last row [m].
+    faces: Option<[f64; 2]>,
+    eroded_mass: f64,
+    eroded_grains: u64,
+    bonds_inside: u64,
+    bonds_at_wall: u64,
+    /// How long the fluid had run before time 0 [s].
+    flow_age: f64,
+    last_row: Option<u64>,
+}
+
+/// A broken bond on its way to rank 0.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    step: u64,
+    time: f64,
+    solid_step: u64,
+    id_a: u64,
+    id_b: u64,
+    x: f64,
+    y: f64,
+    shear: bool,
+    at_wall: bool,
+}
+
+/// Writes the tables of an erosion run: see the module. Methods with a view or a domain are collective.
+#[derive(Debug)]
+pub struct ErosionRecorder {
+    law: Option<Hole>,
+    interval: u64,
+    first_grain: u64,
+    state: State,
+    /// Bonds broken on this rank since the last flush.
+    pending: Vec<Pending>,
+    removed: Option<Table>,
+    bonds: Option<Table>,
+    rows: Option<Table>,
+}
+
+/// The hole of the case with its axes named.
+#[derive(Clone, Copy, Debug)]
+struct Hole {
+    along: usize,
+    across: usize,
+    from: [f64; 3],
+    to: [f64; 3],
+    /// Cells of the box along each axis: first, one past the last.
+    cells: [[usize; 2]; 3],
+    /// Depth of the box, 1 in 2-D [m].
+    depth: f64,
+}
+
+impl Hole {
+    fn new(law: &ErosionLaw, plan: &Plan) -> Self {
+        let grid = &plan.scene.grid;
+        let along = law.flow_axis;
+        let across = usize::from(along == 0);
+        let cells = std::array::from_fn(|axis| {
+            if axis >= grid.dimension {
+                return [0, 1];
+            }
+            // A cell belongs to the box if its centre does.
+            let edge = |x: f64| whole((x / grid.spacing - 0.5).ceil()).min(grid.cells[axis]);
+            [edge(law.hole.from[axis]), edge(law.hole.to[axis])]
+        });
+        let third = 3 - along - across;
+        Self {
+            along,
+            across,
+            from: law.hole.from,
+            to: law.hole.to,
+            cells,
+            depth: if third < grid.dimension {
+                law.hole.to[third] - law.hole.from[third]
+            } else {
+                1.0
+            },
+        }
+    }
+
+    fn third(&self) -> usize {
+        3 - self.along - self.across
+    }
+
+    fn length(&self) -> f64 {
+        self.to[self.along] - self.from[self.along]
+    }
+
+    fn width(&self) -> f64 {
+        self.to[self.across] - self.from[self.across]
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.from[self.across] + self.to[self.across])
+    }
+
+    /// Whether a coordinate lies in the box along an axis, which in 2-D includes the third.
+    fn spans(&self, axis: usize, x: f64, dimension: usize) -> bool {
+        axis >= dimension || (self.from[axis]..self.to[axis]).contains(&x)
+    }
+
+    fn covers(&self, axis: usize, cell: usize) -> bool {
+        (self.cells[axis][0]..self.cells[axis][1]).contains(&cell)
+    }
+}
+
+/// Sums over the cells of all ranks; lattice units.
+struct Sums {
+    /// Per row across the hole: velocity along it, solid cells, cells, and the velocity in the plane through its middle.
+    velocity: Vec<Fixed>,
+    solid: Vec<i64>,
+    cells: Vec<i64>,
+    middle: Vec<Fixed>,
+    /// Per column along the hole, within the hole of the case: density deviation and cells of water.
+    deviation: Vec<Fixed>,
+    water: Vec<i64>,
+    /// Largest speed of the water.
+    speed: f64,
+}
+
 impl ErosionRecorder {
-    pub fn create(_: &Plan, _: &Path, _: &Domain, _: Option<u64>) -> Result<Self, Error> {
+    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
+    /// step. `removed.csv` is written where a region removes grains, `bonds.csv` where bonds can break, `erosion.csv` where
+    /// the case asks for the erosion law.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn create(
+        plan: &Plan,
+        folder: &Path,
+        domain: &Domain,
+        resumed_at: Option<u64>,
+    ) -> Result<Self, Error> {
+        let scene = &plan.scene;
+        let writer = domain.rank() == 0;
+        let open = |wanted: bool, name: &str, header: String| -> Result<Option<Table>, Error> {
+            (wanted && writer)
+                .then(|| Table::open(folder.join(name), &header, resumed_at))
+                .transpose()
+        };
+        let removes = scene
+            .regions
+            .iter()
+            .any(|region| matches!(region.action, Action::Remove { .. }));
+        let bonded = scene
+            .contact
+            .as_ref()
+            .is_some_and(|table| table.law == Law::CohesiveFrictional);
+        let opened = (|| {
+            Ok::<_, Error>((
+                open(removes, "removed.csv", RemovedGrain::header())?,
+                open(bonded, "bonds.csv", BreakRow::header())?,
+                open(
+                    scene.erosion_law.is_some(),
+                    "erosion.csv",
+                    ErosionRecord::header(),
+                )?,
+            ))
+        })();
+        let (removed, bonds, rows) = agreed(domain, opened)?;
         Ok(Self {
-            n: 0,
-            b: 0,
-            modes: [0; 2],
+            law: scene.erosion_law.as_ref().map(|law| Hole::new(law, plan)),
+            interval: scene
+                .erosion_law
+                .as_ref()
+                .map_or(u64::MAX, |law| plan.clock.interval_to_steps(law.every)),
+            first_grain: scene.bodies.len() as u64,
+            state: State::default(),
+            pending: Vec::new(),
+            removed,
+            bonds,
+            rows,
         })
     }
+
+    /// How long the fluid had run when the clock started [s]: pressure ramps count from the fluid's own start. Call it once
+    /// at the end of the warm-up; it is part of the state.
+    pub fn set_flow_age(&mut self, seconds: f64) {
+        self.state.flow_age = seconds;
+    }
+
+    /// Whether a row of `erosion.csv` is due at this step.
+    #[must_use]
+    pub fn is_due(&self, step: u64) -> bool {
+        self.law.is_some() && step.is_multiple_of(self.interval)
+    }
+
+    /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is due.
+    /// Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing are those
+    /// of the whole sample. `mass_error` is the fluid mass over that expected, less one; it is used only where
+    /// [`Self::is_due`] holds.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
     pub fn record_due<S: Space>(
         &mut self,
-        v: &View<S>,
-        r: &[Departed],
-        b: Vec<BondBreak<S>>,
-        _: f64,
+        view: &View<'_, S>,
+        removed: &[Departed],
+        breaks: Vec<BondBreak<S>>,
+        mass_error: f64,
     ) -> Result<(), Error> {
-        self.n += r.len();
-        self.b += b.len();
-        for x in &b {
-            self.modes[usize::from(x.mode == crate::dem::Failure::Shear)] += 1;
+        if self.state.start.is_none() {
+            self.state.start = Some(self.measure_start(view, removed));
         }
-        if v.step % 500 == 0 {
-            eprintln!(
-                "step {} t {:.3} left {} removed {} broken {} {:?}",
-                v.step,
-                v.time,
-                v.particles.owned(),
-                self.n,
-                self.b,
-                self.modes
-            );
+        for broken in breaks {
+            let at_wall = self.at_wall(&broken.position, view.plan);
+            self.pending.push(Pending {
+                step: view.step,
+                time: view.time,
+                solid_step: broken.step,
+                id_a: broken.grain,
+                id_b: match (broken.other, broken.wall) {
+                    (Some(other), _) => other,
+                    (None, wall) => u64::MAX - wall.map_or(0, u64::from),
+                },
+                x: broken.position.get(0),
+                y: broken.position.get(1),
+                shear: broken.mode == Failure::Shear,
+                at_wall,
+            });
+        }
+        if !removed.is_empty() {
+            let outlets = view.plan.scene.erosion_law.as_ref();
+            let mut lines = String::new();
+            for departed in removed {
+                if outlets.is_some_and(|law| law.outlets.contains(&departed.region)) {
+                    self.state.eroded_grains += 1;
+                    // In the order of the rows: the same on any ranks and after a restart.
+                    self.state.eroded_mass += departed.grain.mass;
+                }
+                lines.push_str(&departed.grain.to_csv());
+                lines.push('\n');
+            }
+            agreed(view.domain, append(&mut self.removed, &lines))?;
+        }
+        if self.is_due(view.step) && self.state.last_row != Some(view.step) {
+            self.flush(view.domain)?;
+            self.write_row(view, mass_error)?;
         }
         Ok(())
     }
-    pub fn eroded_fraction(&self) -> f64 {
-        self.n as f64
+
+    /// Writes the bonds that broke since the last row. Call it at the end of a run; [`Self::state`] and every row include it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where the table cannot be written.
+    pub fn flush(&mut self, domain: &Domain) -> Result<(), Error> {
+        let communicator = domain.communicator();
+        if communicator.all_reduce_max_u64(self.pending.len() as u64) == 0 {
+            return Ok(());
+        }
+        let mut bytes = Vec::new();
+        for p in self.pending.drain(..) {
+            let fields = [
+                p.step,
+                p.time.to_bits(),
+                p.solid_step,
+                p.id_a,
+                p.id_b,
+                p.x.to_bits(),
+                p.y.to_bits(),
+                u64::from(p.shear) + 2 * u64::from(p.at_wall),
+            ];
+            bytes.extend(fields.iter().flat_map(|field| field.to_le_bytes()));
+        }
+        let mut all = Vec::new();
+        for bytes in communicator.all_gather_bytes(&bytes) {
+            all.extend(rows::<8>(&bytes)?);
+        }
+        all.sort_unstable_by_key(|&[step, _, solid_step, id_a, id_b, ..]| {
+            (step, solid_step, id_a, id_b)
+        });
+        let mut lines = String::new();
+        for [step, time, _, id_a, id_b, x, y, kind] in all {
+            let at_wall = kind & 2 != 0;
+            if at_wall {
+                self.state.bonds_at_wall += 1;
+            } else {
+                self.state.bonds_inside += 1;
+            }
+            let row = BreakRow {
+                step,
+                time: f64::from_bits(time),
+                id_a,
+                id_b,
+                x: f64::from_bits(x),
+                y: f64::from_bits(y),
+                mode: if kind & 1 != 0 {
+                    BreakMode::Shear
+                } else {
+                    BreakMode::Tension
+                },
+                place: if at_wall {
+                    BreakPlace::HoleWall
+                } else {
+                    BreakPlace::Inside
+                },
+            };
+            lines.push_str(&row.to_csv());
+            lines.push('\n');
+        }
+        agreed(domain, append(&mut self.bonds, &lines))
     }
-    pub fn sync(&mut self) -> Result<(), Error> {
+
+    /// What a checkpoint keeps, the same on every rank; the tables are on disk, synced, when it returns.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn state(&mut self, domain: &Domain) -> Result<Value, Error> {
+        self.flush(domain)?;
+        let synced = [&self.removed, &self.bonds, &self.rows]
+            .into_iter()
+            .flatten()
+            .try_for_each(Table::sync);
+        agreed(domain, synced)?;
+        serde_json::to_value(&self.state).map_err(|error| Error::Internal(error.to_string()))
+    }
+
+    /// Takes back [`Self::state`].
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it is not such a state.
+    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
+        self.state = serde_json::from_value(state.clone())
+            .map_err(|error| Error::Io(format!("state of the erosion record: {error}")))?;
         Ok(())
     }
-    pub fn state(&self) -> Value {
-        Value::Null
+
+    /// The value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none where the case asks for no erosion
+    /// law or nothing was recorded yet.
+    ///
+    /// # Errors
+    /// Where it cannot be written as JSON.
+    pub fn summary(&self, plan: &Plan) -> Result<Option<Value>, Error> {
+        let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
+            return Ok(None);
+        };
+        let pressures = || pressures(plan);
+        let ramp = pressures().fold(0.0, |end: f64, [_, _, ramp]| end.max(ramp));
+        let summary = ErosionSummary {
+            cohesion: cohesion_per_diameter(plan, start.diameter),
+            pressure_difference: spread(pressures().map(|[_, value, _]| value)),
+            ramp_end: (ramp - self.state.flow_age).max(0.0),
+            initial_mass: start.mass,
+            eroded_mass: self.state.eroded_mass,
+            hole_width: hole.width(),
+            hole_length: hole.length(),
+        };
+        serde_json::to_value(summary)
+            .map(Some)
+            .map_err(|error| Error::Internal(error.to_string()))
     }
-    pub fn restore(&mut self, _: &Value) -> Result<(), Error> {
-        Ok(())
+
+    fn measure_start<S: Space>(&self, view: &View<'_, S>, removed: &[Departed]) -> Start {
+        let grid = &view.plan.scene.grid;
+        let (mut mass, mut diameter, mut beside) =
+            (ExactSum::new(), ExactSum::new(), ExactSum::new());
+        let mut grains = 0;
+        for (k, body) in view.particles.body[..view.particles.owned()]
+            .iter()
+            .enumerate()
+            .filter(|(_, body)| body.id >= self.first_grain)
+        {
+            grains += 1;
+            mass.add(body.mass);
+            diameter.add(2.0 * body.radius);
+            let at = boxed(&view.particles.motion[k].position, grid);
+            if self.law.is_some_and(|hole| {
+                hole.spans(hole.along, at[hole.along], grid.dimension)
+                    && hole.spans(hole.third(), at[hole.third()], grid.dimension)
+                    && !hole.spans(hole.across, at[hole.across], grid.dimension)
+            }) {
+                beside.add(S::measure(body.radius));
+            }
+        }
+        let communicator = view.domain.communicator();
+        for sum in [&mut mass, &mut diameter, &mut beside] {
+            sum.all_reduce(communicator);
+        }
+        grains = communicator.all_reduce_sum_u64(grains);
+        // What left in the very first step belonged to the sample.
+        for departed in removed {
+            mass.add(departed.grain.mass);
+            diameter.add(2.0 * departed.grain.radius);
+            grains += 1;
+        }
+        let area = self.law.map_or(1.0, |hole| {
+            hole.length() * hole.depth * (grid.size[hole.across] - hole.width())
+        });
+        Start {
+            mass: mass.value(),
+            diameter: if grains == 0 {
+                0.0
+            } else {
+                diameter.value() / number(grains)
+            },
+            packing: if area > 0.0 {
+                beside.value() / area
+            } else {
+                0.0
+            },
+        }
     }
-    pub fn summary(&self) -> Value {
-        Value::Null
+
+    /// The faces of the last row, or those of the case.
+    fn present_faces(&self, hole: &Hole) -> HoleFaces {
+        let [lower, upper] = self
+            .state
+            .faces
+            .unwrap_or([hole.from[hole.across], hole.to[hole.across]]);
+        HoleFaces { lower, upper }
+    }
+
+    fn at_wall<V: Components>(&self, position: &V, plan: &Plan) -> bool {
+        let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
+            return false;
+        };
+        let at = boxed(position, &plan.scene.grid);
+        let near = NEAR_WALL * start.diameter;
+        let faces = self.present_faces(hole);
+        (faces.lower - near..=faces.upper + near).contains(&at[hole.across])
+            && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
+    }
+
+    fn write_row<S: Space>(&mut self, view: &View<'_, S>, mass_error: f64) -> Result<(), Error> {
+        let (Some(hole), Some(start)) = (self.law, self.state.start) else {
+            return Ok(());
+        };
+        let (Some(flow), Some(units)) = (&view.plan.scene.flow, &view.plan.units) else {
+            return Ok(());
+        };
+        let spacing = units.spacing;
+        let sums = cell_sums(view, &hole);
+        let mean = |sum: &Fixed, cells: i64| sum.to_f64() / integer(cells.max(1));
+        let velocity: Vec<f64> = sums
+            .velocity
+            .iter()
+            .zip(&sums.cells)
+            .map(|(sum, &cells)| units.velocity_to_si(mean(sum, cells)))
+            .collect();
+        let solid: Vec<f64> = sums
+            .solid
+            .iter()
+            .zip(&sums.cells)
+            .map(|(&solid, &cells)| integer(solid) / integer(cells.max(1)))
+            .collect();
+        let profile = |values| Profile {
+            origin: 0.0,
+            spacing,
+            values,
+        };
+        let intact = *self.state.intact.get_or_insert_with(|| {
+            let beside = |values: &[i64]| -> i64 {
+                let rows = values.iter().enumerate();
+                rows.filter(|(row, _)| !hole.covers(hole.across, *row))
+                    .map(|(_, n)| n)
+                    .sum()
+            };
+            integer(beside(&sums.solid)) / integer(beside(&sums.cells).max(1))
+        });
+        let faces = hole_faces(profile(&solid), intact, hole.middle());
+        self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);
+        let time = view.time + self.state.flow_age;
+        let pressure_difference = spread(pressures(view.plan).map(|[from, value, ramp]| {
+            if time >= ramp {
+                value
+            } else {
+                from + (value - from) * (time / ramp)
+            }
+        }));
+        let length = hole.length();
+        let viscosity = flow.density * flow.kinematic_viscosity;
+        let gradient = faces
+            .and_then(|faces| shear_by_gradient(profile(&velocity), faces, viscosity))
+            .map_or(f64::NAN, |shear| shear.mean());
+        let pressures: Vec<(f64, f64)> = sums
+            .deviation
+            .iter()
+            .zip(&sums.water)
+            .enumerate()
+            .filter(|(_, (_, water))| **water > 0)
+            .map(|(column, (sum, &water))| {
+                let pressure = units.density_deviation_to_pressure(mean(sum, water));
+                ((count(column) + 0.5) * spacing, pressure)
+            })
+            .collect();
+        let force = faces.map(|faces| excess_force(view, &hole, &start, faces, -slope(&pressures)));
+        let discharge = faces.map_or(f64::NAN, |faces| {
+            let mut through = Fixed::ZERO;
+            for (row, sum) in sums.middle.iter().enumerate() {
+                let at = (count(row) + 0.5) * spacing;
+                if faces.lower <= at && at <= faces.upper {
+                    through.merge(*sum);
+                }
+            }
+            let area = if view.plan.scene.grid.dimension == 3 {
+                spacing * spacing / hole.depth
+            } else {
+                spacing
+            };
+            units.velocity_to_si(through.to_f64()) * area
+        });
+        let width = faces.map_or(f64::NAN, |faces| faces.width());
+        let row = ErosionRecord {
+            step: view.step,
+            time: view.time,
+            eroded_mass: self.state.eroded_mass,
+            eroded_fraction: self.state.eroded_mass / start.mass,
+            eroded_grains: self.state.eroded_grains,
+            lower_face: faces.map_or(f64::NAN, |faces| faces.lower),
+            upper_face: faces.map_or(f64::NAN, |faces| faces.upper),
+            hole_width: width,
+            hole_length: length,
+            shear_gradient: gradient,
+            shear_balance: shear_by_balance(pressure_difference, width, length),
+            shear_traction: force.map_or(f64::NAN, |force| shear_by_traction(force, length)),
+            pressure_difference,
+            discharge,
+            bonds_broken: self.state.bonds_inside + self.state.bonds_at_wall,
+            bonds_broken_inside: self.state.bonds_inside,
+            bonds_broken_at_wall: self.state.bonds_at_wall,
+            // Lattice velocities are in units of C.
+            mach: sums.speed,
+            mass_error,
+        };
+        self.state.last_row = Some(view.step);
+        agreed(view.domain, append(&mut self.rows, &(row.to_csv() + "\n")))
     }
 }
+
+/// One pass over the cells of this rank, then the sums of all ranks.
+fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
+    let grid = &view.plan.scene.grid;
+    let across = grid.cells[hole.across];
+    let along = grid.cells[hole.along];
+    let mut sums = Sums {
+        velocity: vec![Fixed::ZERO; across],
+        solid: vec![0; across],
+        cells: vec![0; across],
+        middle: vec![Fixed::ZERO; across],
+        deviation: vec![Fixed::ZERO; along],
+        water: vec![0; along],
+        speed: 0.0,
+    };
+    let [first, end] = hole.cells[hole.along];
+    let middle = usize::midpoint(first, end);
+    if let Some(fluid) = view.fluid {
+        let (cells, start) = (fluid.cells(), fluid.start());
+        for z in 0..cells[2] {
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    let cell = [x, y, z];
+                    let at: [usize; 3] = std::array::from_fn(|axis| cell[axis] + start[axis]);
+                    let (row, column) = (at[hole.across], at[hole.along]);
+                    let beside = hole.covers(hole.along, column)
+                        && hole.covers(hole.third(), at[hole.third()]);
+                    if beside {
+                        sums.cells[row] += 1;
+                    }
+                    if fluid.body_at(cell).is_some() {
+                        sums.solid[row] += i64::from(beside);
+                        continue;
+                    }
+                    let (deviation, velocity) = fluid.state(cell);
+                    let squared: f64 = velocity.iter().map(|u| u * u).sum();
+                    sums.speed = sums.speed.max(squared);
+                    if !beside {
+                        continue;
+                    }
+                    sums.velocity[row].add(velocity[hole.along]);
+                    if column == middle {
+                        sums.middle[row].add(velocity[hole.along]);
+                    }
+                    if hole.covers(hole.across, row) {
+                        sums.deviation[column].add(deviation);
+                        sums.water[column] += 1;
+                    }
+                }
+            }
+        }
+    }
+    let communicator = view.domain.communicator();
+    for fixed in [&mut sums.velocity, &mut sums.middle, &mut sums.deviation] {
+        Fixed::all_reduce(fixed, communicator);
+    }
+    for counts in [&mut sums.solid, &mut sums.cells, &mut sums.water] {
+        communicator.all_reduce_sum_i64s(counts);
+    }
+    sums.speed = communicator.all_reduce_max_f64(sums.speed).sqrt();
+    sums
+}
+
+/// Force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m], N/m.
+fn excess_force<S: Space>(
+    view: &View<'_, S>,
+    hole: &Hole,
+    start: &Start,
+    faces: HoleFaces,
+    gradient: f64,
+) -> f64 {
+    let grid = &view.plan.scene.grid;
+    let (behind, before) = (BEHIND * start.diameter, BEFORE * start.diameter);
+    let first_grain = view.plan.scene.bodies.len() as u64;
+    let (mut force, mut volume) = (ExactSum::new(), ExactSum::new());
+    for k in 0..view.particles.owned() {
+        let body = &view.particles.body[k];
+        let at = boxed(&view.particles.motion[k].position, grid);
+        // Depth behind the nearer face; negative in the hole.
+        let depth = (faces.lower - at[hole.across]).max(at[hole.across] - faces.upper);
+        if body.id >= first_grain
+            && (-before..=behind).contains(&depth)
+            && hole.spans(hole.along, at[hole.along], grid.dimension)
+            && hole.spans(hole.third(), at[hole.third()], grid.dimension)
+        {
+            force.add(view.particles.fluid[k].force.get(hole.along));
+            volume.add(S::measure(body.radius));
+        }
+    }
+    let communicator = view.domain.communicator();
+    force.all_reduce(communicator);
+    volume.all_reduce(communicator);
+    let seepage = if start.packing > 0.0 {
+        gradient * volume.value() / start.packing
+    } else {
+        0.0
+    };
+    (force.value() - seepage) / hole.depth
+}
+
+/// Slope of the least-squares line through the points; 0 for fewer than two.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    if points.len() < 2 {
+        return 0.0;
+    }
+    let n = count(points.len());
+    let mean_x = points.iter().map(|(x, _)| x).sum::<f64>() / n;
+    let mean_y = points.iter().map(|(_, y)| y).sum::<f64>() / n;
+    let (mut up, mut down) = (0.0, 0.0);
+    for (x, y) in points {
+        up += (x - mean_x) * (y - mean_y);
+        down += (x - mean_x) * (x - mean_x);
+    }
+    up / down
+}
+
+/// Start [Pa], final value [Pa] and ramp time [s] of every imposed pressure.
+fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
+    let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
+    patches.filter_map(|patch| match patch.condition {
+        Condition::Pressure {
+            value,
+            from,
+            ramp_time,
+        } => Some([from, value, ramp_time]),
+        _ => None,
+    })
+}
+
+/// Largest less smallest; NaN for fewer than two.
+fn spread(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
+    for value in values {
+        n += 1;
+        low = low.min(value);
+        high = high.max(value);
+    }
+    if n < 2 { f64::NAN } else { high - low }
+}
+
+/// C/d [N/m] of a pair of grains of mean size.
+fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
+    let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
+        return 0.0;
+    };
+    match table.pair(grains.material, grains.material).cohesion {
+        Scaled::PerDiameter(value) => value,
+        Scaled::Absolute(value) if diameter > 0.0 => value / diameter,
+        Scaled::Absolute(_) => 0.0,
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
+fn number(n: u64) -> f64 {
+    n as f64
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
+fn integer(n: i64) -> f64 {
+    n as f64
+}
+
+/// The outcome of rank 0 as that of every rank.
+fn agreed<T>(domain: &Domain, outcome: Result<T, Error>) -> Result<T, Error> {
+    let text = outcome.map_err(|error| match error {
+        Error::Io(what) => what,
+        other => other.to_string(),
+    });
+    domain
+        .communicator()
+        .agree(text)
+        .map_err(|disagreement| Error::Io(disagreement.message))
+}
+
+fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error> {
+    table.as_mut().map_or(Ok(()), |table| table.append(lines))
+}
+
+/// A CSV file that grows.
+#[derive(Debug)]
+struct Table {
+    path: PathBuf,
+    file: File,
+}
+
+impl Table {
+    /// A new table, or the one there is without the rows after `resumed_at` and without a last line that was cut off.
+    fn open(path: PathBuf, header: &str, resumed_at: Option<u64>) -> Result<Self, Error> {
+        let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
+        let mut text = format!("{header}\n");
+        if let Some(step) = resumed_at {
+            match fs::read_to_string(&path) {
+                Ok(old) => {
+                    let kept = old.split_inclusive('\n').skip(1).filter(|line| {
+                        let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
+                        line.ends_with('\n') && first.is_some_and(|row| row <= step)
+                    });
+                    text.extend(kept);
+                }
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                Err(error) => return Err(fail(error)),
+            }
+        }
+        // A crash leaves the old table or the new one.
+        let part = path.with_extension("csv.part");
+        fs::write(&part, text).map_err(fail)?;
+        File::open(&part)
+            .and_then(|file| file.sync_all())
+            .map_err(fail)?;
+        fs::rename(&part, &path).map_err(fail)?;
+        let file = OpenOptions::new().append(true).open(&path).map_err(fail)?;
+        Ok(Self { path, file })
+    }
+
+    fn append(&mut self, lines: &str) -> Result<(), Error> {
+        self.file
+            .write_all(lines.as_bytes())
+            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
+    }
+
+    fn sync(&self) -> Result<(), Error> {
+        self.file
+            .sync_data()
+            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
+    }
+}
+
+#[cfg(test)]
+mod tests;
