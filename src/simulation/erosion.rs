@@ -10,12 +10,12 @@
 //!   tests are read. What is lost in the chambers makes it an upper bound.
 //! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, so it
 //!   is independent of the other two. A grain of volume V inside a packing of solid fraction phi feels in any case
-//!   the seepage force G V / phi, with G = -dp/dx, because there the grains carry the whole pressure gradient. What the grains
-//!   behind a face feel beyond it is what the flow in the hole hands over:
+//!   the seepage force G V / phi, with G the pressure drop over L, because there the grains carry the whole pressure drop. What the
+//!   grains behind a face feel beyond it is what the flow in the hole hands over:
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean diameters
 //!   behind a face or [`BEFORE`] in front of it; the shear fades within less than a diameter, so a deeper layer adds only
-//!   noise. G is the least-squares slope of the mean pressure of the water along the hole; phi is measured once, from the
-//!   grains beside the hole at the first row.
+//!   noise. G is the difference of the mean pressures of the water at the two ends of that layer, in the planes of cells just
+//!   outside the hole box; phi is measured once, from the grains beside the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole where its contact point lies between the faces of the last row or within
 //!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; else inside. Before the
 //!   first row the faces are those of the box in the case.
@@ -186,9 +186,9 @@ struct Sums {
     solid: Vec<i64>,
     cells: Vec<i64>,
     middle: Vec<Fixed>,
-    /// Per column along the hole, within the hole of the case: density deviation and cells of water.
-    deviation: Vec<Fixed>,
-    water: Vec<i64>,
+    /// Per row, in the planes just before and behind the hole: density deviation and cells of water.
+    deviation: [Vec<Fixed>; 2],
+    water: [Vec<i64>; 2],
     /// Largest speed of the water.
     speed: f64,
 }
@@ -548,18 +548,25 @@ impl ErosionRecorder {
         let gradient = faces
             .and_then(|faces| shear_by_gradient(profile(&velocity), faces, viscosity))
             .map_or(f64::NAN, |shear| shear.mean());
-        let pressures: Vec<(f64, f64)> = sums
-            .deviation
-            .iter()
-            .zip(&sums.water)
-            .enumerate()
-            .filter(|(_, (_, water))| **water > 0)
-            .map(|(column, (sum, &water))| {
-                let pressure = units.density_deviation_to_pressure(mean(sum, water));
-                ((count(column) + 0.5) * spacing, pressure)
-            })
-            .collect();
-        let force = faces.map(|faces| excess_force(view, &hole, &start, faces, -slope(&pressures)));
+        let force = faces.map(|faces| {
+            let reach = BEHIND * start.diameter;
+            let [before, behind] = [0, 1].map(|end: usize| {
+                let (mut sum, mut cells) = (Fixed::ZERO, 0);
+                for (row, deviation) in sums.deviation[end].iter().enumerate() {
+                    let depth = depth(faces, (count(row) + 0.5) * spacing);
+                    if (0.0..=reach).contains(&depth) {
+                        sum.merge(*deviation);
+                        cells += sums.water[end][row];
+                    }
+                }
+                units.density_deviation_to_pressure(if cells > 0 {
+                    sum.to_f64() / integer(cells)
+                } else {
+                    f64::NAN
+                })
+            });
+            excess_force(view, &hole, &start, faces, (before - behind) / length)
+        });
         let discharge = faces.map_or(f64::NAN, |faces| {
             let mut through = Fixed::ZERO;
             for (row, sum) in sums.middle.iter().enumerate() {
@@ -607,18 +614,21 @@ impl ErosionRecorder {
 fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
     let grid = &view.plan.scene.grid;
     let across = grid.cells[hole.across];
-    let along = grid.cells[hole.along];
     let mut sums = Sums {
         velocity: vec![Fixed::ZERO; across],
         solid: vec![0; across],
         cells: vec![0; across],
         middle: vec![Fixed::ZERO; across],
-        deviation: vec![Fixed::ZERO; along],
-        water: vec![0; along],
+        deviation: [vec![Fixed::ZERO; across], vec![Fixed::ZERO; across]],
+        water: [vec![0; across], vec![0; across]],
         speed: 0.0,
     };
     let [first, end] = hole.cells[hole.along];
     let middle = usize::midpoint(first, end);
+    let ends = [
+        first.saturating_sub(1),
+        end.min(grid.cells[hole.along].saturating_sub(1)),
+    ];
     if let Some(fluid) = view.fluid {
         let (cells, start) = (fluid.cells(), fluid.start());
         for z in 0..cells[2] {
@@ -627,8 +637,8 @@ fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
                     let cell = [x, y, z];
                     let at: [usize; 3] = std::array::from_fn(|axis| cell[axis] + start[axis]);
                     let (row, column) = (at[hole.across], at[hole.along]);
-                    let beside = hole.covers(hole.along, column)
-                        && hole.covers(hole.third(), at[hole.third()]);
+                    let deep = hole.covers(hole.third(), at[hole.third()]);
+                    let beside = deep && hole.covers(hole.along, column);
                     if beside {
                         sums.cells[row] += 1;
                     }
@@ -639,6 +649,12 @@ fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
                     let (deviation, velocity) = fluid.state(cell);
                     let squared: f64 = velocity.iter().map(|u| u * u).sum();
                     sums.speed = sums.speed.max(squared);
+                    for (end, _) in ends.iter().enumerate().filter(|(_, end)| **end == column) {
+                        if deep {
+                            sums.deviation[end][row].add(deviation);
+                            sums.water[end][row] += 1;
+                        }
+                    }
                     if !beside {
                         continue;
                     }
@@ -646,19 +662,17 @@ fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
                     if column == middle {
                         sums.middle[row].add(velocity[hole.along]);
                     }
-                    if hole.covers(hole.across, row) {
-                        sums.deviation[column].add(deviation);
-                        sums.water[column] += 1;
-                    }
                 }
             }
         }
     }
     let communicator = view.domain.communicator();
-    for fixed in [&mut sums.velocity, &mut sums.middle, &mut sums.deviation] {
+    let [before, behind] = &mut sums.deviation;
+    for fixed in [&mut sums.velocity, &mut sums.middle, before, behind] {
         Fixed::all_reduce(fixed, communicator);
     }
-    for counts in [&mut sums.solid, &mut sums.cells, &mut sums.water] {
+    let [before, behind] = &mut sums.water;
+    for counts in [&mut sums.solid, &mut sums.cells, before, behind] {
         communicator.all_reduce_sum_i64s(counts);
     }
     sums.speed = communicator.all_reduce_max_f64(sums.speed).sqrt();
@@ -680,8 +694,7 @@ fn excess_force<S: Space>(
     for k in 0..view.particles.owned() {
         let body = &view.particles.body[k];
         let at = boxed(&view.particles.motion[k].position, grid);
-        // Depth behind the nearer face; negative in the hole.
-        let depth = (faces.lower - at[hole.across]).max(at[hole.across] - faces.upper);
+        let depth = depth(faces, at[hole.across]);
         if body.id >= first_grain
             && (-before..=behind).contains(&depth)
             && hole.spans(hole.along, at[hole.along], grid.dimension)
@@ -702,20 +715,9 @@ fn excess_force<S: Space>(
     (force.value() - seepage) / hole.depth
 }
 
-/// Slope of the least-squares line through the points; 0 for fewer than two.
-fn slope(points: &[(f64, f64)]) -> f64 {
-    if points.len() < 2 {
-        return 0.0;
-    }
-    let n = count(points.len());
-    let mean_x = points.iter().map(|(x, _)| x).sum::<f64>() / n;
-    let mean_y = points.iter().map(|(_, y)| y).sum::<f64>() / n;
-    let (mut up, mut down) = (0.0, 0.0);
-    for (x, y) in points {
-        up += (x - mean_x) * (y - mean_y);
-        down += (x - mean_x) * (x - mean_x);
-    }
-    up / down
+/// How far a point across the hole lies behind the nearer face [m]; negative in the hole.
+fn depth(faces: HoleFaces, at: f64) -> f64 {
+    (faces.lower - at).max(at - faces.upper)
 }
 
 /// Start [Pa], final value [Pa] and ramp time [s] of every imposed pressure.
