@@ -24,7 +24,6 @@ mod probes;
 mod schedule;
 pub mod together;
 
-
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::plan::Plan;
@@ -278,3 +277,6 @@ impl<T> Output<T> {
         self.last != Some(step) && due(&self.schedule)
     }
 }
+
+#[cfg(test)]
+mod tests;
