@@ -277,3 +277,6 @@ impl<T> Output<T> {
         self.last != Some(step) && due(&self.schedule)
     }
 }
+
+#[cfg(test)]
+mod tests;

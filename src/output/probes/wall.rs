@@ -176,3 +176,122 @@ fn strength(condition: Option<&Condition>) -> u8 {
         Some(Condition::FreeSlip) => 0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::lbm::boundary::{self, Patch, Ramp};
+    use crate::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
+    use crate::plan::Plan;
+    use crate::units::LatticeUnits;
+    use decomposition::{Axis, Domain};
+    use std::path::Path;
+
+    const CASE: &str = r#"{
+      "title": "rest",
+      "domain": {"size": [6e-3, 4e-3], "spacing": 1e-3},
+      "fluid": {"lattice_boltzmann": {
+        "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8,
+        "boundaries": [
+          {"name": "in", "face": "x_min", "condition": {"pressure": {"value": 1e-4}}},
+          {"name": "out", "face": "x_max", "condition": {"outflow": {}}},
+          {"name": "top", "face": "y_max", "condition": {"free_slip": {}}}
+        ]}},
+      "time": {"end": 10}
+    }"#;
+
+    struct Still(LatticeUnits, Vec<Flux>);
+
+    impl FluidView for Still {
+        fn units(&self) -> &LatticeUnits {
+            &self.0
+        }
+        fn cells(&self) -> [usize; 3] {
+            [6, 4, 1]
+        }
+        fn start(&self) -> [usize; 3] {
+            [0; 3]
+        }
+        fn state(&self, _: [usize; 3]) -> (f64, [f64; 3]) {
+            (0.0, [0.0; 3])
+        }
+        fn stress(&self, _: [usize; 3]) -> [[f64; 3]; 3] {
+            [[0.0; 3]; 3]
+        }
+        fn body_at(&self, _: [usize; 3]) -> Option<u64> {
+            None
+        }
+        fn patches(&self) -> Vec<String> {
+            Vec::new()
+        }
+        fn fluxes(&self) -> Vec<Flux> {
+            self.1.clone()
+        }
+    }
+
+    fn still(deviation: f64) -> (Plan, Still) {
+        let document = Document::read(CASE, &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let flow = plan.scene.flow.as_ref().unwrap();
+        let patches = flow
+            .patches()
+            .map(|patch| Patch {
+                name: patch.name.clone(),
+                axis: patch.face.axis(),
+                upper: patch.face.is_max(),
+                range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+                condition: match patch.condition {
+                    Condition::Pressure { .. } => {
+                        boundary::Condition::Pressure(Ramp::constant(deviation))
+                    }
+                    Condition::Outflow => boundary::Condition::Outflow,
+                    Condition::FreeSlip => boundary::Condition::FreeSlip,
+                    _ => boundary::Condition::NoSlip,
+                },
+            })
+            .collect();
+        let setup = Setup {
+            set: Set::D2Q9,
+            operator: Operator::Bgk,
+            relaxation_time: 0.8,
+            force: Force::None,
+            cells: plan.scene.grid.cells,
+            periodic: [false; 3],
+            patches,
+        };
+        let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(Axis::X, 6, false)).unwrap();
+        fluid.initialise(&|_| (deviation, [0.0; 3]));
+        fluid.advance();
+        let still = Still(plan.units.unwrap(), fluid.fluxes());
+        (plan, still)
+    }
+
+    fn sample(face: Face, plan: &Plan, fluid: &Still) -> [f64; 8] {
+        let flow = plan.scene.flow.as_ref().unwrap();
+        Wall::new(face, flow, &plan.scene.grid, false)
+            .sample(fluid, &Communicator::serial())
+            .unwrap()
+    }
+
+    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly nothing.
+    #[test]
+    fn the_reference_is_what_a_fluid_at_rest_exerts() {
+        let (plan, fluid) = still(0.0);
+        for face in [Face::XMin, Face::XMax, Face::YMin, Face::YMax] {
+            assert_eq!(sample(face, &plan, &fluid), [0.0; 8], "{face:?}");
+        }
+    }
+
+    #[test]
+    fn a_wall_feels_the_pressure_above_the_reference() {
+        let (plan, fluid) = still(1e-3);
+        let pressure = fluid.0.density_deviation_to_pressure(1e-3);
+        let [x, y, _, normal, shear, mean, ..] = sample(Face::YMin, &plan, &fluid);
+        let length = 6e-3;
+        approx::assert_relative_eq!(mean, pressure, max_relative = 1e-9);
+        approx::assert_relative_eq!(y, -pressure * length, max_relative = 1e-9);
+        approx::assert_relative_eq!(normal, pressure * length, max_relative = 1e-9);
+        assert!(x.abs() < 1e-9 * normal && shear < 1e-9 * normal);
+    }
+}
