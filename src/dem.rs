@@ -37,7 +37,7 @@ pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
 pub use ghosts::Region;
-pub use particles::{Body, Kind, Load, Motion, Particles};
+pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
@@ -204,7 +204,11 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
-    pub fn advance(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+    pub fn advance(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
         self.advance_many(particles, ranks, 1)
     }
 
@@ -226,7 +230,11 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+    pub fn prepare(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
         engine!(&mut self.inner, engine => engine.prepare(particles, ranks))
     }
 
@@ -320,13 +328,20 @@ impl Law {
         grains: impl IntoIterator<Item = &'a Body> + Clone,
         materials: u32,
     ) -> f64 {
-        let largest = grains.clone().into_iter().map(|body| body.radius).fold(0.0, f64::max);
+        let largest = grains
+            .clone()
+            .into_iter()
+            .map(|body| body.radius)
+            .fold(0.0, f64::max);
         let mut limit = f64::INFINITY;
         for body in grains.into_iter().filter(|body| body.kind == Kind::Free) {
             for material in 0..materials.max(1) {
                 for diameter in [2.0 * body.radius, body.radius + largest] {
-                    let partners =
-                        Partners { materials: [body.material, material], diameter, mass: body.mass };
+                    let partners = Partners {
+                        materials: [body.material, material],
+                        diameter,
+                        mass: body.mass,
+                    };
                     let stiffness = match self {
                         Self::Linear(law) => stiffness_of::<S, _>(law, &partners),
                         Self::CohesiveFrictional(law) => stiffness_of::<S, _>(law, &partners),

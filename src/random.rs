@@ -12,14 +12,22 @@ pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..10 {
         let [high0, low0] = halves(u64::from(MULTIPLIERS[0]) * u64::from(counter[0]));
         let [high1, low1] = halves(u64::from(MULTIPLIERS[1]) * u64::from(counter[2]));
-        counter = [high1 ^ counter[1] ^ key[0], low1, high0 ^ counter[3] ^ key[1], low0];
+        counter = [
+            high1 ^ counter[1] ^ key[0],
+            low1,
+            high0 ^ counter[3] ^ key[1],
+            low0,
+        ];
         key = [key[0].wrapping_add(WEYL[0]), key[1].wrapping_add(WEYL[1])];
     }
     counter
 }
 
 /// High and low word.
-#[expect(clippy::cast_possible_truncation, reason = "the two halves of 64 bits are 32 bits each")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the two halves of 64 bits are 32 bits each"
+)]
 const fn halves(value: u64) -> [u32; 2] {
     [(value >> 32) as u32, value as u32]
 }
@@ -54,7 +62,8 @@ impl Stream {
     /// The next 32 random bits.
     pub fn bits(&mut self) -> u32 {
         if self.used == 4 {
-            self.words = philox4x32_10([self.block, self.purpose, self.id[0], self.id[1]], self.key);
+            self.words =
+                philox4x32_10([self.block, self.purpose, self.id[0], self.id[1]], self.key);
             self.block = self.block.wrapping_add(1);
             self.used = 0;
         }
@@ -111,7 +120,13 @@ mod tests {
         assert!((mean - 0.5).abs() < 0.0082, "{mean}");
         assert!((square - 1.0 / 3.0).abs() < 0.0085, "{square}");
         let first = |seed, id, purpose| Stream::new(seed, id, purpose).bits();
-        let all = [first(7, 3, 1), first(8, 3, 1), first(7, 4, 1), first(7, 3, 2), first(7 << 32, 3, 1)];
+        let all = [
+            first(7, 3, 1),
+            first(8, 3, 1),
+            first(7, 4, 1),
+            first(7, 3, 2),
+            first(7 << 32, 3, 1),
+        ];
         for (k, a) in all.iter().enumerate() {
             assert!(all[k + 1..].iter().all(|b| a != b));
         }

@@ -145,7 +145,11 @@ pub enum Law {
 /// A length of a tangent cut down to `limit`, its direction kept.
 #[inline(always)]
 pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
-    if length > limit { tangent * (limit / length) } else { tangent }
+    if length > limit {
+        tangent * (limit / length)
+    } else {
+        tangent
+    }
 }
 
 /// A tangent from the front of `numbers`.

@@ -3,8 +3,8 @@
 //! Lists are made when a grain may have moved half the skin since they were last made. Nothing depends on when: separations
 //! come from raw positions and whole box lengths, forces are added in the order of the other grain's id (walls after
 //! grains), and the memory of a contact lives exactly as long as the surfaces overlap or the bond holds.
-//! Of the listed pairs only the *active* ones are tested: those whose gap, when the lists were made, was no more than grains may
-//! have moved since; in a bed at rest these are the contacts.
+//! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
+//! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
 
 use super::contact::{ContactLaw, Failure, Partners, Touch};
 use super::ghosts::{self, Region};
@@ -85,7 +85,6 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pairs: Vec<Pair<L::Constants, L::Memory>>,
     /// Per pair, only with periodic axes: what to add to the separation (m).
     offsets: Vec<S::Vector>,
-    gaps: Vec<f64>,
     active: Vec<u32>,
     wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -95,13 +94,17 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pub(super) wall_memories: Vec<((u64, u32), L::Memory)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
-    /// Pairs are active up to this path (m).
+    /// The active pairs hold up to this path (m), and since this step.
     activated: f64,
+    activated_at: u64,
+    /// How far a grain may move between two looks at all gaps (m).
+    look: f64,
     parallel: bool,
     actions: Vec<Action<S>>,
     /// Per owned grain its active pairs, in order: twice the place in `active`, plus 1 for the second.
     incident: Vec<u32>,
     incident_start: Vec<u32>,
+    cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<(u32, Failure)>,
 }
@@ -124,7 +127,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             search: Search::default(),
             pairs: Vec::new(),
             offsets: Vec::new(),
-            gaps: Vec::new(),
             active: Vec::new(),
             wall_pairs: Vec::new(),
             names: Vec::new(),
@@ -133,29 +135,30 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             wall_memories: Vec::new(),
             path: 0.0,
             activated: 0.0,
+            activated_at: 0,
+            look: settings.skin / 64.0,
             parallel: false,
             actions: Vec::new(),
             incident: Vec::new(),
             incident_start: Vec::new(),
+            cursor: Vec::new(),
             failures: Vec::new(),
             wall_failures: Vec::new(),
         }
     }
 
     /// Lists and ghosts for the present grains, and the contact loads where they are not known yet. Collective.
-    pub(super) fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
-        let need = match (particles.stale || !self.listed, particles.loaded) {
-            (true, false) => 3.0,
-            (true, true) => 2.0,
-            (false, false) => 1.0,
-            (false, true) => 0.0,
-        };
-        let need = ranks.maximum(need)?;
-        if need >= 2.0 {
+    pub(super) fn prepare(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
+        let flag = |set: bool| if set { 1.0 } else { 0.0 };
+        let listed = self.listed && !particles.stale;
+        if ranks.maximum(flag(!listed))? > 0.5 {
             self.rebuild(particles, ranks)?;
         }
-        // A rank without grains has loaded nothing, and decides nothing.
-        if need == 3.0 || need == 1.0 {
+        if ranks.maximum(flag(!particles.loaded))? > 0.5 {
             self.forces(particles, 0.0);
         }
         particles.loaded = true;
@@ -214,14 +217,22 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let region = self.settings.region;
         self.remember();
         particles.lengths = region.periodic_lengths();
+        particles.origin = region.origin();
         particles.drop_ghosts();
         agree(ranks, ghosts::wrap(particles, &region))?;
         if ranks.size() > 1 {
             self.migrate(particles, &region, ranks)?;
         }
         particles.sort();
-        if let Some(pair) = particles.body.windows(2).find(|pair| pair[0].id == pair[1].id) {
-            return Err(Error::Internal(format!("two grains have the id {}", pair[0].id)));
+        if let Some(pair) = particles
+            .body
+            .windows(2)
+            .find(|pair| pair[0].id == pair[1].id)
+        {
+            return Err(Error::Internal(format!(
+                "two grains have the id {}",
+                pair[0].id
+            )));
         }
         let census = ghosts::census(particles, ranks)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
@@ -237,11 +248,25 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.total = Some(total);
         particles.added = 0;
         particles.removed = 0;
-        let smallest = census.iter().map(|one| one.smallest).fold(f64::INFINITY, f64::min);
+        let smallest = census
+            .iter()
+            .map(|one| one.smallest)
+            .fold(f64::INFINITY, f64::min);
         let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
         let gap = self.settings.skin
-            + if total > 0 { self.law.widest_opening([2.0 * smallest, 2.0 * largest]) } else { 0.0 };
-        ghosts::make(particles, &region, &census, gap, self.settings.ghost_margin, ranks)?;
+            + if total > 0 {
+                self.law.widest_opening([2.0 * smallest, 2.0 * largest])
+            } else {
+                0.0
+            };
+        ghosts::make(
+            particles,
+            &region,
+            &census,
+            gap,
+            self.settings.ghost_margin,
+            ranks,
+        )?;
         self.list(particles, gap);
         particles.stale = false;
         self.listed = true;
@@ -252,13 +277,17 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn remember(&mut self) {
         for pair in &self.pairs {
             if pair.memory != L::Memory::default() {
-                let key = key(self.names[pair.first as usize], self.names[pair.second as usize]);
+                let key = key(
+                    self.names[pair.first as usize],
+                    self.names[pair.second as usize],
+                );
                 self.memories.push((key, pair.memory));
             }
         }
         for pair in &self.wall_pairs {
             if pair.memory != L::Memory::default() {
-                self.wall_memories.push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
+                self.wall_memories
+                    .push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
             }
         }
         self.pairs.clear();
@@ -297,7 +326,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             for &k in &leaving {
                 particles.pack(k, &mut writer);
             }
-            let grains = || self.memories.iter().filter(|(key, _)| leaves(key.first) || leaves(key.second));
+            let grains = || {
+                self.memories
+                    .iter()
+                    .filter(|(key, _)| leaves(key.first) || leaves(key.second))
+            };
             let walls = || self.wall_memories.iter().filter(|((id, _), _)| leaves(*id));
             writer.integer(grains().count() as u64);
             for (key, memory) in grains() {
@@ -326,7 +359,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 let (first, second) = (reader.integer()?, reader.integer()?);
                 let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
                 let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.memories.push((Key { first, second, shift }, memory));
+                self.memories.push((
+                    Key {
+                        first,
+                        second,
+                        shift,
+                    },
+                    memory,
+                ));
             }
             for _ in 0..reader.integer()? {
                 let id = reader.integer()?;
@@ -344,11 +384,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
         let periodic = self.settings.region.any_periodic();
         self.names.extend(
-            particles.body.iter().zip(&particles.shift).map(|(body, shift)| (body.id, *shift)),
+            particles
+                .body
+                .iter()
+                .zip(&particles.shift)
+                .map(|(body, shift)| (body.id, *shift)),
         );
         self.named_owned = particles.owned();
         self.offsets.clear();
-        self.gaps.clear();
         let mut search = std::mem::take(&mut self.search);
         search.pairs(particles, gap, |i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
@@ -377,7 +420,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 constants: self.law.constants(&partners),
                 memory: if lives { held } else { L::Memory::default() },
             });
-            self.gaps.push(squared.sqrt() - reach);
             if periodic {
                 self.offsets.push(offset);
             }
@@ -418,20 +460,33 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.activate(particles);
     }
 
-    /// Chooses the pairs to test until grains have moved further.
+    /// Chooses the pairs to test until grains have moved by another look's distance.
     fn activate(&mut self, particles: &Particles<S>) {
-        let half = 0.5 * self.settings.skin;
-        self.activated = [1.0 / 64.0, 1.0 / 16.0, 0.25]
-            .iter()
-            .map(|part| part * half)
-            .find(|&path| self.path <= 0.5 * path)
-            .unwrap_or(half);
-        let far = 2.0 * self.activated * (1.0 + 1e-9);
+        let skin = self.settings.skin;
+        let since = self.steps - self.activated_at;
+        if since < 30 {
+            self.look = (2.0 * self.look).min(0.5 * skin);
+        } else if since > 240 {
+            self.look = (0.5 * self.look).max(skin / 1024.0);
+        }
+        self.activated_at = self.steps;
+        self.activated = self.path + self.look;
+        let periodic = self.settings.region.any_periodic();
         self.active.clear();
-        for ((k, pair), gap) in (0..).zip(&self.pairs).zip(&self.gaps) {
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let ends = (pair.first as usize, pair.second as usize);
+            let offset = if periodic {
+                self.offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
+            let squared = separation(&particles.motion, ends, &offset, periodic).1;
             // The slack is far above the rounding of a separation, far below any gap that costs.
-            if *gap <= far + 1e-12 * pair.reach || L::bonded(&pair.memory) {
+            let far = pair.reach * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
+            if squared <= far * far || L::bonded(&pair.memory) {
                 self.active.push(k);
+            } else {
+                pair.memory = L::Memory::default();
             }
         }
         if self.parallel {
@@ -442,9 +497,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn note_incidence(&mut self, owned: usize) {
         self.incident_start.clear();
         self.incident_start.resize(owned + 1, 0);
-        let ends = |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
+        let ends =
+            |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
         for &k in &self.active {
-            for end in ends(&self.pairs[k as usize]).into_iter().filter(|&end| end < owned) {
+            for end in ends(&self.pairs[k as usize])
+                .into_iter()
+                .filter(|&end| end < owned)
+            {
                 self.incident_start[end + 1] += 1;
             }
         }
@@ -453,12 +512,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         self.incident.clear();
         self.incident.resize(self.incident_start[owned] as usize, 0);
-        let mut cursor = self.incident_start.clone();
+        self.cursor.clear();
+        self.cursor.extend_from_slice(&self.incident_start);
         for (place, &k) in (0..).zip(&self.active) {
             for (role, end) in (0..).zip(ends(&self.pairs[k as usize])) {
                 if end < owned {
-                    self.incident[cursor[end] as usize] = 2 * place + role;
-                    cursor[end] += 1;
+                    self.incident[self.cursor[end] as usize] = 2 * place + role;
+                    self.cursor[end] += 1;
                 }
             }
         }
@@ -482,31 +542,42 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     fn grain_forces<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         contact.fill(Load::default());
-        for &k in &self.active {
-            let offset = if PERIODIC { self.offsets[k as usize] } else { S::Vector::default() };
-            let pair = &mut self.pairs[k as usize];
-            let Some(action) = act::<S, L, PERIODIC>(pair, motion, &offset, dt) else {
-                continue;
-            };
-            let first = &mut contact[pair.first as usize];
-            first.force -= action.force;
-            first.torque += action.on_first;
-            let second = &mut contact[pair.second as usize];
-            second.force += action.force;
-            second.torque += action.on_second;
-            if let Some(failure) = action.failure {
-                self.failures.push((k, failure));
+        let mut spans = Spans::default();
+        for block in self.active.chunks(BLOCK) {
+            spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
+            for (&k, span) in block.iter().zip(spans.iter()) {
+                let pair = &mut self.pairs[k as usize];
+                let Some(action) = act::<S, L>(pair, motion, span, dt) else {
+                    continue;
+                };
+                let first = &mut contact[pair.first as usize];
+                first.force -= action.force;
+                first.torque += action.on_first;
+                let second = &mut contact[pair.second as usize];
+                second.force += action.force;
+                second.torque += action.on_second;
+                if let Some(failure) = action.failure {
+                    self.failures.push((k, failure));
+                }
             }
         }
     }
 
     /// The same sums in the same order: actions by pair, then added up by grain.
-    fn grain_forces_by_threads<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
+    fn grain_forces_by_threads<const PERIODIC: bool>(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+    ) {
         use rayon::prelude::*;
         let owned = particles.owned();
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         self.actions.resize(self.active.len(), Action::default());
         let failed = act_on_pieces::<S, L, PERIODIC>(
             (&self.active, 0),
@@ -524,25 +595,34 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
         }
         let (start, incident, actions) = (&self.incident_start, &self.incident, &self.actions);
-        contact[..owned].par_iter_mut().with_min_len(512).enumerate().for_each(|(k, load)| {
-            *load = Load::default();
-            for &at in &incident[start[k] as usize..start[k + 1] as usize] {
-                let action = &actions[at as usize / 2];
-                if at % 2 == 0 {
-                    load.force -= action.force;
-                    load.torque += action.on_first;
-                } else {
-                    load.force += action.force;
-                    load.torque += action.on_second;
+        contact[..owned]
+            .par_iter_mut()
+            .with_min_len(512)
+            .enumerate()
+            .for_each(|(k, load)| {
+                *load = Load::default();
+                for &at in &incident[start[k] as usize..start[k + 1] as usize] {
+                    let action = &actions[at as usize / 2];
+                    if at % 2 == 0 {
+                        load.force -= action.force;
+                        load.torque += action.on_first;
+                    } else {
+                        load.force += action.force;
+                        load.torque += action.on_second;
+                    }
                 }
-            }
-        });
+            });
     }
 
     fn wall_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles { motion, contact, .. } = particles;
+        let Particles {
+            motion, contact, ..
+        } = particles;
         for (k, pair) in (0..).zip(&mut self.wall_pairs) {
-            let (wall, grain) = (&self.walls[pair.wall as usize], &motion[pair.grain as usize]);
+            let (wall, grain) = (
+                &self.walls[pair.wall as usize],
+                &motion[pair.grain as usize],
+            );
             let distance = wall.distance(&grain.position);
             if distance >= pair.radius && !L::bonded(&pair.memory) {
                 pair.memory = L::Memory::default();
@@ -577,8 +657,12 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let (first, second) = (pair.first as usize, pair.second as usize);
             if first < particles.owned() {
                 let offset = self.offsets.get(k as usize).copied().unwrap_or_default();
-                let (between, squared) =
-                    separation(&particles.motion, (first, second), &offset, !self.offsets.is_empty());
+                let (between, squared) = separation(
+                    &particles.motion,
+                    (first, second),
+                    &offset,
+                    !self.offsets.is_empty(),
+                );
                 let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
                 self.breaks.push(BondBreak {
                     step: self.steps,
@@ -610,7 +694,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     pub(super) fn time(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a run of 2^53 steps would not end")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a run of 2^53 steps would not end"
+        )]
         let steps = self.steps as f64;
         steps * self.settings.time_step
     }
@@ -631,8 +718,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
         }
         for pair in &mut self.wall_pairs {
-            let distance =
-                self.walls[pair.wall as usize].distance(&particles.motion[pair.grain as usize].position);
+            let distance = self.walls[pair.wall as usize]
+                .distance(&particles.motion[pair.grain as usize].position);
             if distance < pair.radius && L::bond(&pair.constants, &mut pair.memory) {
                 bonds += 1;
             }
@@ -651,7 +738,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// Every contact this rank reports: `(entries, overlap, normal, position, bonded)`, walls as `Err(wall)`.
-    pub(super) fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(super::Contact<S>)) {
+    pub(super) fn for_each_contact(
+        &self,
+        particles: &Particles<S>,
+        mut visit: impl FnMut(super::Contact<S>),
+    ) {
         let periodic = self.settings.region.any_periodic();
         for (k, pair) in self.pairs.iter().enumerate() {
             let (first, second) = (pair.first as usize, pair.second as usize);
@@ -659,7 +750,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 continue;
             }
             let offset = self.offsets.get(k).copied().unwrap_or_default();
-            let (between, squared) = separation(&particles.motion, (first, second), &offset, periodic);
+            let (between, squared) =
+                separation(&particles.motion, (first, second), &offset, periodic);
             let bonded = L::bonded(&pair.memory);
             if squared < pair.reach * pair.reach || bonded {
                 let distance = squared.sqrt();
@@ -689,7 +781,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     wall: Some(pair.wall),
                     overlap,
                     normal: wall.normal,
-                    position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+                    position: particles.location(grain)
+                        - wall.normal * (pair.radius - 0.5 * overlap),
                     normal_force: L::stiffness(&pair.constants)[0] * overlap,
                     bonded,
                 });
@@ -712,9 +805,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             now.contacts += 1;
             now.bonds += u64::from(contact.bonded);
             let diameter = 2.0
-                * contact.other.map_or(particles.body[contact.grain].radius, |other| {
-                    particles.body[contact.grain].radius.min(particles.body[other].radius)
-                });
+                * contact
+                    .other
+                    .map_or(particles.body[contact.grain].radius, |other| {
+                        particles.body[contact.grain]
+                            .radius
+                            .min(particles.body[other].radius)
+                    });
             now.largest_overlap = now.largest_overlap.max(contact.overlap / diameter);
         });
         now
@@ -729,7 +826,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             .iter()
             .filter(|pair| pair.memory != fresh && (pair.first as usize) < self.named_owned)
             .map(|pair| {
-                (key(self.names[pair.first as usize], self.names[pair.second as usize]), pair.memory)
+                (
+                    key(
+                        self.names[pair.first as usize],
+                        self.names[pair.second as usize],
+                    ),
+                    pair.memory,
+                )
             })
             .collect();
         grains.sort_unstable_by_key(|(key, _)| *key);
@@ -744,7 +847,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
-    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
     pub(super) fn restore(
         &mut self,
         grains: Vec<(Key, L::Memory)>,
@@ -794,26 +896,84 @@ fn separation<S: Space>(
     (between, between.scalar(&between))
 }
 
+/// Pairs measured at once: enough to hide the latency of roots and divisions behind each other.
+const BLOCK: usize = 16;
+
+/// Separations of a block of pairs: vector, its square, its length and the length's inverse.
+#[derive(Debug)]
+struct Spans<S: Space> {
+    between: [S::Vector; BLOCK],
+    squared: [f64; BLOCK],
+    distance: [f64; BLOCK],
+    inverse: [f64; BLOCK],
+}
+
+impl<S: Space> Default for Spans<S> {
+    fn default() -> Self {
+        Self {
+            between: [S::Vector::default(); BLOCK],
+            squared: [1.0; BLOCK],
+            distance: [1.0; BLOCK],
+            inverse: [1.0; BLOCK],
+        }
+    }
+}
+
+impl<S: Space> Spans<S> {
+    /// `pairs` starts with pair number `base`; a block is at most [`BLOCK`] long.
+    #[inline(always)]
+    fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
+        &mut self,
+        block: &[u32],
+        pairs: &[Pair<L::Constants, L::Memory>],
+        base: usize,
+        motion: &[Motion<S>],
+        offsets: &[S::Vector],
+    ) {
+        let slots = self.between.iter_mut().zip(&mut self.squared);
+        for (&k, (between, squared)) in block.iter().zip(slots) {
+            let pair = &pairs[k as usize - base];
+            let offset = if PERIODIC {
+                offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
+            let ends = (pair.first as usize, pair.second as usize);
+            (*between, *squared) = separation(motion, ends, &offset, PERIODIC);
+        }
+        // The whole block, filled or not, so that the loop has a fixed length.
+        for k in 0..BLOCK {
+            self.distance[k] = self.squared[k].sqrt();
+            self.inverse[k] = 1.0 / self.distance[k];
+        }
+    }
+
+    #[inline(always)]
+    fn iter(&self) -> impl Iterator<Item = (&S::Vector, f64, f64, f64)> {
+        let lengths = self.distance.iter().zip(&self.inverse);
+        self.between.iter().zip(&self.squared).zip(lengths).map(
+            |((between, squared), (distance, inverse))| (between, *squared, *distance, *inverse),
+        )
+    }
+}
+
 /// The action of one pair, or none where it neither touches nor is bonded.
 #[inline(always)]
-fn act<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
+fn act<S: Space, L: ContactLaw<S>>(
     pair: &mut Pair<L::Constants, L::Memory>,
     motion: &[Motion<S>],
-    offset: &S::Vector,
+    (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     dt: f64,
 ) -> Option<Action<S>> {
-    let ends = (pair.first as usize, pair.second as usize);
-    let (between, squared) = separation(motion, ends, offset, PERIODIC);
     if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
         pair.memory = L::Memory::default();
         return None;
     }
-    let distance = squared.sqrt();
-    let normal = between * (1.0 / distance);
+    let normal = *between * inverse;
     let overlap = pair.reach - distance;
     let first_arm = pair.radius - 0.5 * overlap;
     let second_arm = distance - first_arm;
-    let (first, second) = (&motion[ends.0], &motion[ends.1]);
+    let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);
     let velocity = second.velocity - first.velocity;
     let rolling = first.spin * first_arm + second.spin * second_arm;
     let touch = Touch {
@@ -847,11 +1007,14 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
 ) -> bool {
     if active.len() <= PIECE {
         let mut failed = false;
-        for (&k, action) in active.iter().zip(actions) {
-            let offset = if PERIODIC { offsets[k as usize] } else { S::Vector::default() };
-            let pair = &mut pairs[k as usize - base];
-            *action = act::<S, L, PERIODIC>(pair, motion, &offset, dt).unwrap_or_default();
-            failed |= action.failure.is_some();
+        let mut spans = Spans::default();
+        for (block, actions) in active.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
+            spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
+            for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
+                let pair = &mut pairs[k as usize - base];
+                *action = act::<S, L>(pair, motion, span, dt).unwrap_or_default();
+                failed |= action.failure.is_some();
+            }
         }
         return failed;
     }
@@ -861,13 +1024,35 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
     let (left_pairs, right_pairs) = pairs.split_at_mut(cut - base);
     let (left_actions, right_actions) = actions.split_at_mut(middle);
     let (a, b) = rayon::join(
-        || act_on_pieces::<S, L, PERIODIC>((left, base), left_pairs, offsets, left_actions, motion, dt),
-        || act_on_pieces::<S, L, PERIODIC>((right, cut), right_pairs, offsets, right_actions, motion, dt),
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (left, base),
+                left_pairs,
+                offsets,
+                left_actions,
+                motion,
+                dt,
+            )
+        },
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (right, cut),
+                right_pairs,
+                offsets,
+                right_actions,
+                motion,
+                dt,
+            )
+        },
     );
     a || b
 }
 
-fn pack_memory<S: Space, L: ContactLaw<S>>(memory: &L::Memory, numbers: &mut Vec<f64>, to: &mut Writer) {
+fn pack_memory<S: Space, L: ContactLaw<S>>(
+    memory: &L::Memory,
+    numbers: &mut Vec<f64>,
+    to: &mut Writer,
+) {
     numbers.clear();
     L::save(memory, numbers);
     for number in &*numbers {
@@ -891,7 +1076,8 @@ fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {
         let motion = &particles.motion[k];
-        !(finite(&motion.position) && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
+        !(finite(&motion.position)
+            && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
     }) {
         None => Ok(()),
         Some(k) => Err(ghosts::lost(particles, k, "has no finite motion")),

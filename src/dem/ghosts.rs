@@ -27,7 +27,12 @@ impl<S: Space> Region<S> {
     /// A box without periodic axes, split in planes of `spacing` (m).
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
-        Self { lower, upper, periodic: [false; 3], spacing }
+        Self {
+            lower,
+            upper,
+            periodic: [false; 3],
+            spacing,
+        }
     }
 
     pub(super) fn length(&self, axis: usize) -> f64 {
@@ -36,13 +41,24 @@ impl<S: Space> Region<S> {
 
     /// Length along periodic axes, else 0.
     pub(super) fn periodic_lengths(&self) -> [f64; 3] {
-        let mut lengths = [0.0; 3];
-        for axis in 0..S::DIMENSION {
-            if self.periodic[axis] {
-                lengths[axis] = self.length(axis);
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION && self.periodic[axis] {
+                self.length(axis)
+            } else {
+                0.0
             }
-        }
-        lengths
+        })
+    }
+
+    /// The lower corner, 0 along axes that are not there.
+    pub(super) fn origin(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION {
+                self.lower.get(axis)
+            } else {
+                0.0
+            }
+        })
     }
 
     pub(super) fn any_periodic(&self) -> bool {
@@ -51,24 +67,36 @@ impl<S: Space> Region<S> {
 }
 
 /// The plane a coordinate lies in, clamped to `0..planes`.
-#[expect(clippy::cast_possible_truncation, reason = "clamped; a cast of a float saturates")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "clamped; a cast of a float saturates"
+)]
 fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: i64) -> i64 {
     (((coordinate - origin) / spacing).floor() as i64).clamp(0, planes - 1)
 }
 
-/// How many box lengths to add to bring `coordinate` into `[lower, lower + length)`.
-#[expect(clippy::cast_possible_truncation, reason = "a grain beyond 2^31 box lengths is caught as lost")]
-fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
+/// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a grain beyond 2^31 box lengths is caught as lost"
+)]
+pub(super) fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
     -(((coordinate - lower) / length).floor() as i32)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "plane counts are far below 2^53")]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "plane counts are far below 2^53"
+)]
 fn edge(plane: i64, lower: f64, spacing: f64) -> f64 {
     lower + plane as f64 * spacing
 }
 
 /// Brings every owned grain's shift into the box and checks that none is lost.
-pub(super) fn wrap<S: Space>(particles: &mut Particles<S>, region: &Region<S>) -> Result<(), Error> {
+pub(super) fn wrap<S: Space>(
+    particles: &mut Particles<S>,
+    region: &Region<S>,
+) -> Result<(), Error> {
     for k in 0..particles.owned() {
         for axis in 0..S::DIMENSION {
             let at = particles.location(k).get(axis);
@@ -77,9 +105,14 @@ pub(super) fn wrap<S: Space>(particles: &mut Particles<S>, region: &Region<S>) -
                 return Err(lost(particles, k, "is lost"));
             }
             if region.periodic[axis] {
-                particles.shift[k][axis] += wraps(at, lower, length);
+                let raw = particles.motion[k].position.get(axis);
+                particles.shift[k][axis] = wraps(raw, lower, length);
             } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
-                return Err(lost(particles, k, "is more than a box length outside the box"));
+                return Err(lost(
+                    particles,
+                    k,
+                    "is more than a box length outside the box",
+                ));
             }
         }
     }
@@ -90,7 +123,9 @@ pub(super) fn wrap<S: Space>(particles: &mut Particles<S>, region: &Region<S>) -
 pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     let motion = &particles.motion[k];
     let show = |v: &S::Vector| {
-        let numbers: Vec<String> = (0..S::DIMENSION).map(|axis| format!("{:e}", v.get(axis))).collect();
+        let numbers: Vec<String> = (0..S::DIMENSION)
+            .map(|axis| format!("{:e}", v.get(axis)))
+            .collect();
         numbers.join(", ")
     };
     Error::Numerical(format!(
@@ -108,7 +143,9 @@ pub(super) fn owners<S: Space>(
     ranks: &dyn Ranks,
 ) -> Result<Vec<usize>, Error> {
     let axis = ranks.axis();
-    let slabs: Vec<_> = (0..ranks.size()).map(|rank| ranks.planes_of(rank)).collect();
+    let slabs: Vec<_> = (0..ranks.size())
+        .map(|rank| ranks.planes_of(rank))
+        .collect();
     (0..particles.owned())
         .map(|k| {
             let at = particles.location(k).get(axis);
@@ -132,12 +169,19 @@ pub(super) struct Census {
 }
 
 /// Every rank's census, by rank. Collective.
-pub(super) fn census<S: Space>(particles: &Particles<S>, ranks: &dyn Ranks) -> Result<Vec<Census>, Error> {
+pub(super) fn census<S: Space>(
+    particles: &Particles<S>,
+    ranks: &dyn Ranks,
+) -> Result<Vec<Census>, Error> {
     let mut mine = Writer::default();
     mine.integer(particles.owned() as u64);
     mine.integer(particles.added);
     mine.integer(particles.removed);
-    let radii = || particles.body[..particles.owned()].iter().map(|body| body.radius);
+    let radii = || {
+        particles.body[..particles.owned()]
+            .iter()
+            .map(|body| body.radius)
+    };
     mine.float(radii().fold(f64::INFINITY, f64::min));
     mine.float(radii().fold(0.0, f64::max));
     gather_all(ranks, &mine.0)?
@@ -167,7 +211,9 @@ pub(super) fn make<S: Space>(
 ) -> Result<(), Error> {
     let owned = particles.owned();
     if owned >= u32::MAX as usize / 2 {
-        return Err(Error::Internal(format!("{owned} grains on one rank are more than the lists can number")));
+        return Err(Error::Internal(format!(
+            "{owned} grains on one rank are more than the lists can number"
+        )));
     }
     let split = ranks.axis();
     let mut plan = GhostPlan::default();
@@ -182,7 +228,10 @@ pub(super) fn make<S: Space>(
         let (mut lower, mut upper) = (region.lower, region.upper);
         for axis in 0..S::DIMENSION {
             if axis == split && ranks.size() > 1 {
-                lower.set(axis, edge(slab.start, region.lower.get(axis), region.spacing));
+                lower.set(
+                    axis,
+                    edge(slab.start, region.lower.get(axis), region.spacing),
+                );
                 upper.set(axis, edge(slab.end, region.lower.get(axis), region.spacing));
             }
             if !region.periodic[axis] {
@@ -199,7 +248,8 @@ pub(super) fn make<S: Space>(
         let mut entries = Vec::new();
         for k in 0..owned {
             // A little more than needed, so that rounding on the way never decides.
-            let reach = (particles.body[k].radius + of_target.largest.max(margin) + range) * (1.0 + 1e-9);
+            let reach =
+                (particles.body[k].radius + of_target.largest.max(margin) + range) * (1.0 + 1e-9);
             image_shifts(particles, k, region, (&lower, &upper), reach, &mut shifts);
             for &shift in &shifts {
                 if target == ranks.rank() {
@@ -237,7 +287,10 @@ pub(super) fn make<S: Space>(
 }
 
 /// An entry's number in 32 bits.
-#[expect(clippy::cast_possible_truncation, reason = "`make` refuses more than 2^31 grains on a rank")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "`make` refuses more than 2^31 grains on a rank"
+)]
 pub(super) fn index(k: usize) -> u32 {
     k as u32
 }
@@ -254,12 +307,12 @@ fn image_shifts<S: Space>(
     shifts.clear();
     let mut spans = [(0, 0); 3];
     let at = particles.location(k);
-    for axis in 0..S::DIMENSION {
+    for (axis, span) in spans.iter_mut().enumerate().take(S::DIMENSION) {
         let x = at.get(axis);
         let (low, high) = (bounds.0.get(axis) - reach, bounds.1.get(axis) + reach);
         if region.periodic[axis] {
             let length = region.length(axis);
-            spans[axis] = (-whole((x - low) / length), whole((high - x) / length));
+            *span = (-whole((x - low) / length), whole((high - x) / length));
         } else if x < low || x > high {
             return;
         }
@@ -275,7 +328,10 @@ fn image_shifts<S: Space>(
 }
 
 /// The next whole number below.
-#[expect(clippy::cast_possible_truncation, reason = "a few box lengths at most: grains lie inside the box")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a few box lengths at most: grains lie inside the box"
+)]
 fn whole(value: f64) -> i32 {
     value.floor() as i32
 }

@@ -55,13 +55,15 @@ fn kick<S: Space, const DAMPED: bool>(
     if DAMPED {
         let damp = |a: f64, v: f64| {
             let power = a * v;
-            if power > 0.0 {
-                a * (1.0 - kick.damping)
+            // Three constants to choose from: no branch that vibration could make unpredictable.
+            let factor = if power > 0.0 {
+                1.0 - kick.damping
             } else if power < 0.0 {
-                a * (1.0 + kick.damping)
+                1.0 + kick.damping
             } else {
-                a
-            }
+                1.0
+            };
+            a * factor
         };
         linear = linear.combine(&motion.velocity, damp);
         angular = angular.combine(&motion.spin, damp);
@@ -80,7 +82,9 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
 ) -> Fastest {
     let mut speed_squared = 0.0;
     let mut bad = false;
-    for (((motion, contact), fluid), mobility) in motion.iter_mut().zip(contact).zip(fluid).zip(mobility) {
+    for (((motion, contact), fluid), mobility) in
+        motion.iter_mut().zip(contact).zip(fluid).zip(mobility)
+    {
         if AGAIN {
             kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
         }
@@ -90,7 +94,11 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
         // A comparison that a NaN fails too.
         let sane = squared < SPEED_LIMIT;
         bad |= !sane;
-        speed_squared = if squared > speed_squared { squared } else { speed_squared };
+        speed_squared = if squared > speed_squared {
+            squared
+        } else {
+            speed_squared
+        };
     }
     Fastest { speed_squared, bad }
 }

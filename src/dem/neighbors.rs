@@ -54,9 +54,18 @@ impl Search {
 
     fn sort_into_classes<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
         let count = particles.len();
-        let largest = particles.body.iter().map(|body| body.radius).fold(0.0, f64::max);
+        let largest = particles
+            .body
+            .iter()
+            .map(|body| body.radius)
+            .fold(0.0, f64::max);
         self.class_of.clear();
-        self.class_of.extend(particles.body.iter().map(|body| class(largest, body.radius)));
+        self.class_of.extend(
+            particles
+                .body
+                .iter()
+                .map(|body| class(largest, body.radius)),
+        );
         self.classes.resize_with(CLASSES, Class::default);
         for (level, class) in self.classes.iter_mut().enumerate() {
             class.entries.clear();
@@ -83,7 +92,8 @@ impl Search {
                 for axis in 0..S::DIMENSION {
                     class.counts[axis] = cells((high[axis] - low[axis]) / size);
                 }
-                if class.counts.iter().fold(1.0, |n, &c| n * real(c)) <= 4.0 * real(members) + 64.0 {
+                if class.counts.iter().fold(1.0, |n, &c| n * real(c)) <= 4.0 * real(members) + 64.0
+                {
                     break;
                 }
                 size *= 1.25;
@@ -115,7 +125,8 @@ impl Search {
                     let between = particles.location(m) - at;
                     let reach = radius + particles.body[m].radius + gap;
                     if between.scalar(&between) <= reach * reach {
-                        self.found.push([super::ghosts::index(k), super::ghosts::index(m)]);
+                        self.found
+                            .push([super::ghosts::index(k), super::ghosts::index(m)]);
                     }
                 });
             }
@@ -126,8 +137,9 @@ impl Search {
         let count = super::ghosts::index(particles.len());
         self.order.clear();
         self.order.extend(0..count);
-        self.order
-            .sort_unstable_by_key(|&k| (particles.body[k as usize].id, particles.shift[k as usize]));
+        self.order.sort_unstable_by_key(|&k| {
+            (particles.body[k as usize].id, particles.shift[k as usize])
+        });
         self.place.resize(particles.len(), 0);
         for (place, &k) in (0..count).zip(&self.order) {
             self.place[k as usize] = place;
@@ -184,7 +196,11 @@ impl Class {
             self.start[cell + 1] += self.start[cell];
         }
         self.entries.resize(self.start[total] as usize, 0);
-        for (k, _) in class_of.iter().enumerate().filter(|(_, class)| usize::from(**class) == level) {
+        for (k, _) in class_of
+            .iter()
+            .enumerate()
+            .filter(|(_, class)| usize::from(**class) == level)
+        {
             let slot = &mut self.start[self.cell_of[k] as usize];
             self.entries[*slot as usize] = super::ghosts::index(k);
             *slot += 1;
@@ -245,7 +261,10 @@ fn cells_clamped(at: f64, count: usize) -> usize {
     (at as usize).min(count - 1)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of cells and members, far below 2^53")]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "counts of cells and members, far below 2^53"
+)]
 fn real(count: usize) -> f64 {
     count as f64
 }
@@ -266,7 +285,10 @@ mod tests {
                 motion.position.set(axis, draw.uniform());
             }
             let radius = 0.05 * ratio.powf(-draw.uniform());
-            particles.insert(Body::uniform::<S>((id * 7919) % 100_003, radius, 1.0, 0), motion);
+            particles.insert(
+                Body::uniform::<S>((id * 7919) % 100_003, radius, 1.0, 0),
+                motion,
+            );
         }
         particles
     }
@@ -274,7 +296,10 @@ mod tests {
     fn check<S: Space>(particles: &Particles<S>, gap: f64) {
         let mut found = Vec::new();
         Search::default().pairs(particles, gap, |a, b| found.push((a, b)));
-        let ids: Vec<_> = found.iter().map(|&(a, b)| (particles.body[a].id, particles.body[b].id)).collect();
+        let ids: Vec<_> = found
+            .iter()
+            .map(|&(a, b)| (particles.body[a].id, particles.body[b].id))
+            .collect();
         assert!(ids.iter().all(|(a, b)| a < b));
         assert!(ids.is_sorted(), "pairs are out of order");
         let mut brute = 0;
@@ -298,7 +323,10 @@ mod tests {
     fn linked_cells_find_what_brute_force_finds() {
         for (seed, ratio) in [(1, 1.0), (2, 3.0), (3, 100.0)] {
             check(&scatter::<Plane>(300, ratio, seed), 0.01);
-            check(&scatter::<Volume>(if ratio > 50.0 { 700 } else { 300 }, ratio, seed), 0.02);
+            check(
+                &scatter::<Volume>(if ratio > 50.0 { 700 } else { 300 }, ratio, seed),
+                0.02,
+            );
         }
     }
 }

@@ -77,10 +77,16 @@ impl Ranks for Alone {
         if messages.is_empty() {
             Ok(Vec::new())
         } else {
-            Err(Error::Internal("a message to a rank that is not there".into()))
+            Err(Error::Internal(
+                "a message to a rank that is not there".into(),
+            ))
         }
     }
-    fn pattern(&self, _: &[(usize, usize)], _: &[(usize, usize)]) -> Result<Box<dyn Pattern>, Error> {
+    fn pattern(
+        &self,
+        _: &[(usize, usize)],
+        _: &[(usize, usize)],
+    ) -> Result<Box<dyn Pattern>, Error> {
         Ok(Box::new(Self))
     }
 }
@@ -114,7 +120,11 @@ pub(super) fn agree(ranks: &dyn Ranks, mine: Result<(), Error>) -> Result<(), Er
     if ranks.size() == 1 {
         return mine;
     }
-    let text = mine.as_ref().err().map(ToString::to_string).unwrap_or_default();
+    let text = mine
+        .as_ref()
+        .err()
+        .map(ToString::to_string)
+        .unwrap_or_default();
     let all = gather_all(ranks, text.as_bytes())?;
     mine?;
     match all.iter().position(|text| !text.is_empty()) {

@@ -24,7 +24,12 @@ pub struct Relaxation {
 
 impl Default for Relaxation {
     fn default() -> Self {
-        Self { tolerance: 1e-3, local_damping: 0.7, look_every: 100, limit: 100_000 }
+        Self {
+            tolerance: 1e-3,
+            local_damping: 0.7,
+            look_every: 100,
+            limit: 100_000,
+        }
     }
 }
 
@@ -45,7 +50,11 @@ impl Stillness {
     /// Largest resultant over largest contact force; 0 without any force.
     #[must_use]
     pub fn unbalanced(&self) -> f64 {
-        if self.resultant > 0.0 { self.resultant / self.contact } else { 0.0 }
+        if self.resultant > 0.0 {
+            self.resultant / self.contact
+        } else {
+            0.0
+        }
     }
 }
 
@@ -54,12 +63,17 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// Where a message failed.
-    pub fn stillness(&self, particles: &Particles<S>, ranks: &dyn Ranks) -> Result<Stillness, Error> {
+    pub fn stillness(
+        &self,
+        particles: &Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<Stillness, Error> {
         let gravity = self.settings().gravity;
         let mut now = Stillness::default();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
-            let total =
-                particles.contact[k].force + particles.fluid[k].force + gravity * particles.body[k].mass;
+            let total = particles.contact[k].force
+                + particles.fluid[k].force
+                + gravity * particles.body[k].mass;
             now.resultant = now.resultant.max(total.length());
             now.speed = now.speed.max(particles.motion[k].velocity.length());
         }

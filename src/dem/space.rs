@@ -229,7 +229,11 @@ mod tests {
         let n3 = Vector3::new(x, y, 0.0);
         let slip = Plane::slip(&n, &v, &w);
         let flat = Plane::embed(&slip, &n);
-        let full = Volume::slip(&n3, &Vector3::new(v[0], v[1], 0.0), &Vector3::new(0.0, 0.0, w));
+        let full = Volume::slip(
+            &n3,
+            &Vector3::new(v[0], v[1], 0.0),
+            &Vector3::new(0.0, 0.0, w),
+        );
         assert_relative_eq!(flat[0], full[0], epsilon = 1e-14);
         assert_relative_eq!(flat[1], full[1], epsilon = 1e-14);
         let moment = Volume::tangent_moment(&full, &n3);
@@ -248,6 +252,9 @@ mod tests {
         let new = Volume::turn(&old, &normal);
         assert_relative_eq!(new.scalar(&normal), 0.0, epsilon = 1e-14);
         assert_relative_eq!(new.length(), 5.0, epsilon = 1e-14);
-        assert_eq!(Volume::turn(&Vector3::default(), &normal), Vector3::default());
+        assert_eq!(
+            Volume::turn(&Vector3::default(), &normal),
+            Vector3::default()
+        );
     }
 }

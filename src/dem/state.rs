@@ -64,9 +64,17 @@ impl Table {
         }
         for ((name, mine), (other_name, theirs)) in self.columns.iter_mut().zip(&other.columns) {
             match (mine, theirs) {
-                (Values::Real(mine), Values::Real(theirs)) if name == other_name => mine.extend(theirs),
-                (Values::Whole(mine), Values::Whole(theirs)) if name == other_name => mine.extend(theirs),
-                _ => return Err(Error::Io(format!("column {name} does not match column {other_name}"))),
+                (Values::Real(mine), Values::Real(theirs)) if name == other_name => {
+                    mine.extend(theirs)
+                }
+                (Values::Whole(mine), Values::Whole(theirs)) if name == other_name => {
+                    mine.extend(theirs)
+                }
+                _ => {
+                    return Err(Error::Io(format!(
+                        "column {name} does not match column {other_name}"
+                    )));
+                }
             }
         }
         Ok(())
@@ -76,7 +84,12 @@ impl Table {
     #[must_use]
     pub fn filter(&self, keep: impl Fn(usize) -> bool) -> Self {
         fn pick<T: Copy>(values: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
-            values.iter().enumerate().filter(|(row, _)| keep(*row)).map(|(_, value)| *value).collect()
+            values
+                .iter()
+                .enumerate()
+                .filter(|(row, _)| keep(*row))
+                .map(|(_, value)| *value)
+                .collect()
         }
         let columns = self
             .columns
@@ -93,11 +106,13 @@ impl Table {
     }
 
     fn real(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) {
-        self.columns.push((name.into(), Values::Real(values.into_iter().collect())));
+        self.columns
+            .push((name.into(), Values::Real(values.into_iter().collect())));
     }
 
     fn whole(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = u64>) {
-        self.columns.push((name.into(), Values::Whole(values.into_iter().collect())));
+        self.columns
+            .push((name.into(), Values::Whole(values.into_iter().collect())));
     }
 
     fn find(&self, name: &str) -> Result<&Values, Error> {
@@ -119,7 +134,9 @@ impl Table {
     fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
         match self.find(name)? {
             Values::Whole(values) => Ok(values),
-            Values::Real(_) => Err(Error::Io(format!("column {name} should hold whole numbers"))),
+            Values::Real(_) => Err(Error::Io(format!(
+                "column {name} should hold whole numbers"
+            ))),
         }
     }
 }
@@ -139,17 +156,29 @@ pub struct Contacts {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-fn components<C: Components>(table: &mut Table, name: &str, values: impl Iterator<Item = C> + Clone) {
-    for k in 0..C::COUNT {
-        let name = if C::COUNT == 1 { name.to_owned() } else { format!("{name}_{}", AXES[k]) };
+fn components<C: Components>(
+    table: &mut Table,
+    name: &str,
+    values: impl Iterator<Item = C> + Clone,
+) {
+    for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
+        let name = if C::COUNT == 1 {
+            name.to_owned()
+        } else {
+            format!("{name}_{axis}")
+        };
         table.real(name, values.clone().map(|value| value.get(k)));
     }
 }
 
 fn read_components<C: Components>(table: &Table, name: &str) -> Result<Vec<C>, Error> {
     let mut all = vec![C::default(); table.rows()];
-    for k in 0..C::COUNT {
-        let name = if C::COUNT == 1 { name.to_owned() } else { format!("{name}_{}", AXES[k]) };
+    for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
+        let name = if C::COUNT == 1 {
+            name.to_owned()
+        } else {
+            format!("{name}_{axis}")
+        };
         for (value, number) in all.iter_mut().zip(table.get_real(&name)?) {
             value.set(k, *number);
         }
@@ -163,7 +192,8 @@ fn small(value: u64) -> Result<u32, Error> {
 
 /// A shift from its column.
 fn signed(value: u64) -> Result<i32, Error> {
-    i32::try_from(value.cast_signed()).map_err(|_| Error::Io(format!("{value} is no count of box lengths")))
+    i32::try_from(value.cast_signed())
+        .map_err(|_| Error::Io(format!("{value} is no count of box lengths")))
 }
 
 fn unsigned(value: i32) -> u64 {
@@ -184,7 +214,7 @@ impl<S: Space> Particles<S> {
         table.whole("material", body.iter().map(|b| u64::from(b.material)));
         table.whole("kind", body.iter().map(|b| b.kind.code()));
         for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-            let shift = self.shift[..owned].iter().map(|shift| unsigned(shift[axis]));
+            let shift = (0..owned).map(|k| unsigned(self.shift_into_box(k)[axis]));
             table.whole(format!("shift_{name}"), shift);
         }
         let motion = self.motion[..owned].iter();
@@ -193,11 +223,22 @@ impl<S: Space> Particles<S> {
         components(&mut table, "spin", motion.map(|m| m.spin));
         for (name, loads) in [("contact", &self.contact), ("fluid", &self.fluid)] {
             let loads = loads[..owned].iter();
-            components(&mut table, &format!("{name}_force"), loads.clone().map(|load| load.force));
-            components(&mut table, &format!("{name}_torque"), loads.map(|load| load.torque));
+            components(
+                &mut table,
+                &format!("{name}_force"),
+                loads.clone().map(|load| load.force),
+            );
+            components(
+                &mut table,
+                &format!("{name}_torque"),
+                loads.map(|load| load.torque),
+            );
         }
         for k in 0..EXTRA {
-            table.real(format!("extra_{k}"), self.extra[..owned].iter().map(|extra| extra[k]));
+            table.real(
+                format!("extra_{k}"),
+                self.extra[..owned].iter().map(|extra| extra[k]),
+            );
         }
         table
     }
@@ -209,10 +250,16 @@ impl<S: Space> Particles<S> {
     /// Where a column is missing, short or of another type.
     pub fn from_table(table: &Table) -> Result<Self, Error> {
         let mut particles = Self::new();
-        let [ids, materials, kinds] =
-            [table.get_whole("id")?, table.get_whole("material")?, table.get_whole("kind")?];
-        let [radii, masses, inertias] =
-            [table.get_real("radius")?, table.get_real("mass")?, table.get_real("inertia")?];
+        let [ids, materials, kinds] = [
+            table.get_whole("id")?,
+            table.get_whole("material")?,
+            table.get_whole("kind")?,
+        ];
+        let [radii, masses, inertias] = [
+            table.get_real("radius")?,
+            table.get_real("mass")?,
+            table.get_real("inertia")?,
+        ];
         let position = read_components::<S::Vector>(table, "position")?;
         let velocity = read_components::<S::Vector>(table, "velocity")?;
         let spin = read_components::<S::Spin>(table, "spin")?;
@@ -229,18 +276,36 @@ impl<S: Space> Particles<S> {
                 material: small(materials[k])?,
                 kind: Kind::from_code(kinds[k])?,
             };
-            let motion = Motion { position: position[k], velocity: velocity[k], spin: spin[k] };
+            let motion = Motion {
+                position: position[k],
+                velocity: velocity[k],
+                spin: spin[k],
+            };
             particles.push(body, motion, [0; 3]);
-            particles.contact[k] = Load { force: contact_force[k], torque: contact_torque[k] };
-            particles.fluid[k] = Load { force: fluid_force[k], torque: fluid_torque[k] };
+            particles.contact[k] = Load {
+                force: contact_force[k],
+                torque: contact_torque[k],
+            };
+            particles.fluid[k] = Load {
+                force: fluid_force[k],
+                torque: fluid_torque[k],
+            };
         }
         for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-            for (shift, value) in particles.shift.iter_mut().zip(table.get_whole(&format!("shift_{name}"))?) {
+            for (shift, value) in particles
+                .shift
+                .iter_mut()
+                .zip(table.get_whole(&format!("shift_{name}"))?)
+            {
                 shift[axis] = signed(*value)?;
             }
         }
         for n in 0..EXTRA {
-            for (extra, value) in particles.extra.iter_mut().zip(table.get_real(&format!("extra_{n}"))?) {
+            for (extra, value) in particles
+                .extra
+                .iter_mut()
+                .zip(table.get_real(&format!("extra_{n}"))?)
+            {
                 extra[n] = *value;
             }
         }
@@ -279,7 +344,10 @@ fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Table, memories: &[L::
         L::save(memory, &mut numbers);
     }
     for n in 0..L::NUMBERS {
-        table.real(format!("memory_{n}"), numbers.iter().skip(n).step_by(L::NUMBERS).copied());
+        table.real(
+            format!("memory_{n}"),
+            numbers.iter().skip(n).step_by(L::NUMBERS).copied(),
+        );
     }
 }
 
@@ -301,27 +369,60 @@ fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
     grains.whole("first", pairs.iter().map(|(key, _)| key.first));
     grains.whole("second", pairs.iter().map(|(key, _)| key.second));
     for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-        grains.whole(format!("shift_{name}"), pairs.iter().map(|(key, _)| unsigned(key.shift[axis])));
+        grains.whole(
+            format!("shift_{name}"),
+            pairs.iter().map(|(key, _)| unsigned(key.shift[axis])),
+        );
     }
     let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
     memory_columns::<S, L>(&mut grains, &memories);
     let mut walls = Table::default();
     walls.whole("grain", at_walls.iter().map(|((grain, _), _)| *grain));
-    walls.whole("wall", at_walls.iter().map(|((_, wall), _)| u64::from(*wall)));
+    walls.whole(
+        "wall",
+        at_walls.iter().map(|((_, wall), _)| u64::from(*wall)),
+    );
     let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
     memory_columns::<S, L>(&mut walls, &memories);
     let mut faces = Table::default();
-    components(&mut faces, "point", engine.walls.iter().map(|wall| wall.point));
-    components(&mut faces, "normal", engine.walls.iter().map(|wall| wall.normal));
-    components(&mut faces, "velocity", engine.walls.iter().map(|wall| wall.velocity));
-    faces.whole("material", engine.walls.iter().map(|wall| u64::from(wall.material)));
-    Contacts { grains, walls, faces, steps: engine.steps }
+    components(
+        &mut faces,
+        "point",
+        engine.walls.iter().map(|wall| wall.point),
+    );
+    components(
+        &mut faces,
+        "normal",
+        engine.walls.iter().map(|wall| wall.normal),
+    );
+    components(
+        &mut faces,
+        "velocity",
+        engine.walls.iter().map(|wall| wall.velocity),
+    );
+    faces.whole(
+        "material",
+        engine.walls.iter().map(|wall| u64::from(wall.material)),
+    );
+    Contacts {
+        grains,
+        walls,
+        faces,
+        steps: engine.steps,
+    }
 }
 
-fn restore<S: Space, L: ContactLaw<S>>(engine: &mut Engine<S, L>, contacts: &Contacts) -> Result<(), Error> {
+fn restore<S: Space, L: ContactLaw<S>>(
+    engine: &mut Engine<S, L>,
+    contacts: &Contacts,
+) -> Result<(), Error> {
     let (grains, walls, faces) = (&contacts.grains, &contacts.walls, &contacts.faces);
     if faces.rows() != engine.walls.len() {
-        return Err(Error::Io(format!("{} walls saved, {} here", faces.rows(), engine.walls.len())));
+        return Err(Error::Io(format!(
+            "{} walls saved, {} here",
+            faces.rows(),
+            engine.walls.len()
+        )));
     }
     let points = read_components::<S::Vector>(faces, "point")?;
     let normals = read_components::<S::Vector>(faces, "normal")?;
@@ -340,14 +441,26 @@ fn restore<S: Space, L: ContactLaw<S>>(engine: &mut Engine<S, L>, contacts: &Con
     let (first, second) = (grains.get_whole("first")?, grains.get_whole("second")?);
     let mut shifts = vec![[0; 3]; grains.rows()];
     for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-        for (shift, value) in shifts.iter_mut().zip(grains.get_whole(&format!("shift_{name}"))?) {
+        for (shift, value) in shifts
+            .iter_mut()
+            .zip(grains.get_whole(&format!("shift_{name}"))?)
+        {
             shift[axis] = signed(*value)?;
         }
     }
     let pairs = read_memories::<S, L>(grains)?
         .into_iter()
         .enumerate()
-        .map(|(k, memory)| (Key { first: first[k], second: second[k], shift: shifts[k] }, memory))
+        .map(|(k, memory)| {
+            (
+                Key {
+                    first: first[k],
+                    second: second[k],
+                    shift: shifts[k],
+                },
+                memory,
+            )
+        })
         .collect();
     let (grain, wall) = (walls.get_whole("grain")?, walls.get_whole("wall")?);
     let at_walls = read_memories::<S, L>(walls)?

@@ -7,8 +7,14 @@ use super::contact::cohesive_frictional::{self, CohesiveFrictional};
 use super::contact::linear::{self, Linear};
 use super::*;
 
-pub(super) fn linear<S: Space>(parameters: linear::Parameters, settings: Settings<S>, walls: Vec<Wall<S>>) -> Dem<S> {
-    let law = Law::Linear(Linear { parameters: PairTable::uniform(1, parameters) });
+pub(super) fn linear<S: Space>(
+    parameters: linear::Parameters,
+    settings: Settings<S>,
+    walls: Vec<Wall<S>>,
+) -> Dem<S> {
+    let law = Law::Linear(Linear {
+        parameters: PairTable::uniform(1, parameters),
+    });
     Dem::new(law, settings, walls).unwrap()
 }
 
@@ -17,7 +23,9 @@ pub(super) fn cohesive<S: Space>(
     settings: Settings<S>,
     walls: Vec<Wall<S>>,
 ) -> Dem<S> {
-    let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, parameters) });
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, parameters),
+    });
     Dem::new(law, settings, walls).unwrap()
 }
 

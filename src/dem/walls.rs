@@ -37,7 +37,12 @@ impl<S: Space> Wall<S> {
 
     /// The walls of a box that is not periodic along `axes`: lower and upper face of each, in the order of the axes.
     #[must_use]
-    pub fn of_box(lower: S::Vector, upper: S::Vector, closed: [bool; 3], material: u32) -> Vec<Self> {
+    pub fn of_box(
+        lower: S::Vector,
+        upper: S::Vector,
+        closed: [bool; 3],
+        material: u32,
+    ) -> Vec<Self> {
         let mut walls = Vec::new();
         for axis in (0..S::DIMENSION).filter(|&axis| closed[axis]) {
             for (corner, sign) in [(lower, 1.0), (upper, -1.0)] {

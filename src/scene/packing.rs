@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
-    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Relaxation, Settings, Space, Wall,
+    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Relaxation, Settings,
+    Space, Wall,
 };
 use crate::error::Error;
 use crate::random::Stream;
@@ -156,7 +157,9 @@ impl<S: Space> Preparation<S> {
     }
 
     fn box_measure(&self) -> f64 {
-        (0..S::DIMENSION).map(|axis| self.upper.get(axis) - self.lower.get(axis)).product()
+        (0..S::DIMENSION)
+            .map(|axis| self.upper.get(axis) - self.lower.get(axis))
+            .product()
     }
 
     /// The asked radii (m).
@@ -166,7 +169,9 @@ impl<S: Space> Preparation<S> {
             Stop::Coordination(_) | Stop::Overlap(_) => self.solid_fraction,
         };
         if !(fraction > 0.0 && fraction < 1.0) {
-            return Err(Error::Numerical(format!("a packing of solid fraction {fraction}")));
+            return Err(Error::Numerical(format!(
+                "a packing of solid fraction {fraction}"
+            )));
         }
         let wanted = fraction * self.box_measure();
         let mut radii = Vec::new();
@@ -180,7 +185,9 @@ impl<S: Space> Preparation<S> {
                     let draw = Stream::new(self.seed, radii.len() as u64, SIZES).uniform();
                     let radius = 0.5 * (smallest + (largest - smallest) * draw);
                     if !(radius > 0.0 && radius.is_finite()) || radii.len() > 50_000_000 {
-                        return Err(Error::Numerical(format!("grains of radius {radius} m to pack")));
+                        return Err(Error::Numerical(format!(
+                            "grains of radius {radius} m to pack"
+                        )));
                     }
                     // The last one only where it brings the sum closer.
                     if filled + 0.5 * S::measure(radius) > wanted && !radii.is_empty() {
@@ -217,8 +224,17 @@ impl<'a, S: Space> Growth<'a, S> {
         let mut particles = Particles::new();
         for (id, (radius, position)) in (0..).zip(radii.iter().zip(places)) {
             // Masses of the final sizes throughout.
-            let body = Body { radius: radius * CLOUD, ..Body::uniform::<S>(id, *radius, how.density, 0) };
-            particles.insert(body, Motion { position, ..Motion::default() });
+            let body = Body {
+                radius: radius * CLOUD,
+                ..Body::uniform::<S>(id, *radius, how.density, 0)
+            };
+            particles.insert(
+                body,
+                Motion {
+                    position,
+                    ..Motion::default()
+                },
+            );
         }
         let parameters = Parameters {
             normal_stiffness: how.stiffness_per_diameter,
@@ -229,9 +245,13 @@ impl<'a, S: Space> Growth<'a, S> {
             shear_damping: 0.2,
             attraction: false,
         };
-        let law = Law::Linear(Linear { parameters: PairTable::uniform(1, parameters) });
-        let grown: Vec<Body> =
-            radii.iter().map(|radius| Body::uniform::<S>(0, *radius, how.density, 0)).collect();
+        let law = Law::Linear(Linear {
+            parameters: PairTable::uniform(1, parameters),
+        });
+        let grown: Vec<Body> = radii
+            .iter()
+            .map(|radius| Body::uniform::<S>(0, *radius, how.density, 0))
+            .collect();
         let time_step = 0.2 * law.critical_time_step::<S>(&grown, 1);
         let region = Region {
             lower: how.lower,
@@ -243,7 +263,14 @@ impl<'a, S: Space> Growth<'a, S> {
         settings.local_damping = 0.3;
         let closed = how.periodic.map(|periodic| !periodic);
         let dem = Dem::new(law, settings, Wall::of_box(how.lower, how.upper, closed, 0))?;
-        Ok(Self { how, radii, mean_diameter, factor: CLOUD, dem, particles })
+        Ok(Self {
+            how,
+            radii,
+            mean_diameter,
+            factor: CLOUD,
+            dem,
+            particles,
+        })
     }
 
     fn set_factor(&mut self, factor: f64) {
@@ -264,7 +291,9 @@ impl<'a, S: Space> Growth<'a, S> {
             if let Some(other) = contact.other {
                 // An image stands for its grain.
                 let id = self.particles.body[other].id;
-                if let Ok(own) = self.particles.body[..count].binary_search_by_key(&id, |body| body.id) {
+                if let Ok(own) =
+                    self.particles.body[..count].binary_search_by_key(&id, |body| body.id)
+                {
                     touches[own] += 1;
                 }
             }
@@ -278,11 +307,19 @@ impl<'a, S: Space> Growth<'a, S> {
         Report {
             grains: count as u64,
             size_factor: self.factor,
-            solid_fraction: self.radii.iter().map(|r| S::measure(r * self.factor)).sum::<f64>()
+            solid_fraction: self
+                .radii
+                .iter()
+                .map(|r| S::measure(r * self.factor))
+                .sum::<f64>()
                 / self.how.box_measure(),
             coordination: if held > 0.0 { ends / held } else { 0.0 },
             rattlers: 1.0 - held / real(count),
-            mean_overlap: if contacts > 0.0 { sum / contacts / self.mean_diameter } else { 0.0 },
+            mean_overlap: if contacts > 0.0 {
+                sum / contacts / self.mean_diameter
+            } else {
+                0.0
+            },
             largest_overlap: largest / self.mean_diameter,
             unbalanced: 0.0,
             kinetic_energy: (0..count).map(|k| self.particles.kinetic_energy(k)).sum(),
@@ -299,7 +336,8 @@ impl<'a, S: Space> Growth<'a, S> {
         loop {
             let next = (self.factor * (1.0 + STAGE_GROWTH)).min(end);
             self.set_factor(next);
-            self.dem.advance_many(&mut self.particles, &Alone, STAGE_STEPS)?;
+            self.dem
+                .advance_many(&mut self.particles, &Alone, STAGE_STEPS)?;
             self.check_limit()?;
             if self.factor >= end {
                 return Ok(());
@@ -357,10 +395,19 @@ impl<'a, S: Space> Growth<'a, S> {
         let mut apart = 0;
         for _ in 0..40 {
             let left = self.how.limit.saturating_sub(self.dem.steps());
-            let until = Relaxation { tolerance, look_every: 100, limit: left.clamp(1, 1000), local_damping: 0.7 };
+            let until = Relaxation {
+                tolerance,
+                look_every: 100,
+                limit: left.clamp(1, 1000),
+                local_damping: 0.7,
+            };
             let still = self.dem.relax(&mut self.particles, &Alone, &until)?;
             self.check_limit()?;
-            apart = if self.look().coordination < JAMMED { apart + 1 } else { 0 };
+            apart = if self.look().coordination < JAMMED {
+                apart + 1
+            } else {
+                0
+            };
             if apart == 3 {
                 return Ok(false);
             }
@@ -384,7 +431,10 @@ impl<'a, S: Space> Growth<'a, S> {
 
     fn packing(self) -> Result<Packing<S>, Error> {
         let still = self.dem.stillness(&self.particles, &Alone)?;
-        let report = Report { unbalanced: still.unbalanced(), ..self.look() };
+        let report = Report {
+            unbalanced: still.unbalanced(),
+            ..self.look()
+        };
         let mut grains: Vec<Grain<S>> = (0..self.particles.owned())
             .map(|k| Grain {
                 position: self.particles.location(k),
@@ -409,7 +459,9 @@ fn scatter<S: Space>(how: &Preparation<S>, radii: &[f64]) -> Result<Vec<S::Vecto
     for (axis, count) in counts.iter_mut().enumerate().take(S::DIMENSION) {
         let length = how.upper.get(axis) - how.lower.get(axis);
         if length < 2.0 * largest {
-            return Err(Error::Numerical(format!("a box {length} m wide for grains of {largest} m")));
+            return Err(Error::Numerical(format!(
+                "a box {length} m wide for grains of {largest} m"
+            )));
         }
         *count = floor((length / cell).max(1.0));
     }
@@ -421,7 +473,9 @@ fn scatter<S: Space>(how: &Preparation<S>, radii: &[f64]) -> Result<Vec<S::Vecto
             let length = how.upper.get(axis) - how.lower.get(axis);
             let part = (at.get(axis) - how.lower.get(axis)) / length;
             let place = floor(part * real(counts[axis])).min(counts[axis] - 1);
-            let place = place.checked_add_signed(step[axis]).filter(|place| *place < counts[axis]);
+            let place = place
+                .checked_add_signed(step[axis])
+                .filter(|place| *place < counts[axis]);
             let place = match (place, how.periodic[axis]) {
                 (Some(place), _) => place,
                 (None, true) if step[axis] < 0 => counts[axis] - 1,
@@ -460,7 +514,9 @@ fn scatter<S: Space>(how: &Preparation<S>, radii: &[f64]) -> Result<Vec<S::Vecto
             clear.then_some(at)
         });
         let Some(at) = free else {
-            return Err(Error::Numerical("the loose cloud does not fit the box".into()));
+            return Err(Error::Numerical(
+                "the loose cloud does not fit the box".into(),
+            ));
         };
         places[id] = at;
         if let Some(index) = cell_of(&at, [0; 3]) {
@@ -485,10 +541,18 @@ fn for_each_step<S: Space>(mut visit: impl FnMut([isize; 3])) {
 /// Orders grains by strips along the longest axis, so that ids that are close stand close.
 fn put_neighbours_together<S: Space>(grains: &mut [Grain<S>], how: &Preparation<S>, strip: f64) {
     let length = |axis: usize| how.upper.get(axis) - how.lower.get(axis);
-    let longest = (0..S::DIMENSION).fold(0, |best, axis| if length(axis) > length(best) { axis } else { best });
+    let longest = (0..S::DIMENSION).fold(0, |best, axis| {
+        if length(axis) > length(best) {
+            axis
+        } else {
+            best
+        }
+    });
     let mut axes: Vec<usize> = (0..S::DIMENSION).filter(|&axis| axis != longest).collect();
     let last = axes.pop().unwrap_or(longest);
-    let place = |grain: &Grain<S>, axis: usize| floor(((grain.position.get(axis) - how.lower.get(axis)) / strip).max(0.0));
+    let place = |grain: &Grain<S>, axis: usize| {
+        floor(((grain.position.get(axis) - how.lower.get(axis)) / strip).max(0.0))
+    };
     grains.sort_by(|a, b| {
         let strips = |grain: &Grain<S>| {
             let across: Vec<usize> = axes.iter().map(|&axis| place(grain, axis)).collect();
@@ -531,7 +595,11 @@ impl<S: Space> Packing<S> {
         if let Ok(report) = serde_json::to_string(&self.report) {
             let _ = writeln!(text, "# report {report}");
         }
-        text.push_str(if S::DIMENSION == 3 { "x,y,z,radius\n" } else { "x,y,radius\n" });
+        text.push_str(if S::DIMENSION == 3 {
+            "x,y,z,radius\n"
+        } else {
+            "x,y,radius\n"
+        });
         for grain in &self.grains {
             for axis in 0..S::DIMENSION {
                 let _ = write!(text, "{:e},", grain.position.get(axis));
@@ -546,14 +614,21 @@ impl<S: Space> Packing<S> {
     /// # Errors
     /// Where a line is not what it should be.
     pub fn from_csv(text: &str) -> Result<Self, Error> {
-        let mut packing = Self { grains: Vec::new(), report: Report::default() };
-        let names = if S::DIMENSION == 3 { "x,y,z,radius" } else { "x,y,radius" };
+        let mut packing = Self {
+            grains: Vec::new(),
+            report: Report::default(),
+        };
+        let names = if S::DIMENSION == 3 {
+            "x,y,z,radius"
+        } else {
+            "x,y,radius"
+        };
         let mut named = false;
         for (number, line) in (1..).zip(text.lines()) {
             let wrong = |what: &str| Error::Io(format!("packing, line {number}: {what}"));
             if let Some(report) = line.strip_prefix("# report ") {
-                packing.report =
-                    serde_json::from_str(report).map_err(|error| wrong(&format!("report: {error}")))?;
+                packing.report = serde_json::from_str(report)
+                    .map_err(|error| wrong(&format!("report: {error}")))?;
             } else if line.starts_with('#') || line.trim().is_empty() {
             } else if !named {
                 if line.trim() != names {
@@ -570,8 +645,8 @@ impl<S: Space> Packing<S> {
                     return Err(wrong("not one finite number per column"));
                 }
                 let mut position = S::Vector::default();
-                for axis in 0..S::DIMENSION {
-                    position.set(axis, numbers[axis]);
+                for (axis, number) in numbers.iter().enumerate().take(S::DIMENSION) {
+                    position.set(axis, *number);
                 }
                 let radius = numbers[S::DIMENSION];
                 if radius <= 0.0 {
@@ -580,7 +655,11 @@ impl<S: Space> Packing<S> {
                 packing.grains.push(Grain { position, radius });
             }
         }
-        if named { Ok(packing) } else { Err(Error::Io("packing: no line of names".into())) }
+        if named {
+            Ok(packing)
+        } else {
+            Err(Error::Io("packing: no line of names".into()))
+        }
     }
 
     /// Writes [`Self::to_csv`] to a file.
@@ -617,7 +696,10 @@ fn real(count: usize) -> f64 {
     count as f64
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "ids count the grains, which are in memory")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "ids count the grains, which are in memory"
+)]
 fn usize_of(id: u64) -> usize {
     id as usize
 }
@@ -634,7 +716,10 @@ mod tests {
             lower: Vector2::new(0.0, 0.0),
             upper: Vector2::new(4e-3, 3e-3),
             periodic: [false; 3],
-            sizes: Sizes::Uniform { smallest: 1.5e-4, largest: 2.5e-4 },
+            sizes: Sizes::Uniform {
+                smallest: 1.5e-4,
+                largest: 2.5e-4,
+            },
             solid_fraction: 0.83,
             stop: Stop::Overlap(1e-6),
             seed: 11,
@@ -665,7 +750,11 @@ mod tests {
             }
         }
         let before = packing.grains.len();
-        let cut = packing.cut(&Vector2::new(0.0, 1.3e-3), &Vector2::new(4e-3, 1.7e-3), Cut::Touch);
+        let cut = packing.cut(
+            &Vector2::new(0.0, 1.3e-3),
+            &Vector2::new(4e-3, 1.7e-3),
+            Cut::Touch,
+        );
         assert!(cut > 20 && packing.grains.len() == before - cut);
 
         let parameters = cohesive_frictional::Parameters {
@@ -678,19 +767,34 @@ mod tests {
             normal_damping: 0.0,
             shear_damping: 0.0,
         };
-        let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, parameters) });
+        let law = Law::CohesiveFrictional(CohesiveFrictional {
+            parameters: PairTable::uniform(1, parameters),
+        });
         let mut particles = Particles::<Plane>::new();
         for (id, grain) in (0..).zip(&packing.grains) {
             let body = Body::uniform::<Plane>(id, grain.radius, 2650.0, 0);
-            particles.insert(body, Motion { position: grain.position, ..Motion::default() });
+            particles.insert(
+                body,
+                Motion {
+                    position: grain.position,
+                    ..Motion::default()
+                },
+            );
         }
         let limit = law.critical_time_step::<Plane>(&particles.body, 1);
-        let settings = Settings::new(Region::closed(how.lower, how.upper, 1e-4), 0.2 * limit, 2e-5);
+        let settings = Settings::new(
+            Region::closed(how.lower, how.upper, 1e-4),
+            0.2 * limit,
+            2e-5,
+        );
         let walls = Wall::of_box(how.lower, how.upper, [true, true, false], 0);
         let mut dem = Dem::new(law, settings, walls).unwrap();
         let bonds = dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
         assert!(bonds > 300, "{bonds}");
-        let until = Relaxation { limit: 20_000, ..Relaxation::default() };
+        let until = Relaxation {
+            limit: 20_000,
+            ..Relaxation::default()
+        };
         let still = dem.relax(&mut particles, &Alone, &until).unwrap();
         assert!(still.unbalanced() < 1e-3, "{still:?}");
         assert!(dem.take_breaks().is_empty());
@@ -702,18 +806,29 @@ mod tests {
 
     #[test]
     fn a_packing_of_given_solid_fraction_has_the_asked_sizes() {
-        let how = Preparation { stop: Stop::SolidFraction(0.845), periodic: [true, false, false], ..small() };
+        let how = Preparation {
+            stop: Stop::SolidFraction(0.845),
+            periodic: [true, false, false],
+            ..small()
+        };
         let packing = how.pack().unwrap();
         let report = packing.report;
         assert!((report.size_factor - 1.0).abs() < f64::EPSILON);
         assert!((report.solid_fraction - 0.845).abs() < 2e-3, "{report:?}");
-        assert!(report.mean_overlap > 0.0 && report.largest_overlap < 0.05, "{report:?}");
+        assert!(
+            report.mean_overlap > 0.0 && report.largest_overlap < 0.05,
+            "{report:?}"
+        );
         let mut asked = how.radii().unwrap();
         let mut found: Vec<f64> = packing.grains.iter().map(|grain| grain.radius).collect();
         asked.sort_by(f64::total_cmp);
         found.sort_by(f64::total_cmp);
         assert_eq!(asked, found);
-        assert_eq!(packing, how.pack().unwrap(), "the same seed gives the same bits");
+        assert_eq!(
+            packing,
+            how.pack().unwrap(),
+            "the same seed gives the same bits"
+        );
         assert!(packing != Preparation { seed: 12, ..how }.pack().unwrap());
     }
 
@@ -723,7 +838,10 @@ mod tests {
             lower: Vector3::zeros(),
             upper: Vector3::new(0.01, 0.01, 0.01),
             periodic: [true; 3],
-            sizes: Sizes::Uniform { smallest: 1.6e-3, largest: 2.0e-3 },
+            sizes: Sizes::Uniform {
+                smallest: 1.6e-3,
+                largest: 2.0e-3,
+            },
             solid_fraction: 0.6,
             stop: Stop::Coordination(4.0),
             seed: 3,
@@ -741,11 +859,20 @@ mod tests {
 
     #[test]
     fn text_comes_back_bit_by_bit() {
-        let mut packing = Packing::<Plane> { grains: Vec::new(), report: Report { grains: 3, ..Report::default() } };
+        let mut packing = Packing::<Plane> {
+            grains: Vec::new(),
+            report: Report {
+                grains: 3,
+                ..Report::default()
+            },
+        };
         for k in 0..3 {
             let mut draw = Stream::new(1, k, 0);
             let position = Vector2::new(draw.uniform(), draw.uniform() / 3.0);
-            packing.grains.push(Grain { position, radius: draw.uniform() * 1e-5 });
+            packing.grains.push(Grain {
+                position,
+                radius: draw.uniform() * 1e-5,
+            });
         }
         let text = packing.to_csv("made by hand\nfor a test");
         assert!(text.starts_with("# made by hand\n# for a test\n# report {"));

@@ -17,7 +17,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
-use super::{ContactLaw, Failure, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+use super::{
+    ContactLaw, Failure, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent,
+};
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,7 +78,9 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
     fn constants(&self, partners: &Partners) -> Constants {
-        let p = self.parameters.get(partners.materials[0], partners.materials[1]);
+        let p = self
+            .parameters
+            .get(partners.materials[0], partners.materials[1]);
         let scale = |per_diameter| if per_diameter { partners.diameter } else { 1.0 };
         let normal = p.normal_stiffness * scale(p.stiffness_per_diameter);
         let shear = normal * p.stiffness_ratio;
@@ -93,12 +97,17 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     #[inline(always)]
     fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
         let normal = c.normal * touch.overlap;
-        let shear = S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
+        let shear =
+            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
         let length = shear.length();
         let limit = normal * c.friction + memory.cohesion;
         if length <= limit && normal >= -memory.cohesion {
             memory.shear = shear;
-            let least = if memory.cohesion > 0.0 { f64::NEG_INFINITY } else { 0.0 };
+            let least = if memory.cohesion > 0.0 {
+                f64::NEG_INFINITY
+            } else {
+                0.0
+            };
             return Reply {
                 normal: (normal - c.normal_dashpot * touch.separation_rate).max(least),
                 tangent: shear - touch.slip * c.shear_dashpot,
@@ -113,8 +122,15 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         };
         let normal = normal.max(0.0);
         let tangent = cut_to(shear, length, normal * c.friction);
-        *memory = Memory { shear: tangent, cohesion: 0.0 };
-        let dashpot = if touch.overlap > 0.0 { c.normal_dashpot } else { 0.0 };
+        *memory = Memory {
+            shear: tangent,
+            cohesion: 0.0,
+        };
+        let dashpot = if touch.overlap > 0.0 {
+            c.normal_dashpot
+        } else {
+            0.0
+        };
         Reply {
             normal: (normal - dashpot * touch.separation_rate).max(0.0),
             tangent,

@@ -64,8 +64,14 @@ impl<S: Space> ContactLaw<S> for Linear {
     const NUMBERS: usize = S::Tangent::COUNT;
 
     fn constants(&self, partners: &Partners) -> Constants {
-        let p = self.parameters.get(partners.materials[0], partners.materials[1]);
-        let scale = if p.stiffness_per_diameter { partners.diameter } else { 1.0 };
+        let p = self
+            .parameters
+            .get(partners.materials[0], partners.materials[1]);
+        let scale = if p.stiffness_per_diameter {
+            partners.diameter
+        } else {
+            1.0
+        };
         let normal = p.normal_stiffness * scale;
         let shear = normal * p.stiffness_ratio;
         Constants {
@@ -80,14 +86,20 @@ impl<S: Space> ContactLaw<S> for Linear {
 
     #[inline(always)]
     fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        let normal = (c.normal * touch.overlap - c.normal_dashpot * touch.separation_rate).max(c.least);
-        let spring = S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
+        let normal =
+            (c.normal * touch.overlap - c.normal_dashpot * touch.separation_rate).max(c.least);
+        let spring =
+            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
         let dashpot = touch.slip * c.shear_dashpot;
         let total = spring - dashpot;
         let (length, limit) = (total.length(), c.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
         memory.shear = if length > limit { tangent } else { spring };
-        Reply { normal, tangent, failure: None }
+        Reply {
+            normal,
+            tangent,
+            failure: None,
+        }
     }
 
     #[inline(always)]
@@ -114,7 +126,9 @@ impl<S: Space> ContactLaw<S> for Linear {
     }
 
     fn load(numbers: &[f64]) -> Memory<S> {
-        Memory { shear: load_tangent(numbers) }
+        Memory {
+            shear: load_tangent(numbers),
+        }
     }
 }
 

@@ -5,10 +5,28 @@ use nalgebra::{Vector2, Vector3};
 
 use super::*;
 
+/// The nearest whole number.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of steps, positive and small"
+)]
+fn whole(value: f64) -> u64 {
+    value.round() as u64
+}
+
 /// Restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
-    let parameters = linear::Parameters { normal_damping: zeta, attraction, friction: 0.0, ..SPRINGS };
-    let bodies = [Body::uniform::<S>(1, 1e-3, 2600.0, 0), Body::uniform::<S>(2, 2e-3, 2600.0, 0)];
+    let parameters = linear::Parameters {
+        normal_damping: zeta,
+        attraction,
+        friction: 0.0,
+        ..SPRINGS
+    };
+    let bodies = [
+        Body::uniform::<S>(1, 1e-3, 2600.0, 0),
+        Body::uniform::<S>(2, 2e-3, 2600.0, 0),
+    ];
     let mass = bodies[0].mass * bodies[1].mass / (bodies[0].mass + bodies[1].mass);
     let unit = (mass / 1e5_f64).sqrt();
     let settings = Settings::new(about_origin::<S>(1.0), unit * 5e-5, 1e-4);
@@ -36,14 +54,22 @@ fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
         assert!(steps < 2e5);
     }
     let leaving = particles.motion[1].velocity.get(0) - particles.motion[0].velocity.get(0);
-    [leaving / speed, steps * settings.time_step / unit, depth / (speed * unit)]
+    [
+        leaving / speed,
+        steps * settings.time_step / unit,
+        depth / (speed * unit),
+    ]
 }
 
 /// validation.md 4.1: columns e, zeta, duration, depth, and the same without attraction.
 #[test]
 fn a_damped_collision_restitutes_as_the_oscillator() {
-    for row in rows(include_str!("../../../tests/reference/spring_dashpot_collision.csv")) {
-        let [e, zeta, duration, depth, duration_pushing, e_pushing] = row[..] else { panic!() };
+    for row in rows(include_str!(
+        "../../../tests/reference/spring_dashpot_collision.csv"
+    )) {
+        let [e, zeta, duration, depth, duration_pushing, e_pushing] = row[..] else {
+            panic!()
+        };
         let [found, time, deepest] = collide::<Plane>(zeta, true);
         assert_relative_eq!(found, e, max_relative = 1e-3);
         assert_relative_eq!(time, duration, max_relative = 1e-3);
@@ -58,8 +84,17 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
 fn compare_collision(table: &str, friction: f64, gamma: f64) {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
     let normal_damping = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
-    let parameters = linear::Parameters { friction, normal_damping, attraction: true, ..SPRINGS };
-    let mut dem = linear(parameters, Settings::new(about_origin::<Volume>(0.01), 1e-7, 2e-4), Vec::new());
+    let parameters = linear::Parameters {
+        friction,
+        normal_damping,
+        attraction: true,
+        ..SPRINGS
+    };
+    let mut dem = linear(
+        parameters,
+        Settings::new(about_origin::<Volume>(0.01), 1e-7, 2e-4),
+        Vec::new(),
+    );
     let mut particles = Particles::new();
     let start = |sign: f64| Motion::<Volume> {
         position: Vector3::new(-1.005e-3 * sign, 0.0, 0.0),
@@ -69,7 +104,9 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
     particles.insert(body, start(1.0));
     particles.insert(Body { id: 2, ..body }, start(-1.0));
     for row in rows(table) {
-        let [t, overlap, fx, fy, vx1, vy1, wz1, vx2, vy2, wz2] = row[..] else { panic!() };
+        let [t, overlap, fx, fy, vx1, vy1, wz1, vx2, vy2, wz2] = row[..] else {
+            panic!()
+        };
         let steps = (t / 1e-7).round();
         while (dem.steps() as f64) < steps {
             dem.advance(&mut particles, &Alone).unwrap();
@@ -78,12 +115,19 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
         let force = particles.contact[0].force;
         // While the dashpot pulls, LIGGGHTS lets friction act with its magnitude, and this law without.
         let loose = if gamma > 0.0 && t > 3.25e-5 { 3e3 } else { 1.0 };
-        assert_relative_eq!(2e-3 - (b.position - a.position).norm(), overlap, epsilon = 2e-11 * loose);
+        assert_relative_eq!(
+            2e-3 - (b.position - a.position).norm(),
+            overlap,
+            epsilon = 2e-11 * loose
+        );
         assert_relative_eq!(force[0], fx, epsilon = 1e-6 * loose);
         assert_relative_eq!(force[1], fy, epsilon = 1e-6 * loose);
-        for (found, expected) in
-            [(a.velocity[0], vx1), (a.velocity[1], vy1), (b.velocity[0], vx2), (b.velocity[1], vy2)]
-        {
+        for (found, expected) in [
+            (a.velocity[0], vx1),
+            (a.velocity[1], vy1),
+            (b.velocity[0], vx2),
+            (b.velocity[1], vy2),
+        ] {
             assert_relative_eq!(found, expected, epsilon = 1e-6 * loose);
         }
         assert_relative_eq!(a.spin[2], wz1, epsilon = 1e-3 * loose);
@@ -102,40 +146,69 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
 
 #[test]
 fn an_elastic_oblique_collision_follows_liggghts() {
-    compare_collision(include_str!("../../../tests/reference/two_spheres_elastic.csv"), 0.5, 0.0);
+    compare_collision(
+        include_str!("../../../tests/reference/two_spheres_elastic.csv"),
+        0.5,
+        0.0,
+    );
 }
 
 #[test]
 fn a_sliding_oblique_collision_follows_liggghts() {
-    compare_collision(include_str!("../../../tests/reference/two_spheres_low_friction.csv"), 0.1, 0.0);
+    compare_collision(
+        include_str!("../../../tests/reference/two_spheres_low_friction.csv"),
+        0.1,
+        0.0,
+    );
 }
 
 #[test]
 fn a_damped_oblique_collision_follows_liggghts() {
-    compare_collision(include_str!("../../../tests/reference/two_spheres_damped.csv"), 0.5, 8000.0);
+    compare_collision(
+        include_str!("../../../tests/reference/two_spheres_damped.csv"),
+        0.5,
+        8000.0,
+    );
 }
 
 /// A sphere on a plane of 30 degrees against LAMMPS: sliding (mu 0.1) and rolling (mu 0.5).
 #[test]
 fn a_sphere_on_an_incline_follows_lammps() {
     for (mu, table) in [
-        (0.1, include_str!("../../../tests/reference/incline_sphere_mu0.1.csv")),
-        (0.5, include_str!("../../../tests/reference/incline_sphere_mu0.5.csv")),
+        (
+            0.1,
+            include_str!("../../../tests/reference/incline_sphere_mu0.1.csv"),
+        ),
+        (
+            0.5,
+            include_str!("../../../tests/reference/incline_sphere_mu0.5.csv"),
+        ),
     ] {
         let body = Body::uniform::<Volume>(1, 5e-3, 2600.0, 0);
         let damping = 0.5 * 2000.0 * (body.mass / 1e5_f64).sqrt();
-        let parameters = linear::Parameters { friction: mu, normal_damping: damping, ..SPRINGS };
+        let parameters = linear::Parameters {
+            friction: mu,
+            normal_damping: damping,
+            ..SPRINGS
+        };
         let mut settings = Settings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
         settings.gravity = Vector3::new(0.5, 0.0, -0.75_f64.sqrt()) * 9.81;
         let floor = Wall::new(Vector3::zeros(), Vector3::z(), 0);
         let mut dem = linear(parameters, settings, vec![floor]);
         let mut particles = Particles::new();
         let position = Vector3::new(0.0, 0.0, 5e-3 - 2e-8);
-        particles.insert(body, Motion { position, ..Motion::default() });
+        particles.insert(
+            body,
+            Motion {
+                position,
+                ..Motion::default()
+            },
+        );
         for row in rows(table) {
             let [t, _, z, vx, wy] = row[..] else { panic!() };
-            let due = (t / 1e-6).round() as u64;
-            dem.advance_many(&mut particles, &Alone, due - dem.steps()).unwrap();
+            let due = whole(t / 1e-6);
+            dem.advance_many(&mut particles, &Alone, due - dem.steps())
+                .unwrap();
             let motion = &particles.motion[0];
             assert_relative_eq!(motion.velocity[0], vx, epsilon = 2e-4);
             assert_relative_eq!(motion.spin[1], wy, epsilon = 0.15);
@@ -156,11 +229,19 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
         shear_damping: 0.3,
         ..SPRINGS
     };
-    let mut settings = Settings::new(about_origin::<S>(3.0), 0.05 * (body.mass / stiffness).sqrt(), 1e-2);
+    let mut settings = Settings::new(
+        about_origin::<S>(3.0),
+        0.05 * (body.mass / stiffness).sqrt(),
+        1e-2,
+    );
     settings.gravity.set(1, -g);
     let mut up = S::Vector::default();
     up.set(1, 1.0);
-    let mut dem = linear(parameters, settings, vec![Wall::new(S::Vector::default(), up, 0)]);
+    let mut dem = linear(
+        parameters,
+        settings,
+        vec![Wall::new(S::Vector::default(), up, 0)],
+    );
     let mut particles = Particles::new();
     let mut motion = Motion::<S>::default();
     motion.position.set(1, radius - body.mass * g / stiffness);
@@ -168,10 +249,16 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     particles.insert(body, motion);
     // It rolls once mu g t (1 + 1/shape) = v0, at v0 / (1 + shape).
     let rolls = 1.0 / (mu * g * (1.0 + 1.0 / shape));
-    let steps = |t: f64| (t / settings.time_step).round() as u64;
-    dem.advance_many(&mut particles, &Alone, steps(0.9 * rolls)).unwrap();
-    assert_relative_eq!(particles.motion[0].velocity.get(0), 1.0 - mu * g * 0.9 * rolls, max_relative = 2e-3);
-    dem.advance_many(&mut particles, &Alone, steps(0.4 * rolls)).unwrap();
+    let steps = |t: f64| whole(t / settings.time_step);
+    dem.advance_many(&mut particles, &Alone, steps(0.9 * rolls))
+        .unwrap();
+    assert_relative_eq!(
+        particles.motion[0].velocity.get(0),
+        1.0 - mu * g * 0.9 * rolls,
+        max_relative = 2e-3
+    );
+    dem.advance_many(&mut particles, &Alone, steps(0.4 * rolls))
+        .unwrap();
     let speed = particles.motion[0].velocity.get(0);
     assert_relative_eq!(speed, 1.0 / (1.0 + shape), max_relative = 5e-3);
     let spin = particles.motion[0].spin.length();
@@ -197,31 +284,56 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
         shear_damping: 0.3,
         ..SPRINGS
     };
-    let mut settings = Settings::new(about_origin::<S>(3.0), 0.05 * (body.mass / stiffness).sqrt(), 1e-2);
+    let mut settings = Settings::new(
+        about_origin::<S>(3.0),
+        0.05 * (body.mass / stiffness).sqrt(),
+        1e-2,
+    );
     let (sin, cos) = degrees.to_radians().sin_cos();
     settings.gravity.set(0, 9.81 * sin);
     settings.gravity.set(1, -9.81 * cos);
     let mut up = S::Vector::default();
     up.set(1, 1.0);
-    let mut dem = linear(parameters, settings, vec![Wall::new(S::Vector::default(), up, 0)]);
+    let mut dem = linear(
+        parameters,
+        settings,
+        vec![Wall::new(S::Vector::default(), up, 0)],
+    );
     let mut particles = Particles::new();
     let mut motion = Motion::<S>::default();
-    motion.position.set(1, 0.05 - body.mass * 9.81 * cos / stiffness);
+    motion
+        .position
+        .set(1, 0.05 - body.mass * 9.81 * cos / stiffness);
     particles.insert(body, motion);
-    dem.advance_many(&mut particles, &Alone, (0.3 / settings.time_step) as u64).unwrap();
+    dem.advance_many(&mut particles, &Alone, whole(0.3 / settings.time_step))
+        .unwrap();
     particles.motion[0].velocity.get(0) / dem.time()
 }
 
 #[test]
 fn grains_roll_or_slide_down_an_incline() {
     for row in rows(include_str!("../../../tests/reference/rolling_incline.csv")) {
-        let [degrees, sphere_mu, disc_mu, sphere, disc] = row[..] else { panic!() };
-        assert_relative_eq!(roll_down::<Volume>(degrees, 1.05 * sphere_mu), sphere, max_relative = 5e-3);
-        assert_relative_eq!(roll_down::<Plane>(degrees, 1.05 * disc_mu), disc, max_relative = 5e-3);
+        let [degrees, sphere_mu, disc_mu, sphere, disc] = row[..] else {
+            panic!()
+        };
+        assert_relative_eq!(
+            roll_down::<Volume>(degrees, 1.05 * sphere_mu),
+            sphere,
+            max_relative = 5e-3
+        );
+        assert_relative_eq!(
+            roll_down::<Plane>(degrees, 1.05 * disc_mu),
+            disc,
+            max_relative = 5e-3
+        );
         // With half the friction it slides.
         let (sin, cos) = degrees.to_radians().sin_cos();
         let slides = 9.81 * (sin - 0.5 * disc_mu * cos);
-        assert_relative_eq!(roll_down::<Plane>(degrees, 0.5 * disc_mu), slides, max_relative = 5e-3);
+        assert_relative_eq!(
+            roll_down::<Plane>(degrees, 0.5 * disc_mu),
+            slides,
+            max_relative = 5e-3
+        );
     }
 }
 
@@ -231,7 +343,8 @@ fn pushing_damping(e: f64) -> f64 {
     for _ in 0..60 {
         let zeta = 0.5 * (low + high);
         let omega = (1.0 - zeta * zeta).sqrt();
-        let phase = std::f64::consts::PI - (2.0 * zeta * omega / (omega * omega - zeta * zeta)).atan();
+        let phase =
+            std::f64::consts::PI - (2.0 * zeta * omega / (omega * omega - zeta * zeta)).atan();
         if (-zeta / omega * phase).exp() > e {
             low = zeta;
         } else {
@@ -250,12 +363,21 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
         normal_damping: pushing_damping(0.5),
         ..SPRINGS
     };
-    for row in rows(include_str!("../../../tests/reference/chung_ooi_6_sliding.csv")) {
+    for row in rows(include_str!(
+        "../../../tests/reference/chung_ooi_6_sliding.csv"
+    )) {
         let (spin, expected_speed, expected_spin) = (row[0], row[4], row[5]);
         let body = Body::uniform::<Volume>(1, 0.1, 2699.0, 0);
-        let settings =
-            Settings::new(about_origin::<Volume>(1.0), 1e-3 * (body.mass / 1e5_f64).sqrt(), 1e-2);
-        let mut dem = linear(parameters, settings, vec![Wall::new(Vector3::zeros(), Vector3::z(), 0)]);
+        let settings = Settings::new(
+            about_origin::<Volume>(1.0),
+            1e-3 * (body.mass / 1e5_f64).sqrt(),
+            1e-2,
+        );
+        let mut dem = linear(
+            parameters,
+            settings,
+            vec![Wall::new(Vector3::zeros(), Vector3::z(), 0)],
+        );
         let mut particles = Particles::new();
         let motion = Motion {
             position: Vector3::new(0.0, 0.0, 0.1),
@@ -274,22 +396,49 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
 
 /// A pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both forces (N), and the
 /// step at which the bond failed.
-fn compare_cohesive(table: &str, overlap: f64, velocity: Vector2<f64>) -> (f64, f64, Option<BondBreak<Plane>>) {
+fn compare_cohesive(
+    table: &str,
+    overlap: f64,
+    velocity: Vector2<f64>,
+) -> (f64, f64, Option<BondBreak<Plane>>) {
     let d = 2e-4;
-    let mut dem = cohesive(PAPER, Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5), Vec::new());
+    let mut dem = cohesive(
+        PAPER,
+        Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5),
+        Vec::new(),
+    );
     let mut particles = Particles::new();
-    let fixed = Body { kind: Kind::Fixed, ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0) };
+    let fixed = Body {
+        kind: Kind::Fixed,
+        ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0)
+    };
     // Too heavy for the contact to change its motion.
-    let moved = Body { mass: 1e30, inertia: 1e30, ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0) };
+    let moved = Body {
+        mass: 1e30,
+        inertia: 1e30,
+        ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0)
+    };
     // Bonded at a touch of 1e-18 m where the test starts without overlap.
     let x = d - overlap.max(1e-18);
     particles.insert(fixed, Motion::default());
-    particles.insert(moved, Motion { position: Vector2::new(x, 0.0), velocity, spin: 0.0 });
-    assert_eq!(dem.bond_existing_contacts(&mut particles, &Alone).unwrap(), 1);
+    particles.insert(
+        moved,
+        Motion {
+            position: Vector2::new(x, 0.0),
+            velocity,
+            spin: 0.0,
+        },
+    );
+    assert_eq!(
+        dem.bond_existing_contacts(&mut particles, &Alone).unwrap(),
+        1
+    );
     let (mut normal_error, mut shear_error) = (0.0_f64, 0.0_f64);
     for row in rows(table) {
-        let [step, _, _, normal, shear, broken] = row[..] else { panic!() };
-        let steps = step as u64 - dem.steps();
+        let [step, _, _, normal, shear, broken] = row[..] else {
+            panic!()
+        };
+        let steps = whole(step) - dem.steps();
         dem.advance_many(&mut particles, &Alone, steps).unwrap();
         let force = particles.contact[1].force;
         let line = (particles.motion[1].position - particles.motion[0].position).normalize();
@@ -314,7 +463,10 @@ fn a_bond_pulled_apart_follows_yade() {
     assert!(normal <= 1.01 * 3e4 * step, "{normal}");
     assert!(shear < 1e-12, "{shear}");
     let failed = failed.unwrap();
-    assert_eq!((failed.mode, failed.grain, failed.other), (Failure::Tension, 1, Some(2)));
+    assert_eq!(
+        (failed.mode, failed.grain, failed.other),
+        (Failure::Tension, 1, Some(2))
+    );
     // It opens by C/k_n = 3.373e-9 m.
     assert!((failed.step as f64 * step - 0.506 / 150e6).abs() < 2.0 * step);
 }
@@ -330,7 +482,11 @@ fn a_bond_sheared_under_pressure_follows_yade() {
     assert_eq!(failed.mode, Failure::Shear);
     // k_s u = F_n tan 20 + C.
     let peak = 3e-4 * 20.0_f64.to_radians().tan() + 0.506 * 2e-4;
-    assert_relative_eq!(12_000.0 * failed.step as f64 * step, peak, max_relative = 0.01);
+    assert_relative_eq!(
+        12_000.0 * failed.step as f64 * step,
+        peak,
+        max_relative = 0.01
+    );
 }
 
 #[test]
@@ -342,25 +498,47 @@ fn a_bond_sheared_freely_follows_yade() {
     assert!(shear < 1e-9, "{shear}");
     let failed = failed.unwrap();
     assert_eq!(failed.mode, Failure::Shear);
-    assert_relative_eq!(12_000.0 * failed.step as f64 * step, 0.506 * 2e-4, max_relative = 0.01);
+    assert_relative_eq!(
+        12_000.0 * failed.step as f64 * step,
+        0.506 * 2e-4,
+        max_relative = 0.01
+    );
 }
 
 /// A broken bond does not heal, and a bond failing in shear while pulled leaves nothing.
 #[test]
 fn cohesion_is_lost_for_good() {
     let d = 2e-4;
-    let mut dem = cohesive(PAPER, Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5), Vec::new());
+    let mut dem = cohesive(
+        PAPER,
+        Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5),
+        Vec::new(),
+    );
     let mut particles = Particles::new();
-    let fixed = Body { kind: Kind::Fixed, ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0) };
-    let moved = Body { mass: 1e30, inertia: 1e30, ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0) };
+    let fixed = Body {
+        kind: Kind::Fixed,
+        ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0)
+    };
+    let moved = Body {
+        mass: 1e30,
+        inertia: 1e30,
+        ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0)
+    };
     particles.insert(fixed, Motion::default());
-    let motion = Motion { position: Vector2::new(d - 1e-18, 0.0), ..Motion::default() };
+    let motion = Motion {
+        position: Vector2::new(d - 1e-18, 0.0),
+        ..Motion::default()
+    };
     particles.insert(moved, motion);
     dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
     // Pull to half the strength, then shear until it fails.
     particles.motion[1].velocity = Vector2::new(0.5 * 3.373e-9 / 50.0, 0.0);
     dem.advance_many(&mut particles, &Alone, 50).unwrap();
-    assert_relative_eq!(particles.contact[1].force[0], -0.5 * 0.506 * d, max_relative = 1e-3);
+    assert_relative_eq!(
+        particles.contact[1].force[0],
+        -0.5 * 0.506 * d,
+        max_relative = 1e-3
+    );
     particles.motion[1].velocity = Vector2::new(0.0, 1e-10);
     dem.advance_many(&mut particles, &Alone, 100).unwrap();
     let broken = dem.take_breaks();
@@ -379,25 +557,51 @@ fn cohesion_is_lost_for_good() {
 
 #[test]
 fn a_lost_grain_is_named() {
-    let mut dem = linear(SPRINGS, Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3), Vec::new());
+    let mut dem = linear(
+        SPRINGS,
+        Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3),
+        Vec::new(),
+    );
     let mut particles = Particles::new();
-    let motion = Motion { velocity: Vector2::new(100.0, 0.0), ..Motion::default() };
+    let motion = Motion {
+        velocity: Vector2::new(100.0, 0.0),
+        ..Motion::default()
+    };
     particles.insert(Body::uniform::<Plane>(42, 1e-3, 2600.0, 0), motion);
-    let error = dem.advance_many(&mut particles, &Alone, 10_000).unwrap_err().to_string();
-    assert!(error.contains("grain 42 is more than a box length outside"), "{error}");
+    let error = dem
+        .advance_many(&mut particles, &Alone, 10_000)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("grain 42 is more than a box length outside"),
+        "{error}"
+    );
     let mut particles = Particles::new();
-    let motion = Motion { velocity: Vector2::new(f64::NAN, 0.0), ..Motion::default() };
+    let motion = Motion {
+        velocity: Vector2::new(f64::NAN, 0.0),
+        ..Motion::default()
+    };
     particles.insert(Body::uniform::<Plane>(43, 1e-3, 2600.0, 0), motion);
-    let mut dem = linear(SPRINGS, Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3), Vec::new());
+    let mut dem = linear(
+        SPRINGS,
+        Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3),
+        Vec::new(),
+    );
     let error = dem.advance(&mut particles, &Alone).unwrap_err().to_string();
     assert!(error.contains("grain 43 has no finite motion"), "{error}");
 }
 
 #[test]
 fn the_critical_step_is_that_of_the_smallest_grain() {
-    let law = Law::CohesiveFrictional(CohesiveFrictional { parameters: PairTable::uniform(1, PAPER) });
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, PAPER),
+    });
     let grains = [1e-4, 1.5e-4].map(|radius| Body::uniform::<Plane>(1, radius, 2600.0, 0));
     // With the larger partner, k = 150e6 (r1 + r2).
     let expected = (grains[0].mass / (150e6 * 2.5e-4)).sqrt();
-    assert_relative_eq!(law.critical_time_step::<Plane>(&grains, 1), expected, max_relative = 1e-12);
+    assert_relative_eq!(
+        law.critical_time_step::<Plane>(&grains, 1),
+        expected,
+        max_relative = 1e-12
+    );
 }

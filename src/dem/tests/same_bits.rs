@@ -41,7 +41,13 @@ impl Crew {
         to.into_iter()
             .zip(from)
             .enumerate()
-            .map(|(rank, (to, from))| Self { rank, axis, bounds: bounds.to_vec(), to, from })
+            .map(|(rank, (to, from))| Self {
+                rank,
+                axis,
+                bounds: bounds.to_vec(),
+                to,
+                from,
+            })
             .collect()
     }
 
@@ -50,7 +56,10 @@ impl Crew {
         for (target, mail) in out.iter_mut().enumerate() {
             self.to[target].send(std::mem::take(mail)).unwrap();
         }
-        self.from.iter().map(|from| from.lock().unwrap().recv().unwrap()).collect()
+        self.from
+            .iter()
+            .map(|from| from.lock().unwrap().recv().unwrap())
+            .collect()
     }
 }
 
@@ -85,7 +94,10 @@ impl Ranks for Crew {
             out[target] = bytes;
         }
         let arrived = self.all_to_all(out).into_iter().enumerate();
-        Ok(arrived.filter(|(_, b)| !b.is_empty()).map(|(rank, b)| (rank, b[1..].to_vec())).collect())
+        Ok(arrived
+            .filter(|(_, b)| !b.is_empty())
+            .map(|(rank, b)| (rank, b[1..].to_vec()))
+            .collect())
     }
     fn pattern(
         &self,
@@ -93,8 +105,14 @@ impl Ranks for Crew {
         receives: &[(usize, usize)],
     ) -> Result<Box<dyn Pattern>, Error> {
         Ok(Box::new(Wires {
-            to: sends.iter().map(|(rank, _)| self.to[*rank].clone()).collect(),
-            from: receives.iter().map(|(rank, _)| self.from[*rank].clone()).collect(),
+            to: sends
+                .iter()
+                .map(|(rank, _)| self.to[*rank].clone())
+                .collect(),
+            from: receives
+                .iter()
+                .map(|(rank, _)| self.from[*rank].clone())
+                .collect(),
         }))
     }
 }
@@ -140,7 +158,12 @@ fn settings(scene: Scene) -> Settings<Plane> {
 
 fn dem(scene: Scene) -> Dem<Plane> {
     let region = settings(scene).region;
-    let walls = Wall::of_box(region.lower, region.upper, [!scene.periodic, true, false], 0);
+    let walls = Wall::of_box(
+        region.lower,
+        region.upper,
+        [!scene.periodic, true, false],
+        0,
+    );
     if scene.bonded {
         let parameters = cohesive_frictional::Parameters {
             normal_stiffness: 5e5,
@@ -171,26 +194,56 @@ fn grains() -> Vec<(Body, Motion<Plane>)> {
             let n = row * 19 + column;
             let mut draw = Stream::new(5, n, 0);
             #[expect(clippy::cast_precision_loss, reason = "small")]
-            let at = Vector2::new(0.0011 + 0.002 * column as f64, 0.0011 + 0.00199 * row as f64);
+            let at = Vector2::new(
+                0.0011 + 0.002 * column as f64,
+                0.0011 + 0.00199 * row as f64,
+            );
             if (at - Vector2::new(0.02, 0.012)).norm() < 0.0062 {
                 continue;
             }
-            let body = Body::uniform::<Plane>((n * 131) % 997, 0.00099 + 3e-5 * draw.uniform(), 2600.0, 0);
+            let body =
+                Body::uniform::<Plane>((n * 131) % 997, 0.00099 + 3e-5 * draw.uniform(), 2600.0, 0);
             let velocity = Vector2::new(draw.uniform() - 0.2, draw.uniform() - 0.5) * 2.0;
-            all.push((body, Motion { position: at, velocity, spin: 100.0 * (draw.uniform() - 0.5) }));
+            all.push((
+                body,
+                Motion {
+                    position: at,
+                    velocity,
+                    spin: 100.0 * (draw.uniform() - 0.5),
+                },
+            ));
         }
     }
     // Wider than a slab, and moved by the contacts; and one that is driven.
     let giant = Body::uniform::<Plane>(500_000, 0.005, 2600.0, 0);
-    all.push((giant, Motion { position: Vector2::new(0.02, 0.012), ..Motion::default() }));
-    let driven = Body { kind: Kind::Driven, ..Body::uniform::<Plane>(3_000, 0.001, 2600.0, 0) };
+    all.push((
+        giant,
+        Motion {
+            position: Vector2::new(0.02, 0.012),
+            ..Motion::default()
+        },
+    ));
+    let driven = Body {
+        kind: Kind::Driven,
+        ..Body::uniform::<Plane>(3_000, 0.001, 2600.0, 0)
+    };
     let velocity = Vector2::new(-1.5, -1.0);
-    all.push((driven, Motion { position: Vector2::new(0.02, 0.027), velocity, spin: 50.0 }));
+    all.push((
+        driven,
+        Motion {
+            position: Vector2::new(0.02, 0.027),
+            velocity,
+            spin: 50.0,
+        },
+    ));
     all
 }
 
 /// All bits of the state that a next step depends on, by id, plus the ledger.
-type State = (BTreeMap<u64, Vec<u64>>, Vec<(u64, u64, Option<u64>, Option<u32>)>);
+type State = (
+    BTreeMap<u64, Vec<u64>>,
+    Vec<(u64, u64, Option<u64>, Option<u32>)>,
+);
 
 #[derive(Clone, Default)]
 struct Saved {
@@ -209,31 +262,44 @@ impl Saved {
         };
         let ids = column(&self.grains.columns[0].1);
         for (name, values) in &self.grains.columns {
-            // Which image a grain stands for changes when lists are made; where it stands does not.
-            if !name.starts_with("shift") {
-                for (id, bits) in ids.iter().zip(column(values)) {
-                    rows.entry(*id).or_default().push(bits);
-                }
+            assert_eq!(values.len(), ids.len(), "{name}");
+            for (id, bits) in ids.iter().zip(column(values)) {
+                rows.entry(*id).or_default().push(bits);
             }
         }
         for table in [&self.contacts.grains, &self.contacts.walls] {
-            let columns: Vec<_> = table.columns.iter().map(|(_, values)| column(values)).collect();
-            let mut keyed: Vec<Vec<u64>> =
-                (0..table.rows()).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
+            let columns: Vec<_> = table
+                .columns
+                .iter()
+                .map(|(_, values)| column(values))
+                .collect();
+            let mut keyed: Vec<Vec<u64>> = (0..table.rows())
+                .map(|row| columns.iter().map(|column| column[row]).collect())
+                .collect();
             keyed.sort();
             for row in keyed {
                 rows.entry(row[0]).or_default().extend(&row[1..]);
             }
         }
-        let mut breaks: Vec<_> =
-            self.breaks.iter().map(|b| (b.step, b.grain, b.other, b.wall)).collect();
+        let mut breaks: Vec<_> = self
+            .breaks
+            .iter()
+            .map(|b| (b.step, b.grain, b.other, b.wall))
+            .collect();
         breaks.sort_unstable();
         (rows, breaks)
     }
 }
 
 /// `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
-fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u64, batch: u64) -> Saved {
+fn run(
+    scene: Scene,
+    axis: usize,
+    bounds: &[i64],
+    from: Option<&Saved>,
+    steps: u64,
+    batch: u64,
+) -> Saved {
     let size = bounds.len() - 1;
     let parts: Vec<Saved> = std::thread::scope(|scope| {
         let threads: Vec<_> = Crew::muster(axis, bounds)
@@ -244,7 +310,10 @@ fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u
                     let mut particles = match from {
                         Some(saved) => {
                             dem.restore(&saved.contacts).unwrap();
-                            Particles::from_table(&saved.grains.filter(|row| row % size == crew.rank)).unwrap()
+                            Particles::from_table(
+                                &saved.grains.filter(|row| row % size == crew.rank),
+                            )
+                            .unwrap()
                         }
                         None => {
                             let mut particles = Particles::new();
@@ -260,11 +329,17 @@ fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u
                         dem.bond_existing_contacts(&mut particles, &crew).unwrap();
                     }
                     dem.prepare(&mut particles, &crew).unwrap();
-                    let before: Vec<u64> = particles.body[..particles.owned()].iter().map(|b| b.id).collect();
+                    let before: Vec<u64> = particles.body[..particles.owned()]
+                        .iter()
+                        .map(|b| b.id)
+                        .collect();
                     for _ in 0..steps / batch {
                         dem.advance_many(&mut particles, &crew, batch).unwrap();
                     }
-                    let after: Vec<u64> = particles.body[..particles.owned()].iter().map(|b| b.id).collect();
+                    let after: Vec<u64> = particles.body[..particles.owned()]
+                        .iter()
+                        .map(|b| b.id)
+                        .collect();
                     Saved {
                         grains: particles.table(),
                         contacts: dem.contacts(),
@@ -274,7 +349,10 @@ fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u
                 })
             })
             .collect();
-        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap())
+            .collect()
     });
     let mut whole = Saved::default();
     for part in parts {
@@ -290,10 +368,26 @@ fn run(scene: Scene, axis: usize, bounds: &[i64], from: Option<&Saved>, steps: u
 }
 
 const SCENES: [Scene; 4] = [
-    Scene { periodic: false, bonded: false, skin: 3e-4 },
-    Scene { periodic: true, bonded: false, skin: 3e-4 },
-    Scene { periodic: false, bonded: true, skin: 3e-4 },
-    Scene { periodic: true, bonded: true, skin: 3e-4 },
+    Scene {
+        periodic: false,
+        bonded: false,
+        skin: 3e-4,
+    },
+    Scene {
+        periodic: true,
+        bonded: false,
+        skin: 3e-4,
+    },
+    Scene {
+        periodic: false,
+        bonded: true,
+        skin: 3e-4,
+    },
+    Scene {
+        periodic: true,
+        bonded: true,
+        skin: 3e-4,
+    },
 ];
 
 fn alone(scene: Scene) -> Saved {
@@ -304,9 +398,16 @@ fn alone(scene: Scene) -> Saved {
 fn ranks_do_not_show() {
     for scene in SCENES {
         let one = alone(scene);
-        assert!(one.contacts.grains.rows() > 50, "the scene must have contacts with a history");
+        assert!(
+            one.contacts.grains.rows() > 50,
+            "the scene must have contacts with a history"
+        );
         assert!(one.contacts.walls.rows() > 0);
-        assert_eq!(scene.bonded, !one.breaks.is_empty(), "bonds must break where there are any");
+        assert_eq!(
+            scene.bonded,
+            !one.breaks.is_empty(),
+            "bonds must break where there are any"
+        );
         let splits: [(usize, &[i64]); 6] = [
             (0, &[0, 20, 40]),
             (1, &[0, 12, 30]),
@@ -354,7 +455,10 @@ fn restarts_on_other_ranks_do_not_show() {
 
 /// A heap large enough for threads to be used.
 fn heap(threads: usize) -> (Table, u64) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .unwrap();
     pool.install(|| {
         let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.21, 0.3), 1e-3);
         region.periodic[0] = true;
@@ -376,9 +480,17 @@ fn heap(threads: usize) -> (Table, u64) {
                 0.0011 + 0.002_08 * f64::from(n % 100),
                 0.001 + 0.002 * f64::from(n / 100),
             );
-            let body = Body::uniform::<Plane>(u64::from(n), 0.000_99 + 8e-5 * draw.uniform(), 2600.0, 0);
+            let body =
+                Body::uniform::<Plane>(u64::from(n), 0.000_99 + 8e-5 * draw.uniform(), 2600.0, 0);
             let velocity = Vector2::new(draw.uniform() - 0.5, draw.uniform() - 0.5) * 3.0;
-            particles.insert(body, Motion { position: at, velocity, spin: 0.0 });
+            particles.insert(
+                body,
+                Motion {
+                    position: at,
+                    velocity,
+                    spin: 0.0,
+                },
+            );
         }
         dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
         dem.advance_many(&mut particles, &Alone, 200).unwrap();
@@ -425,11 +537,16 @@ fn ghost_entries_are_summed_at_the_owner() {
                             })
                             .collect();
                         particles.reduce_to_owners(&mut values, &crew).unwrap();
-                        (0..particles.owned()).map(|k| (particles.body[k].id, values[k][0])).collect::<Vec<_>>()
+                        (0..particles.owned())
+                            .map(|k| (particles.body[k].id, values[k][0]))
+                            .collect::<Vec<_>>()
                     })
                 })
                 .collect();
-            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+            threads
+                .into_iter()
+                .flat_map(|thread| thread.join().unwrap())
+                .collect()
         });
         all.sort_unstable();
         all
