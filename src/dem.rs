@@ -37,7 +37,7 @@ pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
 pub use ghosts::Region;
-pub use particles::{Body, Kind, Load, Motion, Particles};
+pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};

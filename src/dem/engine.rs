@@ -3,8 +3,8 @@
 //! Lists are made when a grain may have moved half the skin since they were last made. Nothing depends on when: separations
 //! come from raw positions and whole box lengths, forces are added in the order of the other grain's id (walls after
 //! grains), and the memory of a contact lives exactly as long as the surfaces overlap or the bond holds.
-//! Of the listed pairs only the *active* ones are tested: those whose gap, when the lists were made, was no more than grains may
-//! have moved since; in a bed at rest these are the contacts.
+//! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
+//! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
 
 use super::contact::{ContactLaw, Failure, Partners, Touch};
 use super::ghosts::{self, Region};
@@ -85,7 +85,6 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pairs: Vec<Pair<L::Constants, L::Memory>>,
     /// Per pair, only with periodic axes: what to add to the separation (m).
     offsets: Vec<S::Vector>,
-    gaps: Vec<f64>,
     active: Vec<u32>,
     wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -95,13 +94,17 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pub(super) wall_memories: Vec<((u64, u32), L::Memory)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
-    /// Pairs are active up to this path (m).
+    /// The active pairs hold up to this path (m), and since this step.
     activated: f64,
+    activated_at: u64,
+    /// How far a grain may move between two looks at all gaps (m).
+    look: f64,
     parallel: bool,
     actions: Vec<Action<S>>,
     /// Per owned grain its active pairs, in order: twice the place in `active`, plus 1 for the second.
     incident: Vec<u32>,
     incident_start: Vec<u32>,
+    cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<(u32, Failure)>,
 }
@@ -124,7 +127,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             search: Search::default(),
             pairs: Vec::new(),
             offsets: Vec::new(),
-            gaps: Vec::new(),
             active: Vec::new(),
             wall_pairs: Vec::new(),
             names: Vec::new(),
@@ -133,10 +135,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             wall_memories: Vec::new(),
             path: 0.0,
             activated: 0.0,
+            activated_at: 0,
+            look: settings.skin / 64.0,
             parallel: false,
             actions: Vec::new(),
             incident: Vec::new(),
             incident_start: Vec::new(),
+            cursor: Vec::new(),
             failures: Vec::new(),
             wall_failures: Vec::new(),
         }
@@ -148,18 +153,12 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         particles: &mut Particles<S>,
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
-        let need = match (particles.stale || !self.listed, particles.loaded) {
-            (true, false) => 3.0,
-            (true, true) => 2.0,
-            (false, false) => 1.0,
-            (false, true) => 0.0,
-        };
-        let need = ranks.maximum(need)?;
-        if need >= 2.0 {
+        let flag = |set: bool| if set { 1.0 } else { 0.0 };
+        let listed = self.listed && !particles.stale;
+        if ranks.maximum(flag(!listed))? > 0.5 {
             self.rebuild(particles, ranks)?;
         }
-        // A rank without grains has loaded nothing, and decides nothing.
-        if need == 3.0 || need == 1.0 {
+        if ranks.maximum(flag(!particles.loaded))? > 0.5 {
             self.forces(particles, 0.0);
         }
         particles.loaded = true;
@@ -218,6 +217,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let region = self.settings.region;
         self.remember();
         particles.lengths = region.periodic_lengths();
+        particles.origin = region.origin();
         particles.drop_ghosts();
         agree(ranks, ghosts::wrap(particles, &region))?;
         if ranks.size() > 1 {
@@ -392,7 +392,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         );
         self.named_owned = particles.owned();
         self.offsets.clear();
-        self.gaps.clear();
         let mut search = std::mem::take(&mut self.search);
         search.pairs(particles, gap, |i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
@@ -421,7 +420,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 constants: self.law.constants(&partners),
                 memory: if lives { held } else { L::Memory::default() },
             });
-            self.gaps.push(squared.sqrt() - reach);
             if periodic {
                 self.offsets.push(offset);
             }
@@ -462,20 +460,33 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.activate(particles);
     }
 
-    /// Chooses the pairs to test until grains have moved further.
+    /// Chooses the pairs to test until grains have moved by another look's distance.
     fn activate(&mut self, particles: &Particles<S>) {
-        let half = 0.5 * self.settings.skin;
-        self.activated = [1.0 / 64.0, 1.0 / 16.0, 0.25]
-            .iter()
-            .map(|part| part * half)
-            .find(|&path| self.path <= 0.5 * path)
-            .unwrap_or(half);
-        let far = 2.0 * self.activated * (1.0 + 1e-9);
+        let skin = self.settings.skin;
+        let since = self.steps - self.activated_at;
+        if since < 30 {
+            self.look = (2.0 * self.look).min(0.5 * skin);
+        } else if since > 240 {
+            self.look = (0.5 * self.look).max(skin / 1024.0);
+        }
+        self.activated_at = self.steps;
+        self.activated = self.path + self.look;
+        let periodic = self.settings.region.any_periodic();
         self.active.clear();
-        for ((k, pair), gap) in (0..).zip(&self.pairs).zip(&self.gaps) {
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let ends = (pair.first as usize, pair.second as usize);
+            let offset = if periodic {
+                self.offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
+            let squared = separation(&particles.motion, ends, &offset, periodic).1;
             // The slack is far above the rounding of a separation, far below any gap that costs.
-            if *gap <= far + 1e-12 * pair.reach || L::bonded(&pair.memory) {
+            let far = pair.reach * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
+            if squared <= far * far || L::bonded(&pair.memory) {
                 self.active.push(k);
+            } else {
+                pair.memory = L::Memory::default();
             }
         }
         if self.parallel {
@@ -501,12 +512,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         self.incident.clear();
         self.incident.resize(self.incident_start[owned] as usize, 0);
-        let mut cursor = self.incident_start.clone();
+        self.cursor.clear();
+        self.cursor.extend_from_slice(&self.incident_start);
         for (place, &k) in (0..).zip(&self.active) {
             for (role, end) in (0..).zip(ends(&self.pairs[k as usize])) {
                 if end < owned {
-                    self.incident[cursor[end] as usize] = 2 * place + role;
-                    cursor[end] += 1;
+                    self.incident[self.cursor[end] as usize] = 2 * place + role;
+                    self.cursor[end] += 1;
                 }
             }
         }
@@ -534,24 +546,23 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             motion, contact, ..
         } = particles;
         contact.fill(Load::default());
-        for &k in &self.active {
-            let offset = if PERIODIC {
-                self.offsets[k as usize]
-            } else {
-                S::Vector::default()
-            };
-            let pair = &mut self.pairs[k as usize];
-            let Some(action) = act::<S, L, PERIODIC>(pair, motion, &offset, dt) else {
-                continue;
-            };
-            let first = &mut contact[pair.first as usize];
-            first.force -= action.force;
-            first.torque += action.on_first;
-            let second = &mut contact[pair.second as usize];
-            second.force += action.force;
-            second.torque += action.on_second;
-            if let Some(failure) = action.failure {
-                self.failures.push((k, failure));
+        let mut spans = Spans::default();
+        for block in self.active.chunks(BLOCK) {
+            spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
+            for (&k, span) in block.iter().zip(spans.iter()) {
+                let pair = &mut self.pairs[k as usize];
+                let Some(action) = act::<S, L>(pair, motion, span, dt) else {
+                    continue;
+                };
+                let first = &mut contact[pair.first as usize];
+                first.force -= action.force;
+                first.torque += action.on_first;
+                let second = &mut contact[pair.second as usize];
+                second.force += action.force;
+                second.torque += action.on_second;
+                if let Some(failure) = action.failure {
+                    self.failures.push((k, failure));
+                }
             }
         }
     }
@@ -836,7 +847,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     }
 
     /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
-    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
     pub(super) fn restore(
         &mut self,
         grains: Vec<(Key, L::Memory)>,
@@ -886,26 +896,84 @@ fn separation<S: Space>(
     (between, between.scalar(&between))
 }
 
+/// Pairs measured at once: enough to hide the latency of roots and divisions behind each other.
+const BLOCK: usize = 16;
+
+/// Separations of a block of pairs: vector, its square, its length and the length's inverse.
+#[derive(Debug)]
+struct Spans<S: Space> {
+    between: [S::Vector; BLOCK],
+    squared: [f64; BLOCK],
+    distance: [f64; BLOCK],
+    inverse: [f64; BLOCK],
+}
+
+impl<S: Space> Default for Spans<S> {
+    fn default() -> Self {
+        Self {
+            between: [S::Vector::default(); BLOCK],
+            squared: [1.0; BLOCK],
+            distance: [1.0; BLOCK],
+            inverse: [1.0; BLOCK],
+        }
+    }
+}
+
+impl<S: Space> Spans<S> {
+    /// `pairs` starts with pair number `base`; a block is at most [`BLOCK`] long.
+    #[inline(always)]
+    fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
+        &mut self,
+        block: &[u32],
+        pairs: &[Pair<L::Constants, L::Memory>],
+        base: usize,
+        motion: &[Motion<S>],
+        offsets: &[S::Vector],
+    ) {
+        let slots = self.between.iter_mut().zip(&mut self.squared);
+        for (&k, (between, squared)) in block.iter().zip(slots) {
+            let pair = &pairs[k as usize - base];
+            let offset = if PERIODIC {
+                offsets[k as usize]
+            } else {
+                S::Vector::default()
+            };
+            let ends = (pair.first as usize, pair.second as usize);
+            (*between, *squared) = separation(motion, ends, &offset, PERIODIC);
+        }
+        // The whole block, filled or not, so that the loop has a fixed length.
+        for k in 0..BLOCK {
+            self.distance[k] = self.squared[k].sqrt();
+            self.inverse[k] = 1.0 / self.distance[k];
+        }
+    }
+
+    #[inline(always)]
+    fn iter(&self) -> impl Iterator<Item = (&S::Vector, f64, f64, f64)> {
+        let lengths = self.distance.iter().zip(&self.inverse);
+        self.between.iter().zip(&self.squared).zip(lengths).map(
+            |((between, squared), (distance, inverse))| (between, *squared, *distance, *inverse),
+        )
+    }
+}
+
 /// The action of one pair, or none where it neither touches nor is bonded.
 #[inline(always)]
-fn act<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
+fn act<S: Space, L: ContactLaw<S>>(
     pair: &mut Pair<L::Constants, L::Memory>,
     motion: &[Motion<S>],
-    offset: &S::Vector,
+    (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     dt: f64,
 ) -> Option<Action<S>> {
-    let ends = (pair.first as usize, pair.second as usize);
-    let (between, squared) = separation(motion, ends, offset, PERIODIC);
     if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
         pair.memory = L::Memory::default();
         return None;
     }
-    let distance = squared.sqrt();
-    let normal = between * (1.0 / distance);
+    let normal = *between * inverse;
     let overlap = pair.reach - distance;
     let first_arm = pair.radius - 0.5 * overlap;
     let second_arm = distance - first_arm;
-    let (first, second) = (&motion[ends.0], &motion[ends.1]);
+    let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);
     let velocity = second.velocity - first.velocity;
     let rolling = first.spin * first_arm + second.spin * second_arm;
     let touch = Touch {
@@ -939,15 +1007,14 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
 ) -> bool {
     if active.len() <= PIECE {
         let mut failed = false;
-        for (&k, action) in active.iter().zip(actions) {
-            let offset = if PERIODIC {
-                offsets[k as usize]
-            } else {
-                S::Vector::default()
-            };
-            let pair = &mut pairs[k as usize - base];
-            *action = act::<S, L, PERIODIC>(pair, motion, &offset, dt).unwrap_or_default();
-            failed |= action.failure.is_some();
+        let mut spans = Spans::default();
+        for (block, actions) in active.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
+            spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
+            for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
+                let pair = &mut pairs[k as usize - base];
+                *action = act::<S, L>(pair, motion, span, dt).unwrap_or_default();
+                failed |= action.failure.is_some();
+            }
         }
         return failed;
     }

@@ -41,13 +41,24 @@ impl<S: Space> Region<S> {
 
     /// Length along periodic axes, else 0.
     pub(super) fn periodic_lengths(&self) -> [f64; 3] {
-        let mut lengths = [0.0; 3];
-        for axis in 0..S::DIMENSION {
-            if self.periodic[axis] {
-                lengths[axis] = self.length(axis);
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION && self.periodic[axis] {
+                self.length(axis)
+            } else {
+                0.0
             }
-        }
-        lengths
+        })
+    }
+
+    /// The lower corner, 0 along axes that are not there.
+    pub(super) fn origin(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION {
+                self.lower.get(axis)
+            } else {
+                0.0
+            }
+        })
     }
 
     pub(super) fn any_periodic(&self) -> bool {
@@ -64,12 +75,12 @@ fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: i64) -> i64 {
     (((coordinate - origin) / spacing).floor() as i64).clamp(0, planes - 1)
 }
 
-/// How many box lengths to add to bring `coordinate` into `[lower, lower + length)`.
+/// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a grain beyond 2^31 box lengths is caught as lost"
 )]
-fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
+pub(super) fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
     -(((coordinate - lower) / length).floor() as i32)
 }
 
@@ -94,7 +105,8 @@ pub(super) fn wrap<S: Space>(
                 return Err(lost(particles, k, "is lost"));
             }
             if region.periodic[axis] {
-                particles.shift[k][axis] += wraps(at, lower, length);
+                let raw = particles.motion[k].position.get(axis);
+                particles.shift[k][axis] = wraps(raw, lower, length);
             } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
                 return Err(lost(
                     particles,
@@ -295,12 +307,12 @@ fn image_shifts<S: Space>(
     shifts.clear();
     let mut spans = [(0, 0); 3];
     let at = particles.location(k);
-    for axis in 0..S::DIMENSION {
+    for (axis, span) in spans.iter_mut().enumerate().take(S::DIMENSION) {
         let x = at.get(axis);
         let (low, high) = (bounds.0.get(axis) - reach, bounds.1.get(axis) + reach);
         if region.periodic[axis] {
             let length = region.length(axis);
-            spans[axis] = (-whole((x - low) / length), whole((high - x) / length));
+            *span = (-whole((x - low) / length), whole((high - x) / length));
         } else if x < low || x > high {
             return;
         }

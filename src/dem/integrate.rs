@@ -55,13 +55,15 @@ fn kick<S: Space, const DAMPED: bool>(
     if DAMPED {
         let damp = |a: f64, v: f64| {
             let power = a * v;
-            if power > 0.0 {
-                a * (1.0 - kick.damping)
+            // Three constants to choose from: no branch that vibration could make unpredictable.
+            let factor = if power > 0.0 {
+                1.0 - kick.damping
             } else if power < 0.0 {
-                a * (1.0 + kick.damping)
+                1.0 + kick.damping
             } else {
-                a
-            }
+                1.0
+            };
+            a * factor
         };
         linear = linear.combine(&motion.velocity, damp);
         angular = angular.combine(&motion.spin, damp);

@@ -169,6 +169,8 @@ pub struct Particles<S: Space> {
     pub(super) plan: GhostPlan,
     /// Length of the box along periodic axes, else 0.
     pub(super) lengths: [f64; 3],
+    /// Lower corner of the box.
+    pub(super) origin: [f64; 3],
     /// The lists made for these grains no longer hold.
     pub(super) stale: bool,
     /// The contact loads belong to the present positions.
@@ -190,6 +192,7 @@ impl<S: Space> Default for Particles<S> {
             mobility: Vec::new(),
             plan: GhostPlan::default(),
             lengths: [0.0; 3],
+            origin: [0.0; 3],
             stale: true,
             loaded: false,
             added: 0,
@@ -227,15 +230,31 @@ impl<S: Space> Particles<S> {
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
-        let mut at = self.motion[k].position;
-        for axis in 0..S::DIMENSION {
-            // A sum with a product that is exactly 0 where the axis is not periodic.
-            at.set(
-                axis,
-                at.get(axis) + f64::from(self.shift[k][axis]) * self.lengths[axis],
-            );
+        place(&self.motion[k], self.shift[k], &self.lengths)
+    }
+
+    /// The shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists were made.
+    pub(super) fn shift_into_box(&self, k: usize) -> [i32; 3] {
+        let at = &self.motion[k].position;
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION && self.lengths[axis] > 0.0 {
+                super::ghosts::wraps(at.get(axis), self.origin[axis], self.lengths[axis])
+            } else {
+                0
+            }
+        })
+    }
+
+    /// The same entries as plain slices, to be read by many threads.
+    #[must_use]
+    pub fn view(&self) -> View<'_, S> {
+        View {
+            owned: self.owned,
+            body: &self.body,
+            motion: &self.motion,
+            shift: &self.shift,
+            lengths: self.lengths,
         }
-        at
     }
 
     /// Velocity (m/s) of the material point of entry `k` at `arm` from its centre.
@@ -510,6 +529,40 @@ impl<S: Space> Particles<S> {
         0.5 * (body.mass * motion.velocity.scalar(&motion.velocity)
             + body.inertia * motion.spin.scalar(&motion.spin))
     }
+}
+
+/// What all threads may read of [`Particles`].
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a, S: Space> {
+    /// How many entries are owned.
+    pub owned: usize,
+    /// What each entry is.
+    pub body: &'a [Body],
+    /// Where each entry is and how it moves.
+    pub motion: &'a [Motion<S>],
+    /// Which image each entry stands for.
+    pub shift: &'a [[i32; 3]],
+    /// Length of the box along periodic axes, else 0 (m).
+    pub lengths: [f64; 3],
+}
+
+impl<S: Space> View<'_, S> {
+    /// As [`Particles::location`].
+    #[must_use]
+    #[inline]
+    pub fn location(&self, k: usize) -> S::Vector {
+        place(&self.motion[k], self.shift[k], &self.lengths)
+    }
+}
+
+#[inline]
+fn place<S: Space>(motion: &Motion<S>, shift: [i32; 3], lengths: &[f64; 3]) -> S::Vector {
+    let mut at = motion.position;
+    for axis in 0..S::DIMENSION {
+        // A sum with a product that is exactly 0 where the axis is not periodic.
+        at.set(axis, at.get(axis) + f64::from(shift[axis]) * lengths[axis]);
+    }
+    at
 }
 
 fn add_row<const N: usize>(to: &mut [i128; N], from: &[i128; N]) {

@@ -161,11 +161,11 @@ fn components<C: Components>(
     name: &str,
     values: impl Iterator<Item = C> + Clone,
 ) {
-    for k in 0..C::COUNT {
+    for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
         let name = if C::COUNT == 1 {
             name.to_owned()
         } else {
-            format!("{name}_{}", AXES[k])
+            format!("{name}_{axis}")
         };
         table.real(name, values.clone().map(|value| value.get(k)));
     }
@@ -173,11 +173,11 @@ fn components<C: Components>(
 
 fn read_components<C: Components>(table: &Table, name: &str) -> Result<Vec<C>, Error> {
     let mut all = vec![C::default(); table.rows()];
-    for k in 0..C::COUNT {
+    for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
         let name = if C::COUNT == 1 {
             name.to_owned()
         } else {
-            format!("{name}_{}", AXES[k])
+            format!("{name}_{axis}")
         };
         for (value, number) in all.iter_mut().zip(table.get_real(&name)?) {
             value.set(k, *number);
@@ -214,9 +214,7 @@ impl<S: Space> Particles<S> {
         table.whole("material", body.iter().map(|b| u64::from(b.material)));
         table.whole("kind", body.iter().map(|b| b.kind.code()));
         for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-            let shift = self.shift[..owned]
-                .iter()
-                .map(|shift| unsigned(shift[axis]));
+            let shift = (0..owned).map(|k| unsigned(self.shift_into_box(k)[axis]));
             table.whole(format!("shift_{name}"), shift);
         }
         let motion = self.motion[..owned].iter();

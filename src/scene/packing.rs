@@ -645,8 +645,8 @@ impl<S: Space> Packing<S> {
                     return Err(wrong("not one finite number per column"));
                 }
                 let mut position = S::Vector::default();
-                for axis in 0..S::DIMENSION {
-                    position.set(axis, numbers[axis]);
+                for (axis, number) in numbers.iter().enumerate().take(S::DIMENSION) {
+                    position.set(axis, *number);
                 }
                 let radius = numbers[S::DIMENSION];
                 if radius <= 0.0 {

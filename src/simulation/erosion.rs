@@ -254,6 +254,15 @@ impl ErosionRecorder {
         self.state.flow_age = seconds;
     }
 
+    /// Share of the initial mass of the grains that left through the outlets.
+    #[must_use]
+    pub fn eroded_fraction(&self) -> f64 {
+        match self.state.start {
+            Some(start) if start.mass > 0.0 => self.state.eroded_mass / start.mass,
+            _ => 0.0,
+        }
+    }
+
     /// Whether a row of `erosion.csv` is due at this step.
     #[must_use]
     pub fn is_due(&self, step: u64) -> bool {

@@ -271,8 +271,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(flow) = &mut flow {
             flow.follow(&mut particles, &domain)?;
         }
+        let mut flow_age = 0.0;
         if !resumed && let Some(flow) = &mut flow {
-            let line = warm_up(&plan, flow, &mut particles, &domain)?;
+            let (steps, line) = warm_up(&plan, flow, &mut particles, &domain)?;
+            flow_age = steps_number(steps) * plan.clock.time_step;
             progress.note(&line);
         }
         let resumed_at = resumed.then_some(step);
@@ -283,14 +285,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             &domain,
             resumed_at,
         )?;
-        let mut recorder = match plan.scene.erosion_law {
-            Some(_) => Some(ErosionRecorder::create(
-                &plan, &folder, &domain, resumed_at,
-            )?),
-            None => None,
-        };
-        if resumed && let Some(recorder) = &mut recorder {
+        let mut recorder = ErosionRecorder::create(&plan, &folder, &domain, resumed_at)?;
+        if resumed {
             recorder.restore(&recorder_state)?;
+        } else {
+            recorder.set_flow_age(flow_age);
         }
         let guards = Guards::new(&plan);
         progress = Progress::new(first, step);
@@ -318,11 +317,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         };
         runner.initial_mass = runner.mass();
         if !resumed {
-            if let Some(mut recorder) = runner.simulation.recorder.take() {
-                let recorded = recorder.record_due(&runner.simulation.view(), &[], Vec::new(), 0.0);
-                runner.simulation.recorder = Some(recorder);
-                recorded?;
-            }
+            runner.simulation.record(&[], Vec::new())?;
             runner.simulation.write_due()?;
         }
         runner.simulation.phases = Phases::start();
@@ -393,6 +388,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             time: self.simulation.time(),
         };
         self.simulation.outputs.write_all_now(&view)?;
+        self.simulation.recorder.flush(&self.simulation.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
     }
@@ -406,8 +402,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if simulation.flow.is_some() {
             more = format!("Mach {:.3}", simulation.guards.mach());
         }
-        if let Some(recorder) = &simulation.recorder {
-            more += &format!("  eroded {:.2} %", 100.0 * recorder.eroded_fraction());
+        if simulation.plan.scene.erosion_law.is_some() {
+            more += &format!("  eroded {:.2} %", 100.0 * simulation.recorder.eroded_fraction());
         }
         let cells = if simulation.flow.is_some() {
             simulation.plan.scene.grid.cell_count() as u64
@@ -431,13 +427,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
         simulation.outputs.sync(&simulation.domain)?;
-        if let Some(recorder) = &mut simulation.recorder {
-            recorder.sync()?;
-        }
+        let recorder = simulation.recorder.state(&simulation.domain)?;
         let attributes = json!({
             "case_hash": simulation.plan.case_hash,
             "removal": simulation.removal.state()?,
-            "recorder": simulation.recorder.as_ref().map(ErosionRecorder::state),
+            "recorder": recorder,
             "notes": self.notes,
             "typical_radius": self.notes["typical_radius"],
             "version": env!("CARGO_PKG_VERSION"),
@@ -516,8 +510,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "notes": self.notes,
             "versions": versions(),
         });
-        if let Some(recorder) = &simulation.recorder {
-            summary["erosion"] = recorder.summary();
+        if let Some(erosion) = simulation.recorder.summary(&simulation.plan)? {
+            summary["erosion"] = erosion;
         }
         let first = communicator.rank() == 0;
         let written = if first {
@@ -615,18 +609,18 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &
     }
 }
 
-/// The fluid flows round grains that stand still until it is steady. Collective.
+/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. Collective.
 fn warm_up<Sp: Space, S: Saved>(
     plan: &Plan,
     flow: &mut BounceBack<Sp, S>,
     particles: &mut Particles<Sp>,
     domain: &Domain,
-) -> Result<String, Error> {
+) -> Result<(u64, String), Error> {
     let Some(WarmUp::FluidOnly {
         relative_change, ..
     }) = plan.scene.time.warm_up
     else {
-        return Ok(String::new());
+        return Ok((0, String::new()));
     };
     const LOOK_EVERY: u64 = 100;
     let communicator = domain.communicator();
@@ -659,8 +653,11 @@ fn warm_up<Sp: Space, S: Saved>(
             }
         }
     }
-    Ok(format!(
-        "fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"
+    Ok((
+        step,
+        format!(
+            "fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"
+        ),
     ))
 }
 

@@ -5,6 +5,16 @@ use nalgebra::{Vector2, Vector3};
 
 use super::*;
 
+/// The nearest whole number.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of steps, positive and small"
+)]
+fn whole(value: f64) -> u64 {
+    value.round() as u64
+}
+
 /// Restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     let parameters = linear::Parameters {
@@ -196,7 +206,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
         );
         for row in rows(table) {
             let [t, _, z, vx, wy] = row[..] else { panic!() };
-            let due = (t / 1e-6).round() as u64;
+            let due = whole(t / 1e-6);
             dem.advance_many(&mut particles, &Alone, due - dem.steps())
                 .unwrap();
             let motion = &particles.motion[0];
@@ -239,7 +249,7 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     particles.insert(body, motion);
     // It rolls once mu g t (1 + 1/shape) = v0, at v0 / (1 + shape).
     let rolls = 1.0 / (mu * g * (1.0 + 1.0 / shape));
-    let steps = |t: f64| (t / settings.time_step).round() as u64;
+    let steps = |t: f64| whole(t / settings.time_step);
     dem.advance_many(&mut particles, &Alone, steps(0.9 * rolls))
         .unwrap();
     assert_relative_eq!(
@@ -295,7 +305,7 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
         .position
         .set(1, 0.05 - body.mass * 9.81 * cos / stiffness);
     particles.insert(body, motion);
-    dem.advance_many(&mut particles, &Alone, (0.3 / settings.time_step) as u64)
+    dem.advance_many(&mut particles, &Alone, whole(0.3 / settings.time_step))
         .unwrap();
     particles.motion[0].velocity.get(0) / dem.time()
 }
@@ -428,7 +438,7 @@ fn compare_cohesive(
         let [step, _, _, normal, shear, broken] = row[..] else {
             panic!()
         };
-        let steps = step as u64 - dem.steps();
+        let steps = whole(step) - dem.steps();
         dem.advance_many(&mut particles, &Alone, steps).unwrap();
         let force = particles.contact[1].force;
         let line = (particles.motion[1].position - particles.motion[0].position).normalize();

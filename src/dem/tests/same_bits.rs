@@ -262,11 +262,9 @@ impl Saved {
         };
         let ids = column(&self.grains.columns[0].1);
         for (name, values) in &self.grains.columns {
-            // Which image a grain stands for changes when lists are made; where it stands does not.
-            if !name.starts_with("shift") {
-                for (id, bits) in ids.iter().zip(column(values)) {
-                    rows.entry(*id).or_default().push(bits);
-                }
+            assert_eq!(values.len(), ids.len(), "{name}");
+            for (id, bits) in ids.iter().zip(column(values)) {
+                rows.entry(*id).or_default().push(bits);
             }
         }
         for table in [&self.contacts.grains, &self.contacts.walls] {

@@ -1,0 +1,168 @@
+//! A hash of grains after some thousand steps, for `mpirun -n N dem_ranks AXIS SCENE`.
+//!
+//! The scenes: colliding discs, a periodic box, bonds that break, and a disc wider than a slab. `tests/dem_ranks.rs` compares
+//! the hashes of several numbers of ranks and directions of the split.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the hash is what the program is for"
+)]
+
+use std::process::ExitCode;
+
+use decomposition::{Axis, Domain, Slabs, StateHash, World, field_key};
+use nalgebra::Vector2;
+use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use solver::dem::state::{Table, Values};
+use solver::dem::{Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Wall};
+use solver::error::Error;
+use solver::random::Stream;
+
+type Grains = Vec<(Body, Motion<Plane>)>;
+
+fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
+    let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
+    region.periodic[0] = name == "periodic";
+    let mut settings = Settings::new(region, 2e-6, 3e-4);
+    settings.gravity = Vector2::new(2.0, -9.81);
+    settings.ghost_margin = 1e-3;
+    let walls = Wall::of_box(
+        region.lower,
+        region.upper,
+        [!region.periodic[0], true, false],
+        0,
+    );
+    let parameters = cohesive_frictional::Parameters {
+        normal_stiffness: 5e5,
+        stiffness_per_diameter: false,
+        stiffness_ratio: 0.4,
+        friction_angle: 20.0,
+        cohesion: if name == "bonded" { 0.5 } else { 0.0 },
+        cohesion_per_diameter: false,
+        normal_damping: 0.05,
+        shear_damping: 0.05,
+    };
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, parameters),
+    });
+    let hole = if name == "giant" { 0.0082 } else { 0.0 };
+    let mut grains = Vec::new();
+    for n in 0..14 * 19_u32 {
+        let mut draw = Stream::new(5, u64::from(n), 0);
+        let position = Vector2::new(
+            0.0011 + 0.002 * f64::from(n % 19),
+            0.0011 + 0.00199 * f64::from(n / 19),
+        );
+        if (position - Vector2::new(0.02, 0.014)).norm() < hole + 0.0011 {
+            continue;
+        }
+        let id = u64::from(n) * 131 % 997;
+        let radius = 0.00099 + 3e-5 * draw.uniform();
+        let velocity = Vector2::new(draw.uniform() - 0.3, draw.uniform() - 0.5) * 2.0;
+        let spin = 100.0 * (draw.uniform() - 0.5);
+        grains.push((
+            Body::uniform::<Plane>(id, radius, 2600.0, 0),
+            Motion {
+                position,
+                velocity,
+                spin,
+            },
+        ));
+    }
+    if name == "giant" {
+        let position = Vector2::new(0.02, 0.014);
+        let motion = Motion {
+            position,
+            ..Motion::default()
+        };
+        grains.push((Body::uniform::<Plane>(5000, 0.008, 2600.0, 0), motion));
+    }
+    Ok((Dem::new(law, settings, walls)?, grains))
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the two halves of 128 bits"
+)]
+fn halves(value: u128) -> [u64; 2] {
+    [value as u64, (value >> 64) as u64]
+}
+
+/// Adds a table's rows to the hash; `keys` columns name a row.
+fn add(hash: &mut StateHash, name: &str, table: &Table, keys: usize) {
+    let whole = |column: usize, row: usize| match &table.columns[column].1 {
+        Values::Whole(values) => values[row],
+        Values::Real(values) => values[row].to_bits(),
+    };
+    for (column, (label, _)) in table.columns.iter().enumerate() {
+        let field = field_key(&format!("{name}.{label}"));
+        for row in 0..table.rows() {
+            let mut key = StateHash::new();
+            for k in 0..keys {
+                key.add(0, k as u64, whole(k, row));
+            }
+            let [low, high] = halves(key.value());
+            hash.add(field, low ^ high, whole(column, row));
+        }
+    }
+}
+
+fn run() -> Result<(), Box<dyn std::error::Error>> {
+    let world = World::start()?;
+    let communicator = world.communicator();
+    let mut words = std::env::args().skip(1);
+    let axis = if words.next().as_deref() == Some("y") {
+        Axis::Y
+    } else {
+        Axis::X
+    };
+    let name = words.next().unwrap_or_default();
+    let planes = if axis == Axis::X { 40 } else { 30 };
+    let slabs = Slabs::even(
+        axis,
+        planes,
+        communicator.size(),
+        axis == Axis::X && name == "periodic",
+    );
+    let domain = Domain::new(communicator.clone(), slabs)?;
+    let (mut dem, grains) = scene(&name)?;
+    let mut particles = Particles::new();
+    // Dealt out like cards: the first lists hand them to their owners.
+    for (k, (body, motion)) in grains.into_iter().enumerate() {
+        if k % communicator.size() == communicator.rank() {
+            particles.insert(body, motion);
+        }
+    }
+    let bonds = dem.bond_existing_contacts(&mut particles, &domain)?;
+    let bonds = communicator.all_reduce_sum_u64(bonds);
+    for _ in 0..40 {
+        dem.advance_many(&mut particles, &domain, 50)?;
+    }
+    let mut hash = StateHash::new();
+    add(&mut hash, "grains", &particles.table(), 1);
+    let contacts = dem.contacts();
+    add(&mut hash, "contacts", &contacts.grains, 4);
+    add(&mut hash, "walls", &contacts.walls, 2);
+    let hash = hash.all_reduce(&communicator);
+    let count = |n: usize| communicator.all_reduce_sum_u64(n as u64);
+    let [held, at_walls] = [count(contacts.grains.rows()), count(contacts.walls.rows())];
+    let breaks = count(dem.take_breaks().len());
+    if communicator.rank() == 0 {
+        println!(
+            "{} contacts {held} walls {at_walls} bonds {bonds} breaks {breaks}",
+            hash.hex()
+        );
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}

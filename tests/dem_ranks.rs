@@ -1,0 +1,55 @@
+//! The grains under a real `mpirun`: the same bits on 1 to 4 ranks, split along x and along y.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+/// Cargo builds examples beside the tests, except where it is told to build one test only.
+fn example() -> PathBuf {
+    let mut path = std::env::current_exe().expect("a running test has a path");
+    path.pop();
+    path.pop();
+    let example = path.join("examples").join("dem_ranks");
+    if !example.exists() {
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--package", "solver", "--example", "dem_ranks"]);
+        if path.ends_with("release") {
+            build.arg("--release");
+        }
+        assert!(build.status().expect("cargo starts").success());
+    }
+    example
+}
+
+fn hash(ranks: usize, axis: &str, scene: &str) -> String {
+    let output = Command::new("timeout")
+        .args(["--kill-after=5", "100", "mpirun", "--oversubscribe", "-n"])
+        .arg(ranks.to_string())
+        .arg(example())
+        .args([axis, scene])
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
+        .env("RAYON_NUM_THREADS", "1")
+        .output()
+        .expect("`timeout` (coreutils) starts");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{ranks} ranks: {stderr}");
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+#[test]
+fn grains_do_not_feel_the_ranks() {
+    for scene in ["colliding", "periodic", "bonded", "giant"] {
+        let one = hash(1, "x", scene);
+        assert!(one.contains(" contacts "), "{one}");
+        assert_eq!(scene == "bonded", !one.ends_with("breaks 0"), "{one}");
+        assert!(!one.contains("contacts 0 "), "{one}");
+        for (ranks, axis) in [(2, "x"), (2, "y"), (3, "y"), (4, "x")] {
+            assert_eq!(
+                one,
+                hash(ranks, axis, scene),
+                "{scene}, {ranks} ranks along {axis}"
+            );
+        }
+    }
+}
