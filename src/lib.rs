@@ -1,4 +1,8 @@
 #![doc = include_str!("ARCHITECTURE.md")]
+#![cfg_attr(
+    test,
+    allow(clippy::float_cmp, reason = "tests compare bits on purpose")
+)]
 
 pub mod analysis;
 pub mod case;

@@ -16,7 +16,7 @@ pub mod watch;
 use crate::checkpoint::{Saved, State};
 use crate::coupling::bounce_back::BounceBack;
 use crate::coupling::{Flow, FluidView};
-use crate::dem::{BondBreak, Dem};
+use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
@@ -26,82 +26,23 @@ use decomposition::Domain;
 use erosion::ErosionRecorder;
 use guards::Guards;
 use phases::{Phase, Phases};
-use removal::{Departed, Removal};
+use removal::Removal;
 use view::View;
 
-/// A run in progress: state, and what records it.
-pub struct Simulation<Sp: Space, S: Saved> {
+/// What is simulated, as it is now.
+struct Present<Sp: Space, S: Saved> {
     plan: Plan,
     domain: Domain,
     flow: Option<BounceBack<Sp, S>>,
     dem: Option<Dem<Sp>>,
     particles: Particles<Sp>,
-    removal: Removal,
-    recorder: ErosionRecorder,
-    outputs: Outputs,
-    guards: Guards,
-    phases: Phases,
+    /// Fluid steps done.
     step: u64,
 }
 
-impl<Sp: Space, S: Saved> Simulation<Sp, S> {
-    /// One step. Collective.
-    ///
-    /// # Errors
-    /// When the numbers fail or an output cannot be written; the same on all ranks.
-    pub fn step(&mut self) -> Result<(), Error> {
-        self.guards
-            .before(self.step, self.flow.as_ref(), &self.domain);
-        if let Some(flow) = &mut self.flow {
-            flow.advance(&mut self.particles, &self.domain)?;
-        }
-        self.phases.done(Phase::Fluid);
-        self.guards.after(self.flow.as_ref(), &self.domain);
-        self.phases.done(Phase::Guards);
-        if let Some(dem) = &mut self.dem {
-            let steps = u64::from(self.plan.clock.solid_steps_per_step);
-            dem.advance_many(&mut self.particles, &self.domain, steps)?;
-        }
-        self.phases.done(Phase::Grains);
-        self.step += 1;
-        let time = self.time();
-        let removed = self.removal.leaving(
-            &mut self.particles,
-            &self.plan,
-            &self.domain,
-            self.step,
-            time,
-        )?;
-        self.removal
-            .appearing(&mut self.particles, &self.plan, &self.domain, time)?;
-        if let Some(dem) = &mut self.dem {
-            dem.prepare(&mut self.particles, &self.domain)?;
-            self.particles.refresh_ghosts(&self.domain)?;
-        }
-        self.phases.done(Phase::Removal);
-        if let Some(flow) = &mut self.flow {
-            flow.follow(&mut self.particles, &self.domain)?;
-        }
-        self.phases.done(Phase::Mapping);
-        let breaks = self.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
-        self.record(&removed, breaks)?;
-        self.phases.done(Phase::Analysis);
-        self.write_due()?;
-        self.phases.done(Phase::Output);
-        self.guards.check(
-            self.step,
-            self.flow.as_ref(),
-            &self.particles,
-            &self.plan,
-            &self.domain,
-        )?;
-        self.phases.done(Phase::Guards);
-        Ok(())
-    }
-
+impl<Sp: Space, S: Saved> Present<Sp, S> {
     /// Physical time [s].
-    #[must_use]
-    pub fn time(&self) -> f64 {
+    fn time(&self) -> f64 {
         crate::plan::steps_number(self.step) * self.plan.clock.time_step
     }
 
@@ -117,41 +58,76 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         }
     }
 
-    fn record(&mut self, removed: &[Departed], breaks: Vec<BondBreak<Sp>>) -> Result<(), Error> {
-        let view = View {
-            plan: &self.plan,
-            domain: &self.domain,
-            fluid: self.flow.as_ref().map(|flow| flow as &dyn FluidView),
-            particles: &self.particles,
-            dem: self.dem.as_ref(),
-            step: self.step,
-            time: crate::plan::steps_number(self.step) * self.plan.clock.time_step,
-        };
-        let mass_error = self.guards.mass_error();
-        self.recorder.record_due(&view, removed, breaks, mass_error)
-    }
-
-    fn write_due(&mut self) -> Result<(), Error> {
-        if self.outputs.next_due() > self.step {
-            return Ok(());
-        }
-        let view = View {
-            plan: &self.plan,
-            domain: &self.domain,
-            fluid: self.flow.as_ref().map(|flow| flow as &dyn FluidView),
-            particles: &self.particles,
-            dem: self.dem.as_ref(),
-            step: self.step,
-            time: crate::plan::steps_number(self.step) * self.plan.clock.time_step,
-        };
-        self.outputs.write_due(&view)
-    }
-
     fn state(&self) -> State<'_, Sp, S> {
         State {
             fluid: self.flow.as_ref().map(BounceBack::fluid),
             particles: &self.particles,
             contacts: self.dem.as_ref().map(Dem::contacts),
         }
+    }
+}
+
+/// A run in progress: what is simulated, and what records it.
+pub struct Simulation<Sp: Space, S: Saved> {
+    now: Present<Sp, S>,
+    removal: Removal,
+    recorder: ErosionRecorder,
+    outputs: Outputs,
+    guards: Guards,
+    phases: Phases,
+}
+
+impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+    /// One step. Collective.
+    ///
+    /// # Errors
+    /// When the numbers fail or an output cannot be written; the same on all ranks.
+    pub fn step(&mut self) -> Result<(), Error> {
+        let now = &mut self.now;
+        self.guards.before(now.step, now.flow.as_ref(), &now.domain);
+        if let Some(flow) = &mut now.flow {
+            flow.advance(&mut now.particles, &now.domain)?;
+        }
+        self.phases.done(Phase::Fluid);
+        self.guards.after(now.flow.as_ref(), &now.domain);
+        self.phases.done(Phase::Guards);
+        if let Some(dem) = &mut now.dem {
+            let steps = u64::from(now.plan.clock.solid_steps_per_step);
+            dem.advance_many(&mut now.particles, &now.domain, steps)?;
+        }
+        self.phases.done(Phase::Grains);
+        now.step += 1;
+        let time = now.time();
+        let removed =
+            self.removal
+                .leaving(&mut now.particles, &now.plan, &now.domain, now.step, time)?;
+        self.removal
+            .appearing(&mut now.particles, &now.plan, &now.domain, time)?;
+        if let Some(dem) = &mut now.dem {
+            dem.prepare(&mut now.particles, &now.domain)?;
+            now.particles.refresh_ghosts(&now.domain)?;
+        }
+        self.phases.done(Phase::Removal);
+        if let Some(flow) = &mut now.flow {
+            flow.follow(&mut now.particles, &now.domain)?;
+        }
+        self.phases.done(Phase::Mapping);
+        let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
+        self.recorder
+            .record_due(&now.view(), &removed, breaks, self.guards.mass_error())?;
+        self.phases.done(Phase::Analysis);
+        if self.outputs.next_due() <= now.step {
+            self.outputs.write_due(&now.view())?;
+        }
+        self.phases.done(Phase::Output);
+        self.guards.check(
+            now.step,
+            now.flow.as_ref(),
+            &now.particles,
+            &now.plan,
+            &now.domain,
+        )?;
+        self.phases.done(Phase::Guards);
+        Ok(())
     }
 }

@@ -809,6 +809,19 @@ impl fmt::Display for Report {
     }
 }
 
+/// `solver erosion-law`: the tables of [`run`] as text or JSON.
+///
+/// # Errors
+/// As [`run`].
+pub fn command(runs: &[PathBuf], output: &Path, json: bool) -> Result<String, Error> {
+    let report = run(runs, output)?;
+    if json {
+        serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))
+    } else {
+        Ok(report.to_string())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::erosion_law::fit::tests::Draws;
@@ -1032,18 +1045,5 @@ mod tests {
         fs::write(folder.join("erosion.csv"), ErosionRecord::header() + "\n").unwrap();
         fs::write(folder.join("summary.json"), "{").unwrap();
         assert!(run(&[folder], root.path()).is_err());
-    }
-}
-
-/// `solver erosion-law`: the tables of [`run`] as text or JSON.
-///
-/// # Errors
-/// As [`run`].
-pub fn command(runs: &[PathBuf], output: &Path, json: bool) -> Result<String, Error> {
-    let report = run(runs, output)?;
-    if json {
-        serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))
-    } else {
-        Ok(report.to_string())
     }
 }

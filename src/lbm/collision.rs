@@ -46,16 +46,16 @@ impl<N: Lanes> Pairs<N> {
             N::splat(half_force[1]),
             N::splat(half_force[2]),
         ];
-        unroll!(pairs K < (Q - 1) / 2 => {
-            let (i, j) = L::PAIRS[K];
-            even[K] = g[i] + g[j];
-            odd[K] = g[i] - g[j];
-            drho = drho + even[K];
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            even[k] = g[i] + g[j];
+            odd[k] = g[i] - g[j];
+            drho = drho + even[k];
             let c = L::C[i];
-            unroll!(axes A < L::DIMENSION => {
-                match c[A] {
-                    1 => m[A] = m[A] + odd[K],
-                    -1 => m[A] = m[A] - odd[K],
+            unroll!(axes a < L::DIMENSION => {
+                match c[a] {
+                    1 => m[a] = m[a] + odd[k],
+                    -1 => m[a] = m[a] - odd[k],
                     _ => {}
                 }
             });
@@ -63,9 +63,9 @@ impl<N: Lanes> Pairs<N> {
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let mut u = [zero; 3];
         let mut mu = zero;
-        unroll!(axes A < L::DIMENSION => {
-            u[A] = m[A] * inverse;
-            mu = m[A].mul_add(u[A], mu);
+        unroll!(axes a < L::DIMENSION => {
+            u[a] = m[a] * inverse;
+            mu = m[a].mul_add(u[a], mu);
         });
         Self {
             even,
@@ -82,13 +82,13 @@ impl<N: Lanes> Pairs<N> {
 #[inline(always)]
 pub(crate) fn along<N: Lanes>(c: [i8; 3], v: &[N; 3]) -> N {
     let mut sum: Option<N> = None;
-    unroll!(axes A < 3 => {
-        sum = match (c[A], sum) {
+    unroll!(axes a < 3 => {
+        sum = match (c[a], sum) {
             (0, s) => s,
-            (1, None) => Some(v[A]),
-            (1, Some(s)) => Some(s + v[A]),
-            (_, None) => Some(N::splat(0.0) - v[A]),
-            (_, Some(s)) => Some(s - v[A]),
+            (1, None) => Some(v[a]),
+            (1, Some(s)) => Some(s + v[a]),
+            (_, None) => Some(N::splat(0.0) - v[a]),
+            (_, Some(s)) => Some(s - v[a]),
         };
     });
     sum.unwrap_or_else(|| N::splat(0.0))

@@ -137,21 +137,21 @@ where
         for row in 0..shared.rows {
             let start = plane * shared.plane + row * shared.row;
             let mut at = [std::ptr::null_mut::<S>(); Q];
-            unroll!(populations I < Q => {
+            unroll!(populations i < Q => {
                 // SAFETY: `first` are positions inside the array for the first row, and the row lies in the slab.
-                at[I] = unsafe { shared.base.add(shared.first[I] + start) };
+                at[i] = unsafe { shared.base.add(shared.first[i] + start) };
             });
             let mut k = 0;
             while k < shared.cells {
                 let mut g = [N::splat(0.0); Q];
-                unroll!(populations I < Q => {
+                unroll!(populations i < Q => {
                     // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included.
-                    g[I] = unsafe { S::load(at[I].add(k)) };
+                    g[i] = unsafe { S::load(at[i].add(k)) };
                 });
                 collision.collide::<L, N, Q>(&mut g);
-                unroll!(populations I < Q => {
-                    // SAFETY: as for the load; the opposite of I was read here.
-                    unsafe { S::store(at[L::OPPOSITE[I]].add(k), g[I]) };
+                unroll!(populations i < Q => {
+                    // SAFETY: as for the load; the opposite of i was read here.
+                    unsafe { S::store(at[L::OPPOSITE[i]].add(k), g[i]) };
                 });
                 k += N::WIDTH;
             }

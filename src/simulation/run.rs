@@ -8,14 +8,14 @@ use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
 use super::setup;
 use super::watch::{Request, Watch};
-use super::{Simulation, view::View};
+use super::{Present, Simulation};
 use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
 use crate::cli::RunOptions;
+use crate::coupling::Flow;
 use crate::coupling::bounce_back::BounceBack;
-use crate::coupling::{Flow, FluidView};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
 use crate::error::Error;
@@ -148,10 +148,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         // A failed rank may be alone: no reductions then.
         if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
             runner.summarise(text, json)?;
-        } else if runner.simulation.domain.rank() == 0 {
+        } else if runner.simulation.now.domain.rank() == 0 {
             let message = outcome.as_ref().err().map(ToString::to_string);
             let summary =
-                json!({ "outcome": text, "error": message, "steps": runner.simulation.step });
+                json!({ "outcome": text, "error": message, "steps": runner.simulation.now.step });
             // The error itself matters more than that it could not be written down.
             let _ = io::atomic::write_json(&runner.folder.join("summary.json"), &summary);
         }
@@ -295,17 +295,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         progress = Progress::new(first, step);
         let mut runner = Self {
             simulation: Simulation {
-                plan,
-                domain,
-                flow,
-                dem,
-                particles,
+                now: Present {
+                    plan,
+                    domain,
+                    flow,
+                    dem,
+                    particles,
+                    step,
+                },
                 removal,
                 recorder,
                 outputs,
                 guards,
                 phases: Phases::start(),
-                step,
             },
             folder,
             watch,
@@ -317,8 +319,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         };
         runner.initial_mass = runner.mass();
         if !resumed {
-            runner.simulation.record(&[], Vec::new())?;
-            runner.simulation.write_due()?;
+            let Simulation {
+                now,
+                recorder,
+                outputs,
+                ..
+            } = &mut runner.simulation;
+            recorder.record_due(&now.view(), &[], Vec::new(), 0.0)?;
+            outputs.write_due(&now.view())?;
         }
         runner.simulation.phases = Phases::start();
         Ok(runner)
@@ -326,7 +334,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
 
     /// Mass of the lattice (lattice units of deviation), for drift. Collective.
     fn mass(&self) -> f64 {
-        let Some(flow) = &self.simulation.flow else {
+        let Some(flow) = &self.simulation.now.flow else {
             return 0.0;
         };
         let mut sum = decomposition::ExactSum::new();
@@ -334,35 +342,36 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         for (_, cell) in populations.interior() {
             sum.add(populations.moments(cell).0);
         }
-        sum.all_reduce(self.simulation.domain.communicator());
+        sum.all_reduce(self.simulation.now.domain.communicator());
         sum.value()
     }
 
     fn run(&mut self) -> Result<(), Error> {
-        let steps = self.simulation.plan.clock.steps;
+        let steps = self.simulation.now.plan.clock.steps;
         let save_every = self
             .simulation
+            .now
             .plan
             .scene
             .checkpoint
             .every
-            .map(|t| self.simulation.plan.clock.interval_to_steps(t));
-        while self.simulation.step < steps {
+            .map(|t| self.simulation.now.plan.clock.interval_to_steps(t));
+        while self.simulation.now.step < steps {
             self.simulation.step()?;
-            let step = self.simulation.step;
+            let step = self.simulation.now.step;
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
                 self.save()?;
             }
             if step.is_multiple_of(ASK_EVERY) {
                 self.tell();
-                let request = self.watch.ask(self.simulation.domain.communicator());
+                let request = self.watch.ask(self.simulation.now.domain.communicator());
                 self.simulation.phases.done(Phase::Guards);
                 match request {
                     Request::None => {}
                     Request::Checkpoint => self.save()?,
                     Request::Stop => {
                         self.save()?;
-                        if self.simulation.domain.rank() == 0 {
+                        if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
                         let text = format!(
@@ -374,21 +383,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 }
             }
         }
-        let view = View {
-            plan: &self.simulation.plan,
-            domain: &self.simulation.domain,
-            fluid: self
-                .simulation
-                .flow
-                .as_ref()
-                .map(|flow| flow as &dyn FluidView),
-            particles: &self.simulation.particles,
-            dem: self.simulation.dem.as_ref(),
-            step: self.simulation.step,
-            time: self.simulation.time(),
-        };
-        self.simulation.outputs.write_all_now(&view)?;
-        self.simulation.recorder.flush(&self.simulation.domain)?;
+        self.simulation
+            .outputs
+            .write_all_now(&self.simulation.now.view())?;
+        self.simulation
+            .recorder
+            .flush(&self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
     }
@@ -399,25 +399,28 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let simulation = &self.simulation;
         let mut more = String::new();
-        if simulation.flow.is_some() {
+        if simulation.now.flow.is_some() {
             more = format!("Mach {:.3}", simulation.guards.mach());
         }
-        if simulation.plan.scene.erosion_law.is_some() {
-            more += &format!("  eroded {:.2} %", 100.0 * simulation.recorder.eroded_fraction());
+        if simulation.now.plan.scene.erosion_law.is_some() {
+            more += &format!(
+                "  eroded {:.2} %",
+                100.0 * simulation.recorder.eroded_fraction()
+            );
         }
-        let cells = if simulation.flow.is_some() {
-            simulation.plan.scene.grid.cell_count() as u64
+        let cells = if simulation.now.flow.is_some() {
+            simulation.now.plan.scene.grid.cell_count() as u64
         } else {
             0
         };
         let moment = Moment {
-            step: simulation.step,
-            steps: simulation.plan.clock.steps,
-            time: simulation.time(),
+            step: simulation.now.step,
+            steps: simulation.now.plan.clock.steps,
+            time: simulation.now.time(),
             cells,
             // Of this rank only: good enough for a line, and no message.
-            grains: simulation.particles.owned() as u64,
-            solid_steps: u64::from(simulation.plan.clock.solid_steps_per_step),
+            grains: simulation.now.particles.owned() as u64,
+            solid_steps: u64::from(simulation.now.plan.clock.solid_steps_per_step),
             more,
         };
         self.progress.say(&moment);
@@ -426,10 +429,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn save(&mut self) -> Result<(), Error> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
-        simulation.outputs.sync(&simulation.domain)?;
-        let recorder = simulation.recorder.state(&simulation.domain)?;
+        simulation.outputs.sync(&simulation.now.domain)?;
+        let recorder = simulation.recorder.state(&simulation.now.domain)?;
         let attributes = json!({
-            "case_hash": simulation.plan.case_hash,
+            "case_hash": simulation.now.plan.case_hash,
             "removal": simulation.removal.state()?,
             "recorder": recorder,
             "notes": self.notes,
@@ -437,10 +440,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "version": env!("CARGO_PKG_VERSION"),
             "commit": env!("SOLVER_COMMIT"),
         });
-        let keep = simulation.plan.scene.checkpoint.keep as usize;
-        let (step, time) = (simulation.step, simulation.time());
-        let communicator = simulation.domain.communicator();
-        let written = simulation.state().write(
+        let keep = simulation.now.plan.scene.checkpoint.keep as usize;
+        let (step, time) = (simulation.now.step, simulation.now.time());
+        let communicator = simulation.now.domain.communicator();
+        let written = simulation.now.state().write(
             &checkpoint_folder(&self.folder),
             step,
             time,
@@ -464,33 +467,33 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
 
     fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
         let simulation = &self.simulation;
-        let communicator = simulation.domain.communicator();
+        let communicator = simulation.now.domain.communicator();
         let phases = simulation.phases.reduce(communicator);
         let wall = self.watch.elapsed().as_secs_f64();
         let looped: f64 = phases.iter().map(|p| p.mean).sum();
-        let steps = steps_number(simulation.step - self.first_step);
-        let cells = if simulation.flow.is_some() {
-            simulation.plan.scene.grid.cell_count()
+        let steps = steps_number(simulation.now.step - self.first_step);
+        let cells = if simulation.now.flow.is_some() {
+            simulation.now.plan.scene.grid.cell_count()
         } else {
             0
         };
         let mlups = crate::scene::grid::count(cells) * steps / looped.max(1e-9) / 1e6;
-        let grains = communicator.all_reduce_sum_u64(simulation.particles.owned() as u64);
-        let solid_steps = f64::from(simulation.plan.clock.solid_steps_per_step);
-        let rate = if simulation.dem.is_some() {
+        let grains = communicator.all_reduce_sum_u64(simulation.now.particles.owned() as u64);
+        let solid_steps = f64::from(simulation.now.plan.clock.solid_steps_per_step);
+        let rate = if simulation.now.dem.is_some() {
             steps_number(grains) * steps * solid_steps / looped.max(1e-9)
         } else {
             0.0
         };
         let rss = communicator.all_reduce_max_u64(peak_rss());
         let rss_total = communicator.all_reduce_sum_u64(peak_rss());
-        let hash = simulation.state().hash(communicator);
+        let hash = simulation.now.state().hash(communicator);
         let drift = self.mass() - self.initial_mass;
         let mut summary = json!({
             "outcome": outcome,
-            "steps": simulation.step,
-            "steps_of_this_run": simulation.step - self.first_step,
-            "time": simulation.time(),
+            "steps": simulation.now.step,
+            "steps_of_this_run": simulation.now.step - self.first_step,
+            "time": simulation.now.time(),
             "wall_seconds": wall,
             "loop_seconds": looped,
             "phases": phases,
@@ -505,12 +508,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "mach": simulation.guards.mach(),
             "ranks": communicator.size(),
             "threads": self.threads,
-            "case_hash": simulation.plan.case_hash,
+            "case_hash": simulation.now.plan.case_hash,
             "state_hash": hash,
             "notes": self.notes,
             "versions": versions(),
         });
-        if let Some(erosion) = simulation.recorder.summary(&simulation.plan)? {
+        if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
         }
         let first = communicator.rank() == 0;
@@ -530,7 +533,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.progress.note(&table(&phases, looped));
             self.progress.note(&format!(
                 "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
-                simulation.step - self.first_step,
+                simulation.now.step - self.first_step,
                 clock(wall),
                 mlups,
                 rate / 1e6,

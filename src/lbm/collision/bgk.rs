@@ -51,15 +51,15 @@ fn relax<L: Lattice<Q>, N: Lanes, const Q: usize, const FORCED: bool>(
     let source = 1.0 - 0.5 * omega;
     if FORCED {
         let mut uf = N::splat(0.0);
-        unroll!(axes A < L::DIMENSION => {
-            lanes_force[A] = N::splat(force[A]);
-            uf = p.u[A].mul_add(lanes_force[A], uf);
+        unroll!(axes a < L::DIMENSION => {
+            lanes_force[a] = N::splat(force[a]);
+            uf = p.u[a].mul_add(lanes_force[a], uf);
         });
         base = uf.mul_add(N::splat(-3.0 * source), base);
     }
     g[0] = g[0].mul_add(keep, base * N::splat(L::W[0]));
-    unroll!(pairs K < (Q - 1) / 2 => {
-        let (i, j) = L::PAIRS[K];
+    unroll!(pairs k < (Q - 1) / 2 => {
+        let (i, j) = L::PAIRS[k];
         let c = L::C[i];
         let w = L::W[i];
         let cm = along(c, &p.m);

@@ -64,17 +64,17 @@ fn relax<L: Lattice<Q>, N: Lanes, const Q: usize, const FORCED: bool>(
     let (even_source, odd_source) = (1.0 - 0.5 * even_rate, 1.0 - 0.5 * odd_rate);
     if FORCED {
         let mut uf = N::splat(0.0);
-        unroll!(axes A < L::DIMENSION => {
-            lanes_force[A] = N::splat(force[A]);
-            uf = p.u[A].mul_add(lanes_force[A], uf);
+        unroll!(axes a < L::DIMENSION => {
+            lanes_force[a] = N::splat(force[a]);
+            uf = p.u[a].mul_add(lanes_force[a], uf);
         });
         base = uf.mul_add(N::splat(-3.0 * even_source), base);
     }
     g[0] = g[0].mul_add(N::splat(1.0 - even_rate), base * N::splat(L::W[0]));
     let half_even = N::splat(0.5 * even_rate);
     let half_odd = N::splat(0.5 * odd_rate);
-    unroll!(pairs K < (Q - 1) / 2 => {
-        let (i, j) = L::PAIRS[K];
+    unroll!(pairs k < (Q - 1) / 2 => {
+        let (i, j) = L::PAIRS[k];
         let c = L::C[i];
         let w = L::W[i];
         let cm = along(c, &p.m);
@@ -86,8 +86,8 @@ fn relax<L: Lattice<Q>, N: Lanes, const Q: usize, const FORCED: bool>(
             even = (cu * cf).mul_add(N::splat(9.0 * even_source), even);
             odd = cf.mul_add(N::splat(3.0 * odd_source * w), odd);
         }
-        let even = p.even[K].neg_mul_add(half_even, even * N::splat(w));
-        let odd = p.odd[K].neg_mul_add(half_odd, odd);
+        let even = p.even[k].neg_mul_add(half_even, even * N::splat(w));
+        let odd = p.odd[k].neg_mul_add(half_odd, odd);
         g[i] = g[i] + (even + odd);
         g[j] = g[j] + (even - odd);
     });

@@ -234,6 +234,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
             first_grain: 0,
             isolated: None,
         },
+        buoyancy: [0.0; 3],
     };
     let fluid = Fluid::<f64>::new(setup, &domain).unwrap();
     let mut flow = BounceBack::<Plane, f64>::new(fluid, units, [0.0; 3], settings);
@@ -276,7 +277,7 @@ fn broken(step: u64, grain: u64, x: f64, y: f64) -> BondBreak<Plane> {
         step,
         time: 0.0,
         grain,
-        other: (grain % 2 == 0).then_some(grain + 1),
+        other: grain.is_multiple_of(2).then_some(grain + 1),
         wall: (grain % 2 == 1).then_some(2),
         position: Vector2::new(x, y),
         mode: if grain == 4 {
