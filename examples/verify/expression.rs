@@ -93,12 +93,17 @@ impl Reader<'_> {
         }
         let length = self.word_length();
         if length == 0 {
-            return Err(format!("a number or a name is missing before {:?}", self.rest));
+            return Err(format!(
+                "a number or a name is missing before {:?}",
+                self.rest
+            ));
         }
         let (word, rest) = self.rest.split_at(length);
         self.rest = rest.trim_start();
         if word.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
-            return word.parse().map_err(|_| format!("{word:?} is not a number"));
+            return word
+                .parse()
+                .map_err(|_| format!("{word:?} is not a number"));
         }
         if self.eat('(') {
             let argument = self.comparison()?;

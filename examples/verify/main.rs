@@ -1,4 +1,4 @@
-//! `verify SOLVER WORK RESULTS [NAME…]`: the long forms of the cases under `jobs/verification`, with a table of results.
+//! `verify short|long SOLVER WORK RESULTS [NAME…]`: the cases under `jobs/verification`, with a table of results.
 //!
 //! `RESULTS` gets one row per quantity; the status is 1 where one misses its reference. `jobs/verification/run.sh` calls
 //! this; the tests run the short forms through the same [`suite`].
@@ -15,15 +15,16 @@ mod suite;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use suite::{Length, Outcome};
+use suite::Outcome;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [solver, work, results, names @ ..] = &arguments[..] else {
-        eprintln!("verify SOLVER WORK RESULTS [NAME...]");
+    let [form, solver, work, results, names @ ..] = &arguments[..] else {
+        eprintln!("verify short|long SOLVER WORK RESULTS [NAME...]");
         return ExitCode::from(2);
     };
-    match verify(Path::new(solver), Path::new(work), Path::new(results), names) {
+    let paths = [solver, work, results].map(Path::new);
+    match verify(form, paths, names) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -33,10 +34,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn verify(solver: &Path, work: &Path, results: &Path, names: &[String]) -> Result<bool, String> {
+fn verify(
+    form: &str,
+    [solver, work, results]: [&Path; 3],
+    names: &[String],
+) -> Result<bool, String> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("jobs/verification");
-    let mut text =
-        String::from("case,quantity,reference,result,error,tolerance,pass,seconds,commit,machine\n");
+    let mut text = String::from(
+        "case,quantity,reference,result,error,tolerance,pass,seconds,commit,machine\n",
+    );
     let (commit, machine) = (commit(), machine());
     let mut good = true;
     let mut done = 0;
@@ -45,7 +51,7 @@ fn verify(solver: &Path, work: &Path, results: &Path, names: &[String]) -> Resul
         if !names.is_empty() && !name.is_some_and(|name| names.contains(&name)) {
             continue;
         }
-        match suite::check(&folder, Length::Long, solver, work) {
+        match suite::check(&folder, form, solver, work) {
             Ok(outcomes) => {
                 for outcome in outcomes {
                     println!("{outcome}");
@@ -62,7 +68,14 @@ fn verify(solver: &Path, work: &Path, results: &Path, names: &[String]) -> Resul
         // After every case: a long run that is stopped leaves what it had.
         std::fs::write(results, &text).map_err(|e| format!("{}: {e}", results.display()))?;
     }
-    println!("{done} quantities, {}", if good { "all within tolerance" } else { "some outside" });
+    println!(
+        "{done} quantities, {}",
+        if good {
+            "all within tolerance"
+        } else {
+            "some outside"
+        }
+    );
     Ok(good && done > 0)
 }
 
@@ -100,7 +113,9 @@ fn commit() -> String {
 /// The name of the processor.
 fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = text.lines().find_map(|line| line.strip_prefix("model name"));
+    let model = text
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
     let name = model.map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
     name.replace(',', " ")
 }

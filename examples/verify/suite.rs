@@ -159,14 +159,6 @@ impl std::fmt::Display for Outcome {
     }
 }
 
-/// Which form of the cases.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Length {
-    Short,
-    /// The long form, or the short one of a case without.
-    Long,
-}
-
 /// Folders below `root` that hold an `expected.json`, in order.
 ///
 /// # Errors
@@ -181,24 +173,28 @@ pub(crate) fn cases(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Runs a form of a case and compares; nothing where the case has no such form.
+/// Runs a form of a case, `short` or `long`, and compares; a case without a long form runs its short one for it, a case
+/// without a short form has nothing to show there.
 ///
 /// # Errors
 /// A file that cannot be read, a run that fails, a quantity that cannot be had.
 pub(crate) fn check(
     folder: &Path,
-    length: Length,
+    form: &str,
     solver: &Path,
     work: &Path,
 ) -> Result<Vec<Outcome>, String> {
-    let case = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let case = folder
+        .file_name()
+        .map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let inner = || -> Result<Vec<Outcome>, String> {
         let text = read(&folder.join("expected.json"))?;
         let expected: Expected = serde_json::from_str(&text).map_err(|e| e.to_string())?;
-        let form = match length {
-            Length::Short => &expected.short,
-            Length::Long if expected.long.is_some() => &expected.long,
-            Length::Long => &expected.short,
+        let form = match form {
+            "short" => &expected.short,
+            "long" if expected.long.is_some() => &expected.long,
+            "long" => &expected.short,
+            other => return Err(format!("a form is short or long, not {other:?}")),
         };
         let Some(form) = form else {
             return Ok(Vec::new());
@@ -274,14 +270,20 @@ fn run(folder: &Path, set: &[String], solver: &Path, output: &Path) -> Result<()
     ] {
         command.env_remove(rank);
     }
-    let done = command.output().map_err(|e| format!("{}: {e}", solver.display()))?;
+    let done = command
+        .output()
+        .map_err(|e| format!("{}: {e}", solver.display()))?;
     if done.status.success() {
         return Ok(());
     }
     let said = String::from_utf8_lossy(&done.stderr);
     let tail: Vec<&str> = said.lines().rev().take(8).collect();
     let tail: Vec<&str> = tail.into_iter().rev().collect();
-    Err(format!("the run ended with {}: {}", done.status, tail.join(" | ")))
+    Err(format!(
+        "the run ended with {}: {}",
+        done.status,
+        tail.join(" | ")
+    ))
 }
 
 /// Text in rows and columns.
