@@ -166,7 +166,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => (engine.restart)(&directory, &set, options(run, json)),
+        } => told((engine.restart)(&directory, &set, options(run, json))),
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
         }
@@ -174,7 +174,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
     match result {
         Ok(()) => 0,
         Err(error) => {
-            // Problems of a case have been listed where they were found.
+            // Problems of a case have been listed by `told`.
             if !matches!(error, Error::Case(_)) {
                 complain(&format!("solver: {error}"));
             }
@@ -212,7 +212,15 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
         let name = case.case.file_stem().unwrap_or(case.case.as_os_str());
         options.output = Some(Path::new("results").join(name));
     }
-    (engine.run)(plan, options)
+    told((engine.run)(plan, options))
+}
+
+/// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.
+fn told(outcome: Result<(), Error>) -> Result<(), Error> {
+    if let Err(Error::Case(problems)) = &outcome {
+        list(problems);
+    }
+    outcome
 }
 
 fn options(run: RunArgs, json: bool) -> RunOptions {

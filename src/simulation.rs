@@ -78,6 +78,12 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+    /// What it is now.
+    #[must_use]
+    pub fn view(&self) -> View<'_, Sp> {
+        self.now.view()
+    }
+
     /// One step. Collective.
     ///
     /// # Errors

@@ -15,6 +15,7 @@ use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use decomposition::{Communicator, Domain, ExactSum};
+use serde_json::{Value, json};
 
 /// Steps between balances; each costs about one fluid step.
 const BALANCE_EVERY: u64 = 1000;
@@ -37,6 +38,18 @@ impl Guards {
             every: u64::from(plan.scene.guards.check_every_steps).max(1),
             ..Self::default()
         }
+    }
+
+    /// What a checkpoint keeps of the meters: tables print them, and go on after a restart as if there had been none.
+    #[must_use]
+    pub fn state(&self) -> Value {
+        json!([self.mass_error, self.momentum_error, self.mach])
+    }
+
+    /// Takes back what [`Self::state`] gave; numbers that are missing count as 0.
+    pub fn restore(&mut self, state: &Value) {
+        let number = |n: usize| state[n].as_f64().unwrap_or(0.0);
+        (self.mass_error, self.momentum_error, self.mach) = (number(0), number(1), number(2));
     }
 
     /// Largest relative error of the mass balance of any step looked at.

@@ -530,12 +530,6 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         "probes[1].name",
     ),
     (
-        "end before the first output",
-        "couette",
-        Set(&["output.fluid.every=3"]),
-        "output.fluid.every",
-    ),
-    (
         "output of grains without grains",
         "couette",
         Set(&["output.grains={\"every\": 1}"]),
@@ -672,6 +666,28 @@ fn broken_cases_are_refused_by_the_binary() {
 }
 
 #[test]
+fn a_run_made_shorter_than_an_interval_is_only_warned_of() {
+    let text = find("piping").unwrap().text;
+    let set = ["time.end=0.0015", "checkpoint.every=0.1"].map(String::from);
+    let plan = Document::read(text, &set, Path::new(""))
+        .and_then(Plan::prepare)
+        .unwrap();
+    for path in [
+        "output.fluid.every",
+        "output.grains.every",
+        "output.contacts.every",
+        "probes[0].every",
+        "checkpoint.every",
+        "analysis.erosion_law.every",
+    ] {
+        let problem = plan.warnings.iter().find(|p| p.path == path);
+        let problem = problem.unwrap_or_else(|| panic!("{path} in {:#?}", plan.warnings));
+        assert_eq!(problem.severity, Severity::Warning);
+        assert!(problem.reason.contains("the run ends at 0.0015 s"), "{problem}");
+    }
+}
+
+#[test]
 fn all_problems_come_at_once() {
     let text = find("piping").unwrap().text;
     let set = [
@@ -679,7 +695,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density=-1",
         "fluid.lattice_boltzmann.relaxation_time=0.4",
         "grains.cut[0].box.to=[1, 1]",
-        "output.fluid.every=9",
         "probes[0].at.plane.position=7",
     ];
     let problems = judge(text, &set.map(String::from));
@@ -688,7 +703,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density",
         "fluid.lattice_boltzmann.relaxation_time",
         "grains.cut[0].box",
-        "output.fluid.every",
         "probes[0].at.plane.position",
     ] {
         assert!(

@@ -9,3 +9,6 @@ mod case_broken;
 mod case_commands;
 mod case_examples;
 mod case_mutants;
+mod ranks;
+mod same_bits;
+mod stopping;
