@@ -7,6 +7,7 @@
 use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
 use crate::plan::Plan;
+use crate::simulation::run::RunOptions;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -113,19 +114,6 @@ struct RunArgs {
     /// Stop with a checkpoint before this much wall-clock time is over.
     #[arg(long, value_name = "H:M:S", value_parser = walltime)]
     max_walltime: Option<Duration>,
-}
-
-/// What a run or restart is asked for beside its case.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RunOptions {
-    /// Folder for everything the run writes; none for a restart in the same folder.
-    pub output: Option<PathBuf>,
-    /// Threads of each rank; none for the cores of the machine over its ranks.
-    pub threads: Option<usize>,
-    /// Wall-clock time after which the run is over.
-    pub max_walltime: Option<Duration>,
-    /// Tables as JSON.
-    pub json: bool,
 }
 
 /// What the rest of the program does for the commands; returned text is printed by the first rank.

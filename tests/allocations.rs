@@ -56,6 +56,8 @@ fn plan() -> Plan {
         "domain.size=[0.003, 0.0016]".to_owned(),
         format!("grains.initial={{\"list\": [{}]}}", grains.join(",")),
         "grains.cut=[]".into(),
+        "grains.bond_at_start=false".into(),
+        "box_walls=[\"x_min\", \"x_max\", \"y_min\", \"y_max\"]".into(),
         "grains.save=null".into(),
         "regions[0].box={\"from\": [0.0029, 0], \"to\": [0.003, 0.0016]}".into(),
         "gravity=[0, -9.81]".into(),
@@ -79,7 +81,8 @@ fn a_step_without_an_event_allocates_nothing() {
         .build_global()
         .unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let mut simulation = solver::simulation::run::ready::<Plane, f64>(plan(), folder.path()).unwrap();
+    let mut simulation =
+        solver::simulation::run::ready::<Plane, f64>(plan(), folder.path()).unwrap();
     let state = |simulation: &solver::simulation::Simulation<Plane, f64>| {
         let view = simulation.view();
         let now = view.dem.unwrap().statistics(view.particles);
@@ -106,7 +109,9 @@ fn a_step_without_an_event_allocates_nothing() {
     }
     // Grains moved, lists were made anew, and most steps were quiet.
     let moved = simulation.view().particles.motion[0].position - start;
-    println!("{quiet} quiet steps, {eventful} with events of at most {most} allocations; moved {moved:?}");
+    println!(
+        "{quiet} quiet steps, {eventful} with events of at most {most} allocations; moved {moved:?}"
+    );
     assert!(quiet > 1000, "{quiet} quiet steps");
     assert!(eventful > 0);
     assert!(most <= 100, "{most} allocations in one step");

@@ -327,13 +327,7 @@ impl Communicator {
         loop {
             let mut done = 0;
             // SAFETY: a live request; the status is not asked for.
-            unsafe {
-                ffi::MPI_Test(
-                    &raw mut request,
-                    &raw mut done,
-                    ffi::RSMPI_STATUS_IGNORE,
-                )
-            };
+            unsafe { ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) };
             if done != 0 {
                 return true;
             }

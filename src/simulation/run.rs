@@ -13,7 +13,6 @@ use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
-use crate::cli::RunOptions;
 use crate::coupling::Flow;
 use crate::coupling::bounce_back::BounceBack;
 use crate::dem::particles::Particles;
@@ -34,6 +33,19 @@ use std::time::{Duration, Instant};
 
 /// Steps between questions to the outside (signals, files, clocks).
 const ASK_EVERY: u64 = 10;
+
+/// What a run or restart is asked for beside its case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunOptions {
+    /// Folder for everything the run writes; none for a restart in the same folder.
+    pub output: Option<PathBuf>,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+    /// Wall-clock time after which the run is over.
+    pub max_walltime: Option<Duration>,
+    /// Tables as JSON.
+    pub json: bool,
+}
 
 /// Runs a plan from its start.
 ///

@@ -5,6 +5,8 @@
     reason = "a test fails by panicking"
 )]
 
+mod architecture;
+mod broken_on_ranks;
 mod case_broken;
 mod case_commands;
 mod case_examples;

@@ -92,9 +92,19 @@ pub(crate) struct Running {
 /// Starts the program; hold [`alone`] meanwhile. The output goes to files, so that no pipe held open by a rank can delay
 /// the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
+    begin(command(ranks), arguments)
+}
+
+/// As [`start`], but mpirun kills the other ranks at once when one has ended with an error.
+pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
+    let mut command = command(ranks);
+    command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
+    begin(command, arguments)
+}
+
+fn begin(mut command: Command, arguments: &[String]) -> Running {
     let logs = tempfile::tempdir().unwrap();
     let file = |name: &str| File::create(logs.path().join(name)).unwrap();
-    let mut command = command(ranks);
     command.args(arguments);
     command.stdout(file("stdout")).stderr(file("stderr"));
     let child = command.spawn().expect("`timeout` (coreutils) starts");
@@ -150,7 +160,9 @@ impl Running {
     pub(crate) fn mpirun(&mut self) -> i32 {
         let timer = self.child.id();
         self.until("mpirun starts", || {
-            children(timer).into_iter().find(|(_, name)| name == "mpirun")
+            children(timer)
+                .into_iter()
+                .find(|(_, name)| name == "mpirun")
         })
         .0
     }
@@ -238,7 +250,10 @@ impl Study {
                 ("grains.initial", r#"{"file": {"path": "sample.csv"}}"#),
                 ("grains.save", "null"),
                 ("grains.cut", "[]"),
-                ("regions[0].box", r#"{"from": [0.00254, 0], "to": [0.003, 0.0016]}"#),
+                (
+                    "regions[0].box",
+                    r#"{"from": [0.00254, 0], "to": [0.003, 0.0016]}"#,
+                ),
                 ("probes[0].at.plane.position", "0.0015"),
                 ("probes[0].every", "0.0004"),
                 (
@@ -251,7 +266,10 @@ impl Study {
                 ("output.fluid.every", "0.012"),
                 ("output.grains.every", "0.012"),
                 ("output.contacts.every", "0.012"),
-                ("fluid.lattice_boltzmann.boundaries[0].condition.pressure.value", "1.5"),
+                (
+                    "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value",
+                    "1.5",
+                ),
                 (
                     "fluid.lattice_boltzmann.boundaries[0].condition.pressure.ramp.duration",
                     "0.002",
@@ -345,7 +363,9 @@ impl Study {
             let mut names: Vec<String> = std::fs::read_dir(folder)
                 .unwrap()
                 .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-                .filter(|name| name != "checkpoints" && name != "case.json" && name != "summary.json")
+                .filter(|name| {
+                    name != "checkpoints" && name != "case.json" && name != "summary.json"
+                })
                 .collect();
             names.sort();
             names
@@ -359,7 +379,10 @@ impl Study {
             } else {
                 let text = |path: &Path| String::from_utf8(std::fs::read(path).unwrap()).unwrap();
                 let (one, other) = (text(&one), text(&other));
-                let first = one.lines().zip(other.lines()).find(|(one, other)| one != other);
+                let first = one
+                    .lines()
+                    .zip(other.lines())
+                    .find(|(one, other)| one != other);
                 assert_eq!(first, None, "{a} and {b}: {name}");
                 assert_eq!(one.len(), other.len(), "{a} and {b}: {name}");
             }

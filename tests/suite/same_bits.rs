@@ -41,7 +41,11 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
         let done = study
             .restart("parts", ranks, &[&format!("time.end={end}")])
             .expect(0);
-        assert!(done.stdout.contains("going on from step"), "{}", done.stdout);
+        assert!(
+            done.stdout.contains("going on from step"),
+            "{}",
+            done.stdout
+        );
     }
     study.same("straight", "parts");
 }

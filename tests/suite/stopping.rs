@@ -12,12 +12,12 @@ use std::time::{Duration, Instant};
 /// Steps between checkpoints.
 const INTERVAL: u64 = 100;
 /// Steps of the whole run.
-const STEPS: u64 = 1500;
+const STEPS: u64 = 1000;
 
-/// Long enough to be interrupted: 1500 steps, a checkpoint every 100.
+/// Long enough to be interrupted: 1000 steps, a checkpoint every 100.
 fn study(more: &[(&str, &str)]) -> Study {
     let mut set = vec![
-        ("time.end", "0.12"),
+        ("time.end", "0.08"),
         ("checkpoint.every", "0.008"),
         ("output.fluid.every", "0.04"),
         ("output.grains.every", "0.04"),
@@ -40,14 +40,24 @@ fn shared() -> &'static Study {
 /// The newest checkpoint of a run: its step. It is read whole and compared with its hashes.
 #[track_caller]
 fn newest(folder: &Path) -> u64 {
-    io::newest(&folder.join("checkpoints"), &Alone).unwrap().manifest.step
+    io::newest(&folder.join("checkpoints"), &Alone)
+        .unwrap()
+        .manifest
+        .step
 }
 
 /// The last step a table holds.
 fn last_row(folder: &Path, table: &str) -> Option<u64> {
     let text = std::fs::read_to_string(folder.join(table)).ok()?;
     // The last line may be cut off.
-    text.rsplit_once('\n')?.0.rsplit('\n').next()?.split(',').next()?.parse().ok()
+    text.rsplit_once('\n')?
+        .0
+        .rsplit('\n')
+        .next()?
+        .split(',')
+        .next()?
+        .parse()
+        .ok()
 }
 
 /// Waits until the run has passed a step.
@@ -135,7 +145,12 @@ fn a_file_named_stop_and_the_walltime() {
     let folder = study.path("file");
     std::fs::create_dir(&folder).unwrap();
     std::fs::write(folder.join("STOP"), "").unwrap();
-    stops(study, "file", start(2, &study.arguments("file", 1, &[])), 75);
+    stops(
+        study,
+        "file",
+        start(2, &study.arguments("file", 1, &[])),
+        75,
+    );
     assert!(!folder.join("STOP").exists(), "the next run would stop too");
     let mut arguments = study.arguments("walltime", 1, &[]);
     arguments.extend(["--max-walltime".into(), "0:00:01".into()]);
@@ -183,7 +198,11 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let ranks = running.ranks(2);
         // A shell that does nothing but look can answer within a millisecond.
         let trap = Command::new("bash")
-            .args(["-c", r#"until compgen -G "$1/*.h5.part"; do :; done; kill -KILL "$2""#, "bash"])
+            .args([
+                "-c",
+                r#"until compgen -G "$1/*.h5.part"; do :; done; kill -KILL "$2""#,
+                "bash",
+            ])
             .arg(&checkpoints)
             .arg(ranks[attempt % 2].to_string())
             .output()
@@ -192,11 +211,18 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let killed = Instant::now();
         let done = running.wait();
         assert!(done.code.is_some_and(|code| code != 0), "{done:#?}");
-        assert!(killed.elapsed() < Duration::from_secs(10), "{:?}", killed.elapsed());
+        assert!(
+            killed.elapsed() < Duration::from_secs(10),
+            "{:?}",
+            killed.elapsed()
+        );
         // The write was hit where it did not come to its end.
         let step = newest(&study.path(&name));
         let reached = last_row(&study.path(&name), "erosion.csv").unwrap();
-        assert!(step + INTERVAL >= reached, "saved {step}, reached {reached}");
+        assert!(
+            step + INTERVAL >= reached,
+            "saved {step}, reached {reached}"
+        );
         if step < reached {
             hits += 1;
             goes_on(study, &name, 2);
@@ -273,8 +299,14 @@ fn a_checkpoint_that_does_not_fit_is_left_out_and_the_run_goes_on() {
     let Some(_disk) = Disk::mount(&place, "size=2500k") else {
         return;
     };
-    let done = start(2, &study.arguments("disk/run", 1, &[])).wait().expect(0);
-    assert!(done.stdout.contains("no checkpoint at step"), "{}", done.stdout);
+    let done = start(2, &study.arguments("disk/run", 1, &[]))
+        .wait()
+        .expect(0);
+    assert!(
+        done.stdout.contains("no checkpoint at step"),
+        "{}",
+        done.stdout
+    );
     let step = newest(&place.join("run"));
     assert!((INTERVAL..5 * INTERVAL).contains(&step), "{step}");
     study.same("straight", "disk/run");
