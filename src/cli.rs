@@ -166,10 +166,17 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             if !matches!(error, Error::Case(_)) {
                 complain(&format!("solver: {error}"));
             }
+            if !first_rank() {
+                // mpirun ends all ranks as soon as one has ended with an error: let the first have its say before.
+                std::thread::sleep(SILENT_RANKS_WAIT);
+            }
             error.exit_code()
         }
     }
 }
+
+/// How much later than the first rank, which tells the error, the others end.
+const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// `solver case.json` is `solver run case.json`.
 fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {

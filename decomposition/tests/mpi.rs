@@ -73,6 +73,7 @@ fn a_panic_ends_the_job() {
         let line = format!("rank {} of {ranks}: panicked at", ranks - 1);
         assert!(stderr.contains(&line), "{stderr}");
         assert!(stderr.contains("this rank was told to panic"), "{stderr}");
-        assert!(elapsed < Duration::from_secs(5), "{elapsed:?}");
+        // Two seconds are mpirun's own; the rest is its start on a busy machine.
+        assert!(elapsed < Duration::from_secs(20), "{elapsed:?}");
     }
 }

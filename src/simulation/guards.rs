@@ -11,7 +11,7 @@ use crate::coupling::bounce_back::BounceBack;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use crate::lbm::boundary::from_quanta;
+use crate::lbm::boundary::{Flux, from_quanta};
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use decomposition::{Communicator, Domain, ExactSum};
@@ -28,6 +28,7 @@ pub struct Guards {
     mass_error: f64,
     momentum_error: f64,
     mach: f64,
+    fluxes: Vec<Flux>,
 }
 
 impl Guards {
@@ -97,7 +98,8 @@ impl Guards {
         let communicator = domain.communicator();
         let after = totals(flow, communicator);
         let mut crossed = [0_i128; 4];
-        for flux in flow.fluid().fluxes() {
+        flow.fluid().fluxes_into(&mut self.fluxes);
+        for flux in &self.fluxes {
             crossed[0] += flux.mass;
             for a in 0..3 {
                 crossed[a + 1] += flux.force[a];
@@ -173,16 +175,15 @@ impl Guards {
                 ));
             }
         }
-        let first = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
-        if communicator.all_reduce_min_u64(first) == u64::MAX {
+        // One reduction, on every rank: then the rank with the first of all bad cells speaks for all.
+        let mine = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
+        let first = communicator.all_reduce_min_u64(mine);
+        if first == u64::MAX {
             return Ok(());
         }
-        let mine = match &worst {
-            Some((n, text)) if *n == communicator.all_reduce_min_u64(first) => Err(text.clone()),
-            Some(_) | None => {
-                let _ = communicator.all_reduce_min_u64(first);
-                Ok(())
-            }
+        let mine = match worst {
+            Some((n, text)) if n == first => Err(text),
+            _ => Ok(()),
         };
         match communicator.agree(mine) {
             Ok(()) => Ok(()),
