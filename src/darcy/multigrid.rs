@@ -30,7 +30,7 @@ const LEAST: f64 = 0.35;
 pub(super) struct Matrix<T> {
     /// Per axis, of the lower face of each cell.
     pub(super) t: [Vec<T>; 3],
-    /// Sums over the faces of each cell; 1 for a cell without any.
+    /// Sums over the faces of each cell; in the cycle 1 for a cell without any.
     pub(super) diagonal: Vec<T>,
 }
 

@@ -405,8 +405,8 @@ impl Pressure {
             for i in row {
                 largest = largest.max(self.matrix.diagonal[i]);
                 bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
+                // A blocked cell takes no part: whatever a coarse correction puts there changes nothing.
                 if self.matrix.diagonal[i] <= 0.0 {
-                    self.matrix.diagonal[i] = 1.0;
                     self.right[i] = 0.0;
                     self.phi[i] = 0.0;
                 }
@@ -681,9 +681,12 @@ impl Pressure {
         std::array::from_fn(|a| gradient[a] + weight[a])
     }
 
-    /// Reduced pressure of a cell \[Pa\].
+    /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn reduced(&self, cell: usize) -> f64 {
+        if !self.conducts[cell] {
+            return 0.0;
+        }
         self.phi[self.layout.at(self.grid.cell(cell))]
     }
 

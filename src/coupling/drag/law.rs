@@ -100,7 +100,8 @@ mod tests {
             for (eps, factor) in [0.35, 0.4, 0.5, 0.8].into_iter().zip(&row[5..]) {
                 let force = di_felice::coefficient(&bed(eps, 1e-3), &grain, speed) * speed;
                 let single = 0.5 * drag * 1000.0 * grain.area * speed * speed;
-                assert!((force / single / factor - 1.0).abs() < 1e-7);
+                // The table has six decimals, and its drag coefficient nine digits.
+                assert!((force / single - factor).abs() < 5.1e-7 + 1e-8 * factor);
             }
             rows += 1;
         }
