@@ -117,7 +117,8 @@ impl Scene {
         observe::outputs(case, solid, &mut findings);
         agree(case, &mut findings);
         if findings.refused()
-            && (case.fluid.is_some() && flow.is_none() && seepage.is_none() || case.grains.is_some() && grains.is_none())
+            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
+                || case.grains.is_some() && grains.is_none())
         {
             return (None, findings);
         }
@@ -225,11 +226,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         } else {
             ("there is no fluid in this case", "take it out")
         };
-        findings.error(
-            "time.solid_steps_per_fluid_step",
-            reason,
-            remedy,
-        );
+        findings.error("time.solid_steps_per_fluid_step", reason, remedy);
     }
     if case.time.warm_up.is_some() && !fluid {
         findings.error(

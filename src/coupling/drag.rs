@@ -240,8 +240,7 @@ impl<Sp: Space> Seepage<Sp> {
         for cell in 0..porosity.len() {
             self.limited[cell] = law.limited(porosity[cell]);
             self.permeability[cell] = law.of(porosity[cell], diameter[cell]);
-            self.source[cell] = (self.before[cell] - porosity[cell])
-                * self.openness.inside[cell]
+            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
         }
         let source = (self.settings.transient && self.has_before).then_some(&self.source[..]);
@@ -329,7 +328,11 @@ fn place<Sp: Space>(particles: &Particles<Sp>, k: usize) -> [f64; 3] {
 }
 
 fn component<V: Components>(vector: &V, axis: usize) -> f64 {
-    if axis < V::COUNT { vector.get(axis) } else { 0.0 }
+    if axis < V::COUNT {
+        vector.get(axis)
+    } else {
+        0.0
+    }
 }
 
 fn components<V: Components>(vector: &V) -> [f64; 3] {

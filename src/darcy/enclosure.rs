@@ -334,7 +334,8 @@ fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
             if normal[0].abs() > 0.0 {
                 let first = triangle[0];
                 found.push(
-                    first[0] - (normal[1] * (y - first[1]) + normal[2] * (z - first[2])) / normal[0],
+                    first[0]
+                        - (normal[1] * (y - first[1]) + normal[2] * (z - first[2])) / normal[0],
                 );
             }
         }

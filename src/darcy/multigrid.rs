@@ -439,8 +439,7 @@ impl Level {
                         if fine_cell[axis] % fine.joined[axis] != 0 || t <= 0.0 {
                             continue;
                         }
-                        let upper =
-                            fine.in_series(f64::from(t), axis, at, fine_cell[axis]);
+                        let upper = fine.in_series(f64::from(t), axis, at, fine_cell[axis]);
                         let below = at - from.stride[axis];
                         let lane =
                             fine.in_series(upper, axis, below, fine_cell[axis].wrapping_sub(1));
@@ -480,7 +479,10 @@ impl Level {
         let (inverse, b) = (&self.inverse, &self.b);
         self.layout.sweep(part, &mut self.x, |start, out| {
             let n = out.len();
-            for ((x, inverse), b) in out.iter_mut().zip(&inverse[start..start + n]).zip(&b[start..])
+            for ((x, inverse), b) in out
+                .iter_mut()
+                .zip(&inverse[start..start + n])
+                .zip(&b[start..])
             {
                 *x = weights[0] * (inverse * b);
             }

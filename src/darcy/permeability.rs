@@ -72,11 +72,7 @@ mod tests {
     fn agrees_with_the_table() {
         let table = include_str!("../../tests/reference/kozeny_carman.csv");
         let mut rows = 0;
-        for line in table
-            .lines()
-            .filter(|line| !line.starts_with('#'))
-            .skip(1)
-        {
+        for line in table.lines().filter(|line| !line.starts_with('#')).skip(1) {
             let row: Vec<f64> = line.split(',').map(|v| v.trim().parse().unwrap()).collect();
             assert!((kozeny_carman(row[0], row[1]) / row[2] - 1.0).abs() < 1e-8);
             rows += 1;

@@ -204,9 +204,10 @@ impl Pores {
         let weight = d.powi(self.mean.power());
         let mut finite = centre.iter().all(|x| x.is_finite());
         self.parts(centre, radius, |cell, part| {
-            for (sum, term) in sums[cell]
-                .iter_mut()
-                .zip([part * volume, part * weight * d, part * weight])
+            for (sum, term) in
+                sums[cell]
+                    .iter_mut()
+                    .zip([part * volume, part * weight * d, part * weight])
             {
                 finite &= term.abs() < 2.0;
                 *sum += i128::from(quantise(term));
@@ -296,11 +297,7 @@ mod tests {
         Grid {
             cells: if dimension == 2 { [6, 5, 1] } else { [6, 5, 4] },
             origin: [-0.01, 0.0, if dimension == 2 { 0.0 } else { 0.02 }],
-            spacing: [
-                0.01,
-                0.012,
-                if dimension == 2 { 1.0 } else { 0.011 },
-            ],
+            spacing: [0.01, 0.012, if dimension == 2 { 1.0 } else { 0.011 }],
             dimension,
         }
     }
@@ -339,7 +336,11 @@ mod tests {
                 let pores = pores(&grid, method, &grains);
                 let solid: f64 = (0..grid.count()).map(|k| pores.solid_volume(k)).sum();
                 assert!((solid / exact - 1.0).abs() < 1e-13, "{method:?} {solid}");
-                let voids: f64 = pores.porosity().iter().map(|e| (1.0 - e) * grid.volume()).sum();
+                let voids: f64 = pores
+                    .porosity()
+                    .iter()
+                    .map(|e| (1.0 - e) * grid.volume())
+                    .sum();
                 assert!((voids / exact - 1.0).abs() < 1e-12);
             }
         }
@@ -364,7 +365,11 @@ mod tests {
             for axis in 0..3 {
                 assert!(points.iter().map(|p| p[axis]).sum::<f64>().abs() < 1e-14);
             }
-            assert!(points.iter().all(|p| p.iter().map(|x| x * x).sum::<f64>() < 1.0));
+            assert!(
+                points
+                    .iter()
+                    .all(|p| p.iter().map(|x| x * x).sum::<f64>() < 1.0)
+            );
         }
         // Published offsets of the inner shell: 0.6275 of the radius.
         let inner = satellites(3)[1][0].abs();
@@ -380,7 +385,10 @@ mod tests {
         let open = Openness::measure(&grid, &Enclosure::Everything);
         for (mean, exact) in [
             (MeanDiameter::Number, (3.0 * a + b) / 4.0),
-            (MeanDiameter::Sauter, (3.0 * a * a * a + b * b * b) / (3.0 * a * a + b * b)),
+            (
+                MeanDiameter::Sauter,
+                (3.0 * a * a * a + b * b * b) / (3.0 * a * a + b * b),
+            ),
             (
                 MeanDiameter::Mass,
                 (3.0 * a.powi(4) + b.powi(4)) / (3.0 * a.powi(3) + b.powi(3)),

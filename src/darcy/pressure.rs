@@ -277,11 +277,7 @@ impl Pressure {
                 });
             }
         }
-        if open {
-            Ok(())
-        } else {
-            Err(Error::NoOpenCell)
-        }
+        if open { Ok(()) } else { Err(Error::NoOpenCell) }
     }
 
     /// The grid.
@@ -520,9 +516,11 @@ impl Pressure {
                     bad += size * 0.0;
                 }
             }
-            largest = self
-                .communicator
-                .all_reduce_max_f64(if bad.is_nan() { f64::INFINITY } else { most });
+            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
+                f64::INFINITY
+            } else {
+                most
+            });
             if !largest.is_finite() {
                 return Err(Error::NotFinite("the iteration"));
             }

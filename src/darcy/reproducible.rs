@@ -62,7 +62,11 @@ fn largest_term<B: Copy + Into<f64>>(a: &[f64], b: &[B]) -> (f64, bool) {
     let (a_all, b_all) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     let mut take = |lane: usize, x: f64| {
         let size = x.abs();
-        lanes[lane] = if size > lanes[lane] { size } else { lanes[lane] };
+        lanes[lane] = if size > lanes[lane] {
+            size
+        } else {
+            lanes[lane]
+        };
         // NaN and infinity times zero are NaN.
         bad[lane] += x * 0.0;
     };
@@ -154,7 +158,10 @@ mod tests {
         assert!((sum / exact.value() - 1.0).abs() < 1e-14);
         a[row.clone()].reverse();
         b[row].reverse();
-        assert_eq!(sum.to_bits(), dot((&layout, &part), &a, &b, &serial).to_bits());
+        assert_eq!(
+            sum.to_bits(),
+            dot((&layout, &part), &a, &b, &serial).to_bits()
+        );
     }
 
     #[test]

@@ -107,7 +107,8 @@ impl Seepage {
             }
             let (mut from, mut to) = ([0; 3], self.cells);
             if let Some(extent) = &boundary.patch {
-                let low = Block::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
+                let low =
+                    Block::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
                 let high = Block::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
                 for a in (0..grid.dimension).filter(|&a| a != axis) {
                     // A cell belongs to a patch if its centre does.
@@ -158,13 +159,7 @@ impl Seepage {
         std::array::from_fn(|a| self.origin[a] + count(self.cells[a]) * self.spacing[a])
     }
 
-    fn check(
-        &self,
-        case: &Case,
-        grid: &Grid,
-        grains: Option<&Grains>,
-        findings: &mut Findings,
-    ) {
+    fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
         let holds = |p: &Patch| {
             matches!(
                 p.condition,

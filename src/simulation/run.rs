@@ -408,7 +408,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
                 "inflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
-                report.inflow, report.iterations, report.residual, balance.closure, balance.implicit
+                report.inflow,
+                report.iterations,
+                report.residual,
+                balance.closure,
+                balance.implicit
             );
         }
         if simulation.now.plan.scene.erosion_law.is_some() {

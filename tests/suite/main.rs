@@ -9,3 +9,4 @@ mod case_broken;
 mod case_commands;
 mod case_examples;
 mod case_mutants;
+mod seepage;

@@ -1,5 +1,7 @@
 use super::*;
-use crate::darcy::{Condition, Enclosure, MeanDiameter, Method, Patch, Settings as PressureSettings};
+use crate::darcy::{
+    Condition, Enclosure, MeanDiameter, Method, Patch, Settings as PressureSettings,
+};
 use crate::dem::particles::{Body, Motion};
 use crate::dem::ranks::Alone;
 use crate::dem::space::Volume;
@@ -53,7 +55,10 @@ impl Bench {
             condition: Condition::Pressure(pressure),
         };
         let gravity = [0.0, 0.0, self.gravity];
-        let patches = vec![face(false, self.drop - 600.0 * self.gravity / 10.0), face(true, 0.0)];
+        let patches = vec![
+            face(false, self.drop - 600.0 * self.gravity / 10.0),
+            face(true, 0.0),
+        ];
         let settings = PressureSettings {
             equations: self.equations,
             gravity,
@@ -89,7 +94,11 @@ fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
         for j in 0..16 {
             for i in 0..16 {
                 let at = Vector3::new(f64::from(i), f64::from(j), f64::from(k));
-                let radius = if (i + j + k) % 3 == 0 { 0.00125 } else { 0.0010 };
+                let radius = if (i + j + k) % 3 == 0 {
+                    0.00125
+                } else {
+                    0.0010
+                };
                 let motion = Motion {
                     position: (at + Vector3::new(0.5, 0.5, 0.5)) * step,
                     ..Motion::default()
@@ -270,7 +279,10 @@ fn drag_faster_than_the_interval_does_not_blow_up() {
     assert_eq!((fine, coarse), (0, 1));
     assert!(limited.is_finite() && speed.is_finite());
     let settled = run(1e-3).1;
-    assert!((limited / settled - 1.0).abs() < 1e-2, "{limited} {settled}");
+    assert!(
+        (limited / settled - 1.0).abs() < 1e-2,
+        "{limited} {settled}"
+    );
 }
 
 #[test]

@@ -63,8 +63,7 @@ fn flux_of_a_column_along_every_axis() {
             Condition::Pressure(1000.0),
             Condition::Pressure(0.0),
         );
-        let mut solver =
-            solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
+        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
         let k = kozeny_carman(0.4, 1e-3);
         let report = solver
             .solve(&vec![k; grid.count()], &vec![0.4; grid.count()], None)
@@ -72,7 +71,11 @@ fn flux_of_a_column_along_every_axis() {
         let height = number(cells[axis]) * grid.spacing[axis];
         let q = k * 1000.0 / (WATER.viscosity * height);
         for (cell, flux) in solver.flux().iter().enumerate() {
-            assert!((flux[axis] / q - 1.0).abs() < 1e-10, "{:e}", flux[axis] / q - 1.0);
+            assert!(
+                (flux[axis] / q - 1.0).abs() < 1e-10,
+                "{:e}",
+                flux[axis] / q - 1.0
+            );
             let depth = (number(grid.cell(cell)[axis]) + 0.5) / number(cells[axis]);
             assert!((solver.pressure(cell) - 1000.0 * (1.0 - depth)).abs() < 1e-7);
         }
@@ -163,7 +166,9 @@ fn water_at_rest_is_at_rest() {
     };
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings).unwrap();
     let mut draws = Draws::new(1);
-    let k: Vec<f64> = (0..grid.count()).map(|_| 1e-9 * (0.1 + draws.next())).collect();
+    let k: Vec<f64> = (0..grid.count())
+        .map(|_| 1e-9 * (0.1 + draws.next()))
+        .collect();
     solver.solve(&k, &vec![0.4; k.len()], None).unwrap();
     for cell in 0..grid.count() {
         let depth = 0.06 - grid.centre(grid.cell(cell))[2];
@@ -201,7 +206,9 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
         assert!((q / -2e-4 - 1.0).abs() < 1e-9);
         assert!((report.outflow / (2e-4 * 9e-4) - 1.0).abs() < 1e-10);
         let inflows = solver.patch_inflows();
-        assert!((inflows[1] / 1.8e-7 - 1.0).abs() < 1e-10 && (inflows[0] / -1.8e-7 - 1.0).abs() < 1e-9);
+        assert!(
+            (inflows[1] / 1.8e-7 - 1.0).abs() < 1e-10 && (inflows[0] / -1.8e-7 - 1.0).abs() < 1e-9
+        );
     }
     // Rain does not fall on a wall.
     let walls = vec![
@@ -213,8 +220,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
         ..settings(1e-12)
     };
     let open = Openness::measure(&grid, &Enclosure::Everything);
-    let mut solver =
-        Pressure::new(&open, walls, WATER, settings, &Communicator::serial()).unwrap();
+    let mut solver = Pressure::new(&open, walls, WATER, settings, &Communicator::serial()).unwrap();
     let report = solver.solve(&k, &eps, None).unwrap();
     assert!(report.inflow <= 0.0);
 }
@@ -294,12 +300,14 @@ fn agrees_with_elimination() {
             Condition::Pressure(700.0),
             Condition::Pressure(-50.0),
         );
-        let mut solver =
-            solver(&grid, &Enclosure::Everything, patches, settings(1e-14)).unwrap();
+        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-14)).unwrap();
         let report = solver.solve(&k, &vec![0.4; k.len()], None).unwrap();
         let exact = dense(&grid, &k, 700.0, -50.0);
         for (cell, p) in exact.iter().enumerate() {
-            assert!((solver.pressure(cell) - p).abs() < 1e-7, "{cell} {p} {report:?}");
+            assert!(
+                (solver.pressure(cell) - p).abs() < 1e-7,
+                "{cell} {p} {report:?}"
+            );
         }
         assert!((report.inflow / report.outflow - 1.0).abs() < 1e-9);
         assert!(report.iterations < 60, "{report:?}");
@@ -314,19 +322,18 @@ fn iterations_hardly_grow_with_the_grid() {
     let mut counts = Vec::new();
     for n in [8, 16, 32, 64] {
         let grid = grid([n; 3], [1.0 / number(n); 3]);
-        let patches = between(
-            &grid,
-            0,
-            Condition::Pressure(1.0),
-            Condition::Pressure(0.0),
-        );
-        let mut solver =
-            solver(&grid, &Enclosure::Everything, patches, settings(1e-10)).unwrap();
+        let patches = between(&grid, 0, Condition::Pressure(1.0), Condition::Pressure(0.0));
+        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-10)).unwrap();
         let mut draws = Draws::new(9);
         let k: Vec<f64> = (0..grid.count())
             .map(|_| kozeny_carman(0.3 + 0.4 * draws.next(), 1e-3))
             .collect();
-        counts.push(solver.solve(&k, &vec![0.4; k.len()], None).unwrap().iterations);
+        counts.push(
+            solver
+                .solve(&k, &vec![0.4; k.len()], None)
+                .unwrap()
+                .iterations,
+        );
     }
     println!("iterations {counts:?}");
     assert!(counts[3] <= 2 * counts[0] && counts[3] < 40, "{counts:?}");
@@ -337,7 +344,10 @@ fn a_pocket_without_outlet_is_named() {
     let grid = grid([6, 4, 4], [0.01; 3]);
     let only_flux = vec![patch(&grid, 0, false, Condition::Flux(1e-3))];
     let error = solver(&grid, &Enclosure::Everything, only_flux, settings(1e-8)).err();
-    assert!(matches!(error, Some(Error::Pocket { cells: 96, .. })), "{error:?}");
+    assert!(
+        matches!(error, Some(Error::Pocket { cells: 96, .. })),
+        "{error:?}"
+    );
     // A ledge that cuts the grid in two: the outlet is on the other side.
     let patches = vec![patch(&grid, 0, false, Condition::Pressure(0.0))];
     let mut open = Openness::measure(&grid, &Enclosure::Everything);
@@ -347,7 +357,14 @@ fn a_pocket_without_outlet_is_named() {
             open.faces[0][face] = 0.0;
         }
     }
-    let error = Pressure::new(&open, patches, WATER, settings(1e-8), &Communicator::serial()).err();
+    let error = Pressure::new(
+        &open,
+        patches,
+        WATER,
+        settings(1e-8),
+        &Communicator::serial(),
+    )
+    .err();
     let Some(Error::Pocket { cells, at }) = error else {
         panic!("{error:?}");
     };
@@ -379,20 +396,16 @@ fn a_wedge_passes_what_enters() {
     let n = grid.count();
     let report = solver.solve(&vec![1e-10; n], &vec![0.4; n], None).unwrap();
     assert!(report.inflow > 0.0);
-    assert!((report.inflow / report.outflow - 1.0).abs() < 1e-9, "{report:?}");
+    assert!(
+        (report.inflow / report.outflow - 1.0).abs() < 1e-9,
+        "{report:?}"
+    );
 }
 
 #[test]
 fn numbers_that_are_not_finite_are_refused() {
     let grid = grid([4, 4, 4], [0.01; 3]);
-    let patches = || {
-        between(
-            &grid,
-            0,
-            Condition::Pressure(1.0),
-            Condition::Pressure(0.0),
-        )
-    };
+    let patches = || between(&grid, 0, Condition::Pressure(1.0), Condition::Pressure(0.0));
     let mut one = solver(&grid, &Enclosure::Everything, patches(), settings(1e-8)).unwrap();
     let mut k = vec![1e-9; 64];
     k[7] = f64::NAN;
