@@ -567,6 +567,70 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["probes[9].every=1"]),
         "probes[9].every",
     ),
+    // Seepage
+    (
+        "seepage without viscosity",
+        "seepage",
+        Set(&["fluid.darcy.viscosity=0"]),
+        "fluid.darcy.viscosity",
+    ),
+    (
+        "seepage without outlet",
+        "seepage",
+        Set(&["fluid.darcy.boundaries=[]"]),
+        "fluid.darcy.boundaries",
+    ),
+    (
+        "seepage point outside the grid",
+        "seepage",
+        Set(&[
+            "fluid.darcy.boundaries[1].patch.from=[0.03, 0.03, 0]",
+            "fluid.darcy.boundaries[1].patch.to=[0.04, 0.04, 0]",
+        ]),
+        "fluid.darcy.boundaries[1].patch",
+    ),
+    (
+        "seepage cell smaller than a grain",
+        "seepage",
+        Set(&["fluid.darcy.grid.cells=[10, 10, 20]"]),
+        "fluid.darcy.grid.cells",
+    ),
+    (
+        "seepage grid without extent",
+        "seepage",
+        Set(&["fluid.darcy.grid.to=[0.02, 0, 0.04]"]),
+        "fluid.darcy.grid",
+    ),
+    (
+        "head without gravity",
+        "seepage",
+        Remove("/gravity"),
+        "fluid.darcy.boundaries[0].condition",
+    ),
+    (
+        "seepage with bounce-back",
+        "seepage",
+        Set(&["coupling={\"bounce_back\": {}}"]),
+        "coupling",
+    ),
+    (
+        "seepage in a periodic domain",
+        "seepage",
+        Set(&["domain.periodic=[\"x\"]", "box_walls=[\"z_min\"]"]),
+        "domain.periodic",
+    ),
+    (
+        "porosity limits crossed",
+        "seepage",
+        Set(&["fluid.darcy.least_porosity=0.8"]),
+        "fluid.darcy.least_porosity",
+    ),
+    (
+        "seepage with two intervals",
+        "seepage",
+        Set(&["time.solid_steps_per_fluid_step=10"]),
+        "time.solid_steps_per_fluid_step",
+    ),
 ];
 
 pub(crate) fn expected(path: &str) -> String {

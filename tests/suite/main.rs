@@ -15,3 +15,4 @@ mod case_mutants;
 mod ranks;
 mod same_bits;
 mod stopping;
+mod seepage;
