@@ -10,9 +10,10 @@ use super::contact::{ContactLaw, Failure, Partners, Touch};
 use super::ghosts::{self, Region};
 use super::integrate::{self, Kick};
 use super::neighbors::Search;
-use super::particles::{Load, Motion, Particles};
+use super::particles::{Body, Load, Motion, Particles};
 use super::ranks::{Ranks, Reader, Writer, agree};
 use super::space::{Components, Space};
+use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
@@ -38,6 +39,105 @@ struct WallPair<C, M> {
     radius: f64,
     constants: C,
     memory: M,
+}
+
+/// An owned grain and a wall of facets that it is close to.
+#[derive(Clone, Copy, Debug)]
+struct SurfacePair<C> {
+    wall: u32,
+    grain: u32,
+    radius: f64,
+    /// The widest gap (m) over which a bond acts.
+    opening: f64,
+    /// Facets within reach: a part of `Facets::near`.
+    near: (u32, u32),
+    /// Contacts: a part of `Facets::held`.
+    held: (u32, u32),
+    constants: C,
+}
+
+/// The memory of a contact with a facet.
+#[derive(Clone, Copy, Debug)]
+struct Held<M> {
+    facet: u32,
+    memory: M,
+}
+
+/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
+/// take over the memory of the same facet, or else of a facet beside it: shear survives an interior edge.
+#[derive(Debug)]
+struct Facets<C, M> {
+    pairs: Vec<SurfacePair<C>>,
+    near: Vec<u32>,
+    held: Vec<Held<M>>,
+    next: Vec<Held<M>>,
+    /// Pairs to look at until the next look at all gaps.
+    active: Vec<u32>,
+    found: Vec<Nearest>,
+    taken: Vec<bool>,
+    close: Vec<[u32; 3]>,
+}
+
+impl<C, M> Default for Facets<C, M> {
+    fn default() -> Self {
+        Self {
+            pairs: Vec::new(),
+            near: Vec::new(),
+            held: Vec::new(),
+            next: Vec::new(),
+            active: Vec::new(),
+            found: Vec::new(),
+            taken: Vec::new(),
+            close: Vec::new(),
+        }
+    }
+}
+
+impl<C, M: Copy + Default> Facets<C, M> {
+    /// Facets near a pair's grain.
+    fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
+        &self.near[pair.near.0 as usize..pair.near.1 as usize]
+    }
+
+    /// The contacts of a pair.
+    fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
+        &self.held[pair.held.0 as usize..pair.held.1 as usize]
+    }
+}
+
+/// The memory among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+fn memory_of<M: Copy + Default>(
+    surface: &Surface,
+    held: &[Held<M>],
+    taken: &mut [bool],
+    found: &[Nearest],
+    facet: u32,
+) -> M {
+    let own = held.iter().position(|old| old.facet == facet);
+    let at = own.or_else(|| {
+        held.iter().zip(&*taken).position(|(old, taken)| {
+            !taken
+                && surface.adjacent(old.facet, facet)
+                && found.iter().all(|other| other.facet != old.facet)
+        })
+    });
+    at.map_or(M::default(), |at| {
+        taken[at] = true;
+        held[at].memory
+    })
+}
+
+/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+pub(super) type WallKey = (u64, u32, u32);
+
+/// A bond at a wall that failed.
+#[derive(Clone, Copy, Debug)]
+struct WallFailure<S: Space> {
+    grain: u32,
+    wall: u32,
+    /// From the grain's centre to the contact (m).
+    arm: S::Vector,
+    mode: Failure,
 }
 
 /// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
@@ -87,11 +187,12 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     offsets: Vec<S::Vector>,
     active: Vec<u32>,
     wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
+    facets: Facets<L::Constants, L::Memory>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
     pub(super) memories: Vec<(Key, L::Memory)>,
-    pub(super) wall_memories: Vec<((u64, u32), L::Memory)>,
+    pub(super) wall_memories: Vec<(WallKey, L::Memory)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
     /// The active pairs hold up to this path (m), and since this step.
@@ -106,7 +207,7 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     incident_start: Vec<u32>,
     cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
-    wall_failures: Vec<(u32, Failure)>,
+    wall_failures: Vec<WallFailure<S>>,
 }
 
 /// Own grains per thread from which threads pay.
@@ -129,6 +230,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             offsets: Vec::new(),
             active: Vec::new(),
             wall_pairs: Vec::new(),
+            facets: Facets::default(),
             names: Vec::new(),
             named_owned: 0,
             memories: Vec::new(),
@@ -185,7 +287,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let mut speed = fastest.speed_squared.sqrt();
             for wall in &mut self.walls {
                 wall.point += wall.velocity * dt;
-                speed = speed.max(wall.normal.scalar(&wall.velocity).abs());
+                speed = speed.max(match wall.surface {
+                    None => wall.normal.scalar(&wall.velocity).abs(),
+                    Some(_) => wall.velocity.length(),
+                });
             }
             // Longer than the true path by more than any rounding.
             let path = self.path + speed * dt * (1.0 + 1e-9);
@@ -286,12 +391,23 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         for pair in &self.wall_pairs {
             if pair.memory != L::Memory::default() {
-                self.wall_memories
-                    .push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
+                let id = self.names[pair.grain as usize].0;
+                self.wall_memories.push(((id, pair.wall, 0), pair.memory));
+            }
+        }
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            for held in self.facets.held(pair) {
+                if held.memory != L::Memory::default() {
+                    self.wall_memories
+                        .push(((id, pair.wall, held.facet), held.memory));
+                }
             }
         }
         self.pairs.clear();
         self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
         self.names.clear();
         self.put_memories_in_order();
     }
@@ -331,7 +447,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     .iter()
                     .filter(|(key, _)| leaves(key.first) || leaves(key.second))
             };
-            let walls = || self.wall_memories.iter().filter(|((id, _), _)| leaves(*id));
+            let walls = || self.wall_memories.iter().filter(|(key, _)| leaves(key.0));
             writer.integer(grains().count() as u64);
             for (key, memory) in grains() {
                 writer.integer(key.first);
@@ -342,9 +458,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 pack_memory::<S, L>(memory, &mut numbers, &mut writer);
             }
             writer.integer(walls().count() as u64);
-            for ((id, wall), memory) in walls() {
+            for ((id, wall, facet), memory) in walls() {
                 writer.integer(*id);
                 writer.integer(u64::from(*wall));
+                writer.integer(u64::from(*facet));
                 pack_memory::<S, L>(memory, &mut numbers, &mut writer);
             }
             messages.push((target, writer.0));
@@ -370,10 +487,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
             for _ in 0..reader.integer()? {
                 let id = reader.integer()?;
-                let wall = u32::try_from(reader.integer()?)
-                    .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))?;
+                let mut small = || {
+                    u32::try_from(reader.integer()?)
+                        .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
+                };
+                let (wall, facet) = (small()?, small()?);
                 let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.wall_memories.push(((id, wall), memory));
+                self.wall_memories.push(((id, wall, facet), memory));
             }
         }
         self.put_memories_in_order();
@@ -404,6 +524,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 materials: [a.material, b.material],
                 diameter: a.radius + b.radius,
                 mass: effective_mass(particles, i, j),
+                rolling_radius: a.radius * b.radius / (a.radius + b.radius),
+                rolling_inertia: rolling_inertia(particles, i, j),
             };
             let reach = a.radius + b.radius;
             let squared = separation(&particles.motion, (i, j), &offset, periodic).1;
@@ -424,10 +546,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 self.offsets.push(offset);
             }
         });
+        self.list_facets(particles, gap, &search);
         self.search = search;
         for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
             let (body, motion) = (&particles.body[k], &particles.motion[k]);
             for (w, wall) in self.walls.iter().enumerate() {
+                if wall.surface.is_some() {
+                    continue;
+                }
                 let distance = wall.distance(&motion.position);
                 if distance > body.radius + gap {
                     continue;
@@ -435,14 +561,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 let wall_index = ghosts::index(w);
                 let held = self
                     .wall_memories
-                    .binary_search_by_key(&(body.id, wall_index), |(key, _)| *key)
+                    .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
                     .map_or(L::Memory::default(), |at| self.wall_memories[at].1);
                 let lives = distance < body.radius || L::bonded(&held);
-                let partners = Partners {
-                    materials: [wall.material, body.material],
-                    diameter: 2.0 * body.radius,
-                    mass: body.mass,
-                };
+                let partners = at_wall(wall.material, body);
                 self.wall_pairs.push(WallPair {
                     wall: wall_index,
                     grain: ghosts::index(k),
@@ -458,6 +580,71 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= PER_THREAD * threads;
         self.activate(particles);
+    }
+
+    /// Lists the facets that owned grains are close to, by grain, wall and facet.
+    fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
+        let facets = &mut self.facets;
+        facets.close.clear();
+        for (w, wall) in (0..).zip(&self.walls) {
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            for facet in 0..surface.len() {
+                let (mut low, mut high) = (None::<S::Vector>, None::<S::Vector>);
+                for corner in surface.corners(facet) {
+                    let corner = S::from_volume(&corner) + wall.point;
+                    low = Some(low.map_or(corner, |low| low.combine(&corner, f64::min)));
+                    high = Some(high.map_or(corner, |high| high.combine(&corner, f64::max)));
+                }
+                let (Some(low), Some(high)) = (low, high) else {
+                    continue;
+                };
+                search.near::<S>(&low, &high, gap, |k| {
+                    if k < particles.owned()
+                        && particles.mobility[k].free > 0.0
+                        && surface.distance(facet, &wall.local(&particles.motion[k].position))
+                            <= particles.body[k].radius + gap
+                    {
+                        facets
+                            .close
+                            .push([ghosts::index(k), w, ghosts::index(facet)]);
+                    }
+                });
+            }
+        }
+        facets.close.sort_unstable();
+        facets.near.clear();
+        facets.active.clear();
+        for group in facets.close.chunk_by(|a, b| a[..2] == b[..2]) {
+            let [grain, w, _] = group[0];
+            let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
+            let near = ghosts::index(facets.near.len());
+            facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
+            let held = ghosts::index(facets.held.len());
+            let from = self
+                .wall_memories
+                .partition_point(|(key, _)| *key < (body.id, w, 0));
+            let remembered = self.wall_memories[from..]
+                .iter()
+                .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
+            facets
+                .held
+                .extend(remembered.map(|((_, _, facet), memory)| Held {
+                    facet: *facet,
+                    memory: *memory,
+                }));
+            let diameter = 2.0 * body.radius;
+            facets.pairs.push(SurfacePair {
+                wall: w,
+                grain,
+                radius: body.radius,
+                opening: self.law.widest_opening([diameter, diameter]),
+                near: (near, ghosts::index(facets.near.len())),
+                held: (held, ghosts::index(facets.held.len())),
+                constants: self.law.constants(&at_wall(wall.material, body)),
+            });
+        }
     }
 
     /// Chooses the pairs to test until grains have moved by another look's distance.
@@ -487,6 +674,23 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 self.active.push(k);
             } else {
                 pair.memory = L::Memory::default();
+            }
+        }
+        let facets = &mut self.facets;
+        facets.active.clear();
+        for (k, pair) in (0..).zip(&facets.pairs) {
+            let wall = &self.walls[pair.wall as usize];
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
+            let closes = || {
+                wall.surface.as_ref().is_some_and(|surface| {
+                    let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+                    near.iter()
+                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
+                })
+            };
+            if pair.held.0 < pair.held.1 || closes() {
+                facets.active.push(k);
             }
         }
         if self.parallel {
@@ -536,6 +740,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
         }
         self.wall_forces(particles, dt);
+        self.facet_forces(particles, dt);
         if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
             self.report_failures(particles);
         }
@@ -618,7 +823,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let Particles {
             motion, contact, ..
         } = particles;
-        for (k, pair) in (0..).zip(&mut self.wall_pairs) {
+        for pair in &mut self.wall_pairs {
             let (wall, grain) = (
                 &self.walls[pair.wall as usize],
                 &motion[pair.grain as usize],
@@ -628,24 +833,82 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 pair.memory = L::Memory::default();
                 continue;
             }
-            let overlap = pair.radius - distance;
-            let arm = pair.radius - 0.5 * overlap;
-            let velocity = grain.velocity - wall.velocity;
-            let touch = Touch {
-                overlap,
-                normal: wall.normal,
-                separation_rate: wall.normal.scalar(&velocity),
-                slip: S::slip(&wall.normal, &velocity, &(grain.spin * arm)),
-                time_step: dt,
-            };
-            let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
             let load = &mut contact[pair.grain as usize];
-            load.force += wall.normal * reply.normal + S::embed(&reply.tangent, &wall.normal);
-            load.torque += S::tangent_moment(&reply.tangent, &wall.normal) * -arm;
-            if let Some(failure) = reply.failure {
-                self.wall_failures.push((k, failure));
+            let failure = act_at_wall::<S, L>(
+                (&pair.constants, &mut pair.memory),
+                (pair.radius, distance, &wall.normal),
+                (grain, &wall.velocity),
+                load,
+                dt,
+            );
+            if let Some(mode) = failure {
+                self.wall_failures.push(WallFailure {
+                    grain: pair.grain,
+                    wall: pair.wall,
+                    arm: wall.normal * -distance,
+                    mode,
+                });
             }
         }
+    }
+
+    /// Contacts with facets: found anew, each with the memory it had.
+    fn facet_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let Particles {
+            motion, contact, ..
+        } = particles;
+        let facets = &mut self.facets;
+        facets.next.clear();
+        for &k in &facets.active {
+            let pair = &mut facets.pairs[k as usize];
+            let wall = &self.walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let grain = &motion[pair.grain as usize];
+            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+            let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
+                pair.radius + pair.opening
+            } else {
+                pair.radius
+            };
+            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+            surface.contacts(near, &wall.local(&grain.position), reach, &mut facets.found);
+            facets.taken.clear();
+            facets.taken.resize(held.len(), false);
+            let start = ghosts::index(facets.next.len());
+            for one in &facets.found {
+                let mut memory =
+                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if one.distance >= pair.radius && !L::bonded(&memory) {
+                    continue;
+                }
+                let normal = S::from_volume(&one.normal);
+                let failure = act_at_wall::<S, L>(
+                    (&pair.constants, &mut memory),
+                    (pair.radius, one.distance, &normal),
+                    (grain, &wall.velocity),
+                    &mut contact[pair.grain as usize],
+                    dt,
+                );
+                if let Some(mode) = failure {
+                    self.wall_failures.push(WallFailure {
+                        grain: pair.grain,
+                        wall: pair.wall,
+                        arm: normal * -one.distance,
+                        mode,
+                    });
+                }
+                if one.distance < pair.radius || L::bonded(&memory) {
+                    facets.next.push(Held {
+                        facet: one.facet,
+                        memory,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
     }
 
     /// Writes each failed bond into the ledger once: at the owner of the lower id, or of the grain at a wall.
@@ -676,18 +939,16 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 });
             }
         }
-        for &(k, mode) in &self.wall_failures {
-            let pair = &self.wall_pairs[k as usize];
-            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
-            let at = particles.location(grain);
+        for failure in &self.wall_failures {
+            let grain = failure.grain as usize;
             self.breaks.push(BondBreak {
                 step: self.steps,
                 time,
                 grain: particles.body[grain].id,
                 other: None,
-                wall: Some(pair.wall),
-                position: at - wall.normal * wall.distance(&particles.motion[grain].position),
-                mode,
+                wall: Some(failure.wall),
+                position: particles.location(grain) + failure.arm,
+                mode: failure.mode,
                 fluid_force: particles.fluid[grain].force.length(),
             });
         }
@@ -710,8 +971,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let offset = self.offsets.get(k).copied().unwrap_or_default();
             let ends = (pair.first as usize, pair.second as usize);
             let squared = separation(&particles.motion, ends, &offset, periodic).1;
-            if squared < pair.reach * pair.reach
-                && L::bond(&pair.constants, &mut pair.memory)
+            let far = pair.reach + L::bonding_gap(&pair.constants);
+            if squared < far * far
+                && L::bond(
+                    &pair.constants,
+                    &mut pair.memory,
+                    pair.reach - squared.sqrt(),
+                )
                 && ends.0 < particles.owned()
             {
                 bonds += 1;
@@ -720,10 +986,45 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         for pair in &mut self.wall_pairs {
             let distance = self.walls[pair.wall as usize]
                 .distance(&particles.motion[pair.grain as usize].position);
-            if distance < pair.radius && L::bond(&pair.constants, &mut pair.memory) {
+            if distance < pair.radius + L::bonding_gap(&pair.constants)
+                && L::bond(&pair.constants, &mut pair.memory, pair.radius - distance)
+            {
                 bonds += 1;
             }
         }
+        let facets = &mut self.facets;
+        facets.next.clear();
+        for pair in &mut facets.pairs {
+            let wall = &self.walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+            let reach = pair.radius + L::bonding_gap(&pair.constants);
+            surface.contacts(near, &at, reach, &mut facets.found);
+            facets.taken.clear();
+            facets.taken.resize(held.len(), false);
+            let start = ghosts::index(facets.next.len());
+            for one in &facets.found {
+                let mut memory =
+                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if L::bond(&pair.constants, &mut memory, pair.radius - one.distance) {
+                    bonds += 1;
+                }
+                if one.distance < pair.radius || L::bonded(&memory) {
+                    facets.next.push(Held {
+                        facet: one.facet,
+                        memory,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
+        // Bonds across gaps act from now on.
+        self.activate(particles);
         bonds
     }
 
@@ -734,6 +1035,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         for pair in &mut self.wall_pairs {
             L::unbond(&mut pair.memory);
+        }
+        for held in &mut self.facets.held {
+            L::unbond(&mut held.memory);
         }
     }
 
@@ -764,7 +1068,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     overlap,
                     normal,
                     position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
                     bonded,
                 });
             }
@@ -783,9 +1087,39 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     normal: wall.normal,
                     position: particles.location(grain)
                         - wall.normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
                     bonded,
                 });
+            }
+        }
+        let (mut found, mut taken) = (Vec::new(), Vec::new());
+        for pair in &self.facets.pairs {
+            let (held, near) = (self.facets.held(pair), self.facets.near(pair));
+            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+            let (false, Some(surface)) = (held.is_empty(), &wall.surface) else {
+                continue;
+            };
+            let at = wall.local(&particles.motion[grain].position);
+            surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
+            taken.clear();
+            taken.resize(held.len(), false);
+            for one in &found {
+                let memory = memory_of(surface, held, &mut taken, &found, one.facet);
+                let bonded = L::bonded(&memory);
+                if one.distance < pair.radius || bonded {
+                    let overlap = pair.radius - one.distance;
+                    let normal = S::from_volume(&one.normal);
+                    visit(super::Contact {
+                        grain,
+                        other: None,
+                        wall: Some(pair.wall),
+                        overlap,
+                        normal,
+                        position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
+                        normal_force: L::normal_spring(&pair.constants, &memory, overlap),
+                        bonded,
+                    });
+                }
             }
         }
     }
@@ -795,7 +1129,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let mut now = Statistics {
             owned: particles.owned() as u64,
             ghosts: (particles.len() - particles.owned()) as u64,
-            listed: (self.pairs.len() + self.wall_pairs.len()) as u64,
+            listed: (self.pairs.len() + self.wall_pairs.len() + self.facets.pairs.len()) as u64,
             active: self.active.len() as u64,
             rebuilds: self.rebuilds,
             tested: self.tested,
@@ -819,7 +1153,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
 
     /// The memories of all contacts this rank reports, grains then walls, by rising key.
     #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
-    pub(super) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<((u64, u32), L::Memory)>) {
+    pub(super) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
         let fresh = L::Memory::default();
         let mut grains: Vec<_> = self
             .pairs
@@ -840,8 +1174,19 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             .wall_pairs
             .iter()
             .filter(|pair| pair.memory != fresh)
-            .map(|pair| ((self.names[pair.grain as usize].0, pair.wall), pair.memory))
+            .map(|pair| {
+                let id = self.names[pair.grain as usize].0;
+                ((id, pair.wall, 0), pair.memory)
+            })
             .collect();
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            let held = self.facets.held(pair).iter();
+            walls.extend(
+                held.filter(|held| held.memory != fresh)
+                    .map(|held| ((id, pair.wall, held.facet), held.memory)),
+            );
+        }
         walls.sort_unstable_by_key(|(key, _)| *key);
         (grains, walls)
     }
@@ -850,11 +1195,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn restore(
         &mut self,
         grains: Vec<(Key, L::Memory)>,
-        walls: Vec<((u64, u32), L::Memory)>,
+        walls: Vec<(WallKey, L::Memory)>,
         steps: u64,
     ) {
         self.pairs.clear();
         self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
         self.memories = grains;
         self.wall_memories = walls;
         self.put_memories_in_order();
@@ -879,6 +1226,61 @@ fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64
         [false, true] => masses[1],
         _ => masses[0] * masses[1] / (masses[0] + masses[1]),
     }
+}
+
+/// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+fn rolling_inertia<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+    let about = [i, j].map(|k| rolled(&particles.body[k]));
+    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+        [true, false] => about[0],
+        [false, true] => about[1],
+        _ => about[0] * about[1] / (about[0] + about[1]),
+    }
+}
+
+/// Moment of inertia about a point of the surface (kg m²).
+fn rolled(body: &Body) -> f64 {
+    body.inertia + body.mass * body.radius * body.radius
+}
+
+/// A grain at a wall.
+fn at_wall(material: u32, body: &Body) -> Partners {
+    Partners {
+        materials: [material, body.material],
+        diameter: 2.0 * body.radius,
+        mass: body.mass,
+        rolling_radius: body.radius,
+        rolling_inertia: rolled(body),
+    }
+}
+
+/// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
+#[inline(always)]
+fn act_at_wall<S: Space, L: ContactLaw<S>>(
+    (constants, memory): (&L::Constants, &mut L::Memory),
+    (radius, distance, normal): (f64, f64, &S::Vector),
+    (grain, moves): (&Motion<S>, &S::Vector),
+    load: &mut Load<S>,
+    dt: f64,
+) -> Option<Failure> {
+    let overlap = radius - distance;
+    let arm = radius - 0.5 * overlap;
+    let velocity = grain.velocity - *moves;
+    let touch = Touch {
+        overlap,
+        normal: *normal,
+        separation_rate: normal.scalar(&velocity),
+        slip: S::slip(normal, &velocity, &(grain.spin * arm)),
+        roll: grain.spin,
+        time_step: dt,
+    };
+    let reply = L::reply(constants, memory, &touch);
+    load.force += *normal * reply.normal + S::embed(&reply.tangent, normal);
+    load.torque += S::tangent_moment(&reply.tangent, normal) * -arm;
+    if L::ROLLS {
+        load.torque += reply.moment;
+    }
+    reply.failure
 }
 
 /// From the first centre to the second, and the square of its length: the one place where it is computed.
@@ -981,16 +1383,22 @@ fn act<S: Space, L: ContactLaw<S>>(
         normal,
         separation_rate: normal.scalar(&velocity),
         slip: S::slip(&normal, &velocity, &rolling),
+        roll: second.spin - first.spin,
         time_step: dt,
     };
     let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
     let moment = S::tangent_moment(&reply.tangent, &normal);
-    Some(Action {
+    let mut action = Action {
         force: normal * reply.normal + S::embed(&reply.tangent, &normal),
         on_first: moment * -first_arm,
         on_second: moment * -second_arm,
         failure: reply.failure,
-    })
+    };
+    if L::ROLLS {
+        action.on_first -= reply.moment;
+        action.on_second += reply.moment;
+    }
+    Some(action)
 }
 
 /// Pairs per piece of parallel work.

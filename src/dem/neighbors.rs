@@ -52,6 +52,20 @@ impl Search {
         }
     }
 
+    /// Calls `visit` with every entry of the last [`Self::pairs`] whose surface may be within `gap` (m) of the box between two
+    /// corners, and with some others.
+    pub(super) fn near<S: Space>(
+        &self,
+        low: &S::Vector,
+        high: &S::Vector,
+        gap: f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        for class in self.classes.iter().filter(|class| !class.entries.is_empty()) {
+            class.visit::<S>(low, high, class.largest + gap, &mut visit);
+        }
+    }
+
     fn sort_into_classes<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
         let count = particles.len();
         let largest = particles
@@ -117,7 +131,7 @@ impl Search {
                     continue;
                 }
                 let reach = radius + class.largest + gap;
-                class.visit::<S>(&at, reach, |m| {
+                class.visit::<S>(&at, &at, reach, |m| {
                     let twice = other == level && m <= k;
                     if twice || (k >= owned && m >= owned) || !(moves(k) || moves(m)) {
                         return;
@@ -211,13 +225,21 @@ impl Class {
         self.start[0] = 0;
     }
 
-    /// Calls `visit` with every member in a cell within `reach` of `at`.
+    /// Calls `visit` with every member in a cell within `reach` of the box between two corners.
     #[inline]
-    fn visit<S: Space>(&self, at: &S::Vector, reach: f64, mut visit: impl FnMut(usize)) {
+    fn visit<S: Space>(
+        &self,
+        low: &S::Vector,
+        high: &S::Vector,
+        reach: f64,
+        mut visit: impl FnMut(usize),
+    ) {
         let mut spans = [(0, 0); 3];
         for (axis, span) in spans.iter_mut().enumerate().take(S::DIMENSION) {
-            let x = at.get(axis);
-            *span = (self.cell(x - reach, axis), self.cell(x + reach, axis));
+            *span = (
+                self.cell(low.get(axis) - reach, axis),
+                self.cell(high.get(axis) + reach, axis),
+            );
         }
         for z in spans[2].0..=spans[2].1 {
             for y in spans[1].0..=spans[1].1 {

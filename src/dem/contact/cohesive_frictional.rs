@@ -111,6 +111,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             return Reply {
                 normal: (normal - c.normal_dashpot * touch.separation_rate).max(least),
                 tangent: shear - touch.slip * c.shear_dashpot,
+                moment: S::Spin::default(),
                 failure: None,
             };
         }
@@ -134,6 +135,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         Reply {
             normal: (normal - dashpot * touch.separation_rate).max(0.0),
             tangent,
+            moment: S::Spin::default(),
             failure,
         }
     }
@@ -143,7 +145,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         memory.cohesion > 0.0
     }
 
-    fn bond(c: &Constants, memory: &mut Memory<S>) -> bool {
+    fn bond(c: &Constants, memory: &mut Memory<S>, _: f64) -> bool {
         memory.cohesion = c.cohesion;
         c.cohesion > 0.0
     }
