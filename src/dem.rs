@@ -382,7 +382,9 @@ impl Law {
 }
 
 fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64 {
-    let [normal, shear] = L::stiffness(&law.constants(partners));
+    let table = law.table();
+    let row = table.get(partners.materials[0], partners.materials[1]);
+    let [normal, shear] = L::stiffness(&L::between(row, partners));
     normal.max(shear)
 }
 

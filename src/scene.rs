@@ -11,6 +11,7 @@ pub mod grid;
 pub mod observe;
 pub mod packing;
 pub mod sample;
+pub(crate) mod stl;
 pub mod solids;
 
 use crate::case::coupling::{BounceBack, Coupling};

@@ -52,6 +52,39 @@ impl<P: Clone> PairTable<P> {
         self.rows.iter()
     }
 
+    /// The same table of something made from each row.
+    #[must_use]
+    pub fn map<Q>(&self, make: impl FnMut(&P) -> Q) -> PairTable<Q> {
+        PairTable {
+            materials: self.materials,
+            rows: self.rows.iter().map(make).collect(),
+        }
+    }
+
+    /// Calls `visit` with every pair of materials, each once.
+    pub(super) fn for_each_pair(&self, mut visit: impl FnMut(u32, u32, &P)) {
+        for a in 0..self.materials {
+            for b in a..self.materials {
+                visit(a, b, self.get(a, b));
+            }
+        }
+    }
+
+    /// The place of a pair in the table, to be looked up by [`Self::at`].
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a few materials, squared"
+    )]
+    pub(super) fn place(&self, a: u32, b: u32) -> u32 {
+        self.row(a, b) as u32
+    }
+
+    /// The parameters at a place.
+    #[inline(always)]
+    pub(super) fn at(&self, place: u32) -> &P {
+        &self.rows[place as usize]
+    }
+
     fn row(&self, a: u32, b: u32) -> usize {
         let last = self.materials - 1;
         a.min(last) as usize * self.materials as usize + b.min(last) as usize
@@ -115,13 +148,25 @@ pub struct Reply<S: Space> {
 
 /// A contact law, compiled into the pair loop.
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
-    /// What is computed once per pair.
+    /// What is computed once per pair of materials.
+    type Row: Copy + Debug + Send + Sync;
+    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists has one.
+    type Scale: Copy + Debug + Send + Sync;
+    /// What the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
     /// What is remembered; its default is a contact just born.
     type Memory: Copy + Debug + Default + PartialEq + Send + Sync;
 
-    /// The constants of a pair.
-    fn constants(&self, partners: &Partners) -> Self::Constants;
+    /// How many materials, and the row of every ordered pair of them.
+    fn table(&self) -> PairTable<Self::Row>;
+    /// The scale of a pair.
+    fn scale(row: &Self::Row, partners: &Partners) -> Self::Scale;
+    /// The constants of a pair of mean diameter `diameter` (m), by multiplications alone.
+    fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
+    /// The constants of two partners.
+    fn between(row: &Self::Row, partners: &Partners) -> Self::Constants {
+        Self::constants(row, &Self::scale(row, partners), partners.diameter)
+    }
     /// The force, and the memory after this step. Called where the surfaces overlap or the pair is bonded; where they do not
     /// overlap and the pair is not bonded the memory is dropped instead.
     fn reply(constants: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S>;

@@ -6,7 +6,7 @@
 //! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
 //! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
 
-use super::contact::{ContactLaw, Failure, Partners, Touch};
+use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
 use super::ghosts::{self, Region};
 use super::integrate::{self, Kick};
 use super::neighbors::Search;
@@ -18,7 +18,7 @@ use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
 
-/// A listed pair: the lower id first.
+/// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
 struct Pair<C, M> {
     first: u32,
@@ -27,8 +27,19 @@ struct Pair<C, M> {
     reach: f64,
     /// Radius of the first (m).
     radius: f64,
-    constants: C,
+    /// Place in the table of material pairs.
+    row: u32,
+    /// Place in the table of separations to add.
+    offset: u32,
+    scale: C,
     memory: M,
+}
+
+impl<C, M> Pair<C, M> {
+    #[inline(always)]
+    fn ends(&self) -> (usize, usize) {
+        (self.first as usize, self.second as usize)
+    }
 }
 
 /// A listed pair of a wall and an owned grain.
@@ -173,6 +184,7 @@ impl<S: Space> Default for Action<S> {
 #[derive(Debug)]
 pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pub(super) law: L,
+    rows: PairTable<L::Row>,
     pub(super) settings: Settings<S>,
     pub(super) walls: Vec<Wall<S>>,
     pub(super) steps: u64,
@@ -182,9 +194,10 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     listed: bool,
     total: Option<u64>,
     search: Search,
-    pairs: Vec<Pair<L::Constants, L::Memory>>,
-    /// Per pair, only with periodic axes: what to add to the separation (m).
+    pairs: Vec<Pair<L::Scale, L::Memory>>,
+    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
     offsets: Vec<S::Vector>,
+    offset_shifts: Vec<[i32; 3]>,
     active: Vec<u32>,
     wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
     facets: Facets<L::Constants, L::Memory>,
@@ -216,6 +229,7 @@ const PER_THREAD: usize = 3000;
 impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
         Self {
+            rows: law.table(),
             law,
             settings,
             walls,
@@ -228,6 +242,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             search: Search::default(),
             pairs: Vec::new(),
             offsets: Vec::new(),
+            offset_shifts: Vec::new(),
             active: Vec::new(),
             wall_pairs: Vec::new(),
             facets: Facets::default(),
@@ -512,14 +527,26 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         );
         self.named_owned = particles.owned();
         self.offsets.clear();
+        self.offset_shifts.clear();
+        self.offsets.push(S::Vector::default());
+        self.offset_shifts.push([0; 3]);
         let mut search = std::mem::take(&mut self.search);
         search.pairs(particles, gap, |i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
             let key = key(self.names[i], self.names[j]);
-            let mut offset = S::Vector::default();
-            for axis in 0..S::DIMENSION {
-                offset.set(axis, f64::from(key.shift[axis]) * particles.lengths[axis]);
-            }
+            // The last ones are the likely ones.
+            let shift = if periodic { key.shift } else { [0; 3] };
+            let known = self.offset_shifts.iter().rposition(|known| *known == shift);
+            let place = known.unwrap_or_else(|| {
+                let mut offset = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    offset.set(axis, f64::from(shift[axis]) * particles.lengths[axis]);
+                }
+                self.offset_shifts.push(shift);
+                self.offsets.push(offset);
+                self.offsets.len() - 1
+            });
+            let offset = self.offsets[place];
             let partners = Partners {
                 materials: [a.material, b.material],
                 diameter: a.radius + b.radius,
@@ -527,6 +554,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 rolling_radius: a.radius * b.radius / (a.radius + b.radius),
                 rolling_inertia: rolling_inertia(particles, i, j),
             };
+            let row = self.rows.place(a.material, b.material);
             let reach = a.radius + b.radius;
             let squared = separation(&particles.motion, (i, j), &offset, periodic).1;
             let held = self
@@ -539,12 +567,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 second: ghosts::index(j),
                 reach,
                 radius: a.radius,
-                constants: self.law.constants(&partners),
+                row,
+                offset: ghosts::index(place),
+                scale: L::scale(self.rows.at(row), &partners),
                 memory: if lives { held } else { L::Memory::default() },
             });
-            if periodic {
-                self.offsets.push(offset);
-            }
         });
         self.list_facets(particles, gap, &search);
         self.search = search;
@@ -569,7 +596,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     wall: wall_index,
                     grain: ghosts::index(k),
                     radius: body.radius,
-                    constants: self.law.constants(&partners),
+                    constants: self.at_wall(&partners),
                     memory: if lives { held } else { L::Memory::default() },
                 });
             }
@@ -580,6 +607,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= PER_THREAD * threads;
         self.activate(particles);
+    }
+
+    fn at_wall(&self, partners: &Partners) -> L::Constants {
+        let [wall, grain] = partners.materials;
+        L::between(self.rows.get(wall, grain), partners)
     }
 
     /// Lists the facets that owned grains are close to, by grain, wall and facet.
@@ -642,7 +674,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 opening: self.law.widest_opening([diameter, diameter]),
                 near: (near, ghosts::index(facets.near.len())),
                 held: (held, ghosts::index(facets.held.len())),
-                constants: self.law.constants(&at_wall(wall.material, body)),
+                constants: L::between(
+                    self.rows.get(wall.material, body.material),
+                    &at_wall(wall.material, body),
+                ),
             });
         }
     }
@@ -661,13 +696,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let periodic = self.settings.region.any_periodic();
         self.active.clear();
         for (k, pair) in (0..).zip(&mut self.pairs) {
-            let ends = (pair.first as usize, pair.second as usize);
-            let offset = if periodic {
-                self.offsets[k as usize]
-            } else {
-                S::Vector::default()
-            };
-            let squared = separation(&particles.motion, ends, &offset, periodic).1;
+            let offset = &self.offsets[pair.offset as usize];
+            let squared = separation(&particles.motion, pair.ends(), offset, periodic).1;
             // The slack is far above the rounding of a separation, far below any gap that costs.
             let far = pair.reach * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
             if squared <= far * far || L::bonded(&pair.memory) {
@@ -678,7 +708,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         let facets = &mut self.facets;
         facets.active.clear();
-        for (k, pair) in (0..).zip(&facets.pairs) {
+        for (k, pair) in (0..).zip(&mut facets.pairs) {
             let wall = &self.walls[pair.wall as usize];
             let at = wall.local(&particles.motion[pair.grain as usize].position);
             let far = pair.radius * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
@@ -691,6 +721,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             };
             if pair.held.0 < pair.held.1 || closes() {
                 facets.active.push(k);
+            } else {
+                // It is not looked at again before it is active, and others come and go meanwhile.
+                pair.held = (0, 0);
             }
         }
         if self.parallel {
@@ -702,7 +735,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.incident_start.clear();
         self.incident_start.resize(owned + 1, 0);
         let ends =
-            |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
+            |pair: &Pair<L::Scale, L::Memory>| [pair.first as usize, pair.second as usize];
         for &k in &self.active {
             for end in ends(&self.pairs[k as usize])
                 .into_iter()
@@ -756,7 +789,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
             for (&k, span) in block.iter().zip(spans.iter()) {
                 let pair = &mut self.pairs[k as usize];
-                let Some(action) = act::<S, L>(pair, motion, span, dt) else {
+                let Some(action) = act::<S, L>(&self.rows, pair, motion, span, dt) else {
                     continue;
                 };
                 let first = &mut contact[pair.first as usize];
@@ -786,6 +819,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.actions.resize(self.active.len(), Action::default());
         let failed = act_on_pieces::<S, L, PERIODIC>(
             (&self.active, 0),
+            &self.rows,
             &mut self.pairs,
             &self.offsets,
             &mut self.actions,
@@ -919,12 +953,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let pair = &self.pairs[k as usize];
             let (first, second) = (pair.first as usize, pair.second as usize);
             if first < particles.owned() {
-                let offset = self.offsets.get(k as usize).copied().unwrap_or_default();
                 let (between, squared) = separation(
                     &particles.motion,
-                    (first, second),
-                    &offset,
-                    !self.offsets.is_empty(),
+                    pair.ends(),
+                    &self.offsets[pair.offset as usize],
+                    self.settings.region.any_periodic(),
                 );
                 let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
                 self.breaks.push(BondBreak {
@@ -967,14 +1000,15 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
         let mut bonds = 0;
         let periodic = self.settings.region.any_periodic();
-        for (k, pair) in self.pairs.iter_mut().enumerate() {
-            let offset = self.offsets.get(k).copied().unwrap_or_default();
-            let ends = (pair.first as usize, pair.second as usize);
-            let squared = separation(&particles.motion, ends, &offset, periodic).1;
-            let far = pair.reach + L::bonding_gap(&pair.constants);
+        for pair in &mut self.pairs {
+            let offset = &self.offsets[pair.offset as usize];
+            let ends = pair.ends();
+            let squared = separation(&particles.motion, ends, offset, periodic).1;
+            let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+            let far = pair.reach + L::bonding_gap(&constants);
             if squared < far * far
                 && L::bond(
-                    &pair.constants,
+                    &constants,
                     &mut pair.memory,
                     pair.reach - squared.sqrt(),
                 )
@@ -1048,19 +1082,20 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         mut visit: impl FnMut(super::Contact<S>),
     ) {
         let periodic = self.settings.region.any_periodic();
-        for (k, pair) in self.pairs.iter().enumerate() {
-            let (first, second) = (pair.first as usize, pair.second as usize);
+        for pair in &self.pairs {
+            let (first, second) = pair.ends();
             if first >= particles.owned() {
                 continue;
             }
-            let offset = self.offsets.get(k).copied().unwrap_or_default();
+            let offset = &self.offsets[pair.offset as usize];
             let (between, squared) =
-                separation(&particles.motion, (first, second), &offset, periodic);
+                separation(&particles.motion, (first, second), offset, periodic);
             let bonded = L::bonded(&pair.memory);
             if squared < pair.reach * pair.reach || bonded {
                 let distance = squared.sqrt();
                 let overlap = pair.reach - distance;
                 let normal = between * (1.0 / distance);
+                let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
                 visit(super::Contact {
                     grain: first,
                     other: Some(second),
@@ -1068,7 +1103,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     overlap,
                     normal,
                     position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
+                    normal_force: L::normal_spring(&constants, &pair.memory, overlap),
                     bonded,
                 });
             }
@@ -1327,7 +1362,7 @@ impl<S: Space> Spans<S> {
     fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
         &mut self,
         block: &[u32],
-        pairs: &[Pair<L::Constants, L::Memory>],
+        pairs: &[Pair<L::Scale, L::Memory>],
         base: usize,
         motion: &[Motion<S>],
         offsets: &[S::Vector],
@@ -1336,12 +1371,11 @@ impl<S: Space> Spans<S> {
         for (&k, (between, squared)) in block.iter().zip(slots) {
             let pair = &pairs[k as usize - base];
             let offset = if PERIODIC {
-                offsets[k as usize]
+                offsets[pair.offset as usize]
             } else {
                 S::Vector::default()
             };
-            let ends = (pair.first as usize, pair.second as usize);
-            (*between, *squared) = separation(motion, ends, &offset, PERIODIC);
+            (*between, *squared) = separation(motion, pair.ends(), &offset, PERIODIC);
         }
         // The whole block, filled or not, so that the loop has a fixed length.
         for k in 0..BLOCK {
@@ -1362,7 +1396,8 @@ impl<S: Space> Spans<S> {
 /// The action of one pair, or none where it neither touches nor is bonded.
 #[inline(always)]
 fn act<S: Space, L: ContactLaw<S>>(
-    pair: &mut Pair<L::Constants, L::Memory>,
+    rows: &PairTable<L::Row>,
+    pair: &mut Pair<L::Scale, L::Memory>,
     motion: &[Motion<S>],
     (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     dt: f64,
@@ -1386,7 +1421,8 @@ fn act<S: Space, L: ContactLaw<S>>(
         roll: second.spin - first.spin,
         time_step: dt,
     };
-    let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
+    let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
+    let reply = L::reply(&constants, &mut pair.memory, &touch);
     let moment = S::tangent_moment(&reply.tangent, &normal);
     let mut action = Action {
         force: normal * reply.normal + S::embed(&reply.tangent, &normal),
@@ -1407,7 +1443,8 @@ const PIECE: usize = 2048;
 /// [`act`] on all active pairs, by threads; true where a bond failed. `active` counts from `base` in `pairs`.
 fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
     (active, base): (&[u32], usize),
-    pairs: &mut [Pair<L::Constants, L::Memory>],
+    rows: &PairTable<L::Row>,
+    pairs: &mut [Pair<L::Scale, L::Memory>],
     offsets: &[S::Vector],
     actions: &mut [Action<S>],
     motion: &[Motion<S>],
@@ -1420,7 +1457,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
             spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
             for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
                 let pair = &mut pairs[k as usize - base];
-                *action = act::<S, L>(pair, motion, span, dt).unwrap_or_default();
+                *action = act::<S, L>(rows, pair, motion, span, dt).unwrap_or_default();
                 failed |= action.failure.is_some();
             }
         }
@@ -1435,6 +1472,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
         || {
             act_on_pieces::<S, L, PERIODIC>(
                 (left, base),
+                rows,
                 left_pairs,
                 offsets,
                 left_actions,
@@ -1445,6 +1483,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
         || {
             act_on_pieces::<S, L, PERIODIC>(
                 (right, cut),
+                rows,
                 right_pairs,
                 offsets,
                 right_actions,

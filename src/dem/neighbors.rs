@@ -13,6 +13,8 @@ use super::space::{Components, Space};
 pub(super) struct Search {
     classes: Vec<Class>,
     class_of: Vec<u8>,
+    places: Vec<[f64; 3]>,
+    cell_of: Vec<u32>,
     found: Vec<[u32; 2]>,
     order: Vec<u32>,
     place: Vec<u32>,
@@ -23,12 +25,13 @@ pub(super) struct Search {
 #[derive(Debug, Default)]
 struct Class {
     largest: f64,
-    origin: [f64; 3],
+    members: usize,
+    low: [f64; 3],
+    high: [f64; 3],
     inverse: f64,
     counts: [usize; 3],
     start: Vec<u32>,
     entries: Vec<u32>,
-    cell_of: Vec<u32>,
 }
 
 const CLASSES: usize = 24;
@@ -81,40 +84,71 @@ impl Search {
                 .map(|body| class(largest, body.radius)),
         );
         self.classes.resize_with(CLASSES, Class::default);
-        for (level, class) in self.classes.iter_mut().enumerate() {
+        self.places.clear();
+        self.places.extend((0..count).map(|k| particles.location(k)).map(|at| {
+            std::array::from_fn(|axis| if axis < S::DIMENSION { at.get(axis) } else { 0.0 })
+        }));
+        for class in &mut self.classes {
             class.entries.clear();
             class.largest = 0.0;
-            let mut low = [f64::INFINITY; 3];
-            let mut high = [f64::NEG_INFINITY; 3];
-            let mut members = 0_usize;
-            for k in (0..count).filter(|&k| usize::from(self.class_of[k]) == level) {
-                members += 1;
-                class.largest = class.largest.max(particles.body[k].radius);
-                let at = particles.location(k);
-                for axis in 0..S::DIMENSION {
-                    low[axis] = low[axis].min(at.get(axis));
-                    high[axis] = high[axis].max(at.get(axis));
-                }
+            class.low = [f64::INFINITY; 3];
+            class.high = [f64::NEG_INFINITY; 3];
+            class.members = 0;
+        }
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            class.members += 1;
+            class.largest = class.largest.max(particles.body[k].radius);
+            for (axis, at) in self.places[k].into_iter().enumerate() {
+                class.low[axis] = class.low[axis].min(at);
+                class.high[axis] = class.high[axis].max(at);
             }
-            if members == 0 {
-                continue;
-            }
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
             let mut size = 2.0 * class.largest + gap;
             // Never many more cells than members, however far they are spread.
             loop {
                 class.counts = [1; 3];
                 for axis in 0..S::DIMENSION {
-                    class.counts[axis] = cells((high[axis] - low[axis]) / size);
+                    class.counts[axis] = cells((class.high[axis] - class.low[axis]) / size);
                 }
-                if class.counts.iter().fold(1.0, |n, &c| n * real(c)) <= 4.0 * real(members) + 64.0
+                if class.counts.iter().fold(1.0, |n, &c| n * real(c))
+                    <= 4.0 * real(class.members) + 64.0
                 {
                     break;
                 }
                 size *= 1.25;
             }
-            class.origin = low;
             class.inverse = 1.0 / size;
-            class.fill(particles, &self.class_of, level);
+            let total = class.counts.iter().product::<usize>();
+            class.start.clear();
+            class.start.resize(total + 1, 0);
+            class.entries.resize(class.members, 0);
+        }
+        self.cell_of.clear();
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            let cell = class.cell_of(&self.places[k]);
+            class.start[cell + 1] += 1;
+            self.cell_of.push(super::ghosts::index(cell));
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
+            for cell in 1..class.start.len() {
+                class.start[cell] += class.start[cell - 1];
+            }
+        }
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            // `start` runs ahead while filling and is set back below.
+            let slot = &mut class.start[self.cell_of[k] as usize];
+            class.entries[*slot as usize] = super::ghosts::index(k);
+            *slot += 1;
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
+            for cell in (1..class.start.len()).rev() {
+                class.start[cell] = class.start[cell - 1];
+            }
+            class.start[0] = 0;
         }
     }
 
@@ -122,6 +156,7 @@ impl Search {
         let owned = particles.owned();
         self.found.clear();
         let moves = |k: usize| particles.mobility[k].free > 0.0;
+        let places = &self.places;
         for k in 0..particles.len() {
             let level = usize::from(self.class_of[k]);
             let at = particles.location(k);
@@ -133,12 +168,16 @@ impl Search {
                 let reach = radius + class.largest + gap;
                 class.visit::<S>(&at, &at, reach, |m| {
                     let twice = other == level && m <= k;
-                    if twice || (k >= owned && m >= owned) || !(moves(k) || moves(m)) {
+                    if twice || (k >= owned && m >= owned) {
                         return;
                     }
-                    let between = particles.location(m) - at;
+                    let mut squared = 0.0;
+                    for axis in 0..S::DIMENSION {
+                        let d = places[m][axis] - at.get(axis);
+                        squared += d * d;
+                    }
                     let reach = radius + particles.body[m].radius + gap;
-                    if between.scalar(&between) <= reach * reach {
+                    if squared <= reach * reach && (moves(k) || moves(m)) {
                         self.found
                             .push([super::ghosts::index(k), super::ghosts::index(m)]);
                     }
@@ -186,43 +225,14 @@ impl Search {
 }
 
 impl Class {
+    #[inline]
     fn cell(&self, at: f64, axis: usize) -> usize {
-        cells_clamped((at - self.origin[axis]) * self.inverse, self.counts[axis])
+        cells_clamped((at - self.low[axis]) * self.inverse, self.counts[axis])
     }
 
-    fn fill<S: Space>(&mut self, particles: &Particles<S>, class_of: &[u8], level: usize) {
-        let total = self.counts.iter().product::<usize>();
-        self.start.clear();
-        self.start.resize(total + 1, 0);
-        self.cell_of.clear();
-        for (k, class) in class_of.iter().enumerate() {
-            let mut cell = 0;
-            if usize::from(*class) == level {
-                let at = particles.location(k);
-                for axis in (0..S::DIMENSION).rev() {
-                    cell = cell * self.counts[axis] + self.cell(at.get(axis), axis);
-                }
-                self.start[cell + 1] += 1;
-            }
-            self.cell_of.push(super::ghosts::index(cell));
-        }
-        for cell in 0..total {
-            self.start[cell + 1] += self.start[cell];
-        }
-        self.entries.resize(self.start[total] as usize, 0);
-        for (k, _) in class_of
-            .iter()
-            .enumerate()
-            .filter(|(_, class)| usize::from(**class) == level)
-        {
-            let slot = &mut self.start[self.cell_of[k] as usize];
-            self.entries[*slot as usize] = super::ghosts::index(k);
-            *slot += 1;
-        }
-        for cell in (1..=total).rev() {
-            self.start[cell] = self.start[cell - 1];
-        }
-        self.start[0] = 0;
+    fn cell_of(&self, at: &[f64; 3]) -> usize {
+        let [x, y, z] = std::array::from_fn(|axis| self.cell(at[axis], axis));
+        (z * self.counts[1] + y) * self.counts[0] + x
     }
 
     /// Calls `visit` with every member in a cell within `reach` of the box between two corners.

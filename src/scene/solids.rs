@@ -3,23 +3,31 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
-use super::{material, sample, unique};
+use super::{material, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{Amount, GrainSource as Written, Growth, Radii};
-use crate::case::solids::{Motion as WrittenMotion, Shape};
+use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape};
 use serde::Serialize;
+use crate::dem::Surface;
+use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// A plane that grains touch.
+/// A plane or surface that grains touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Wall {
     /// Name in tables.
     pub name: String,
-    /// A point of it [m].
+    /// A point of the plane [m].
     pub point: [f64; 3],
-    /// Unit normal towards the grains.
+    /// Unit normal of the plane towards the grains.
     pub normal: [f64; 3],
+    /// The facets, if it is not a plane.
+    #[serde(skip)]
+    pub surface: Option<Arc<Surface>>,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
     /// The face of the domain it lies on, if it is a box wall.
@@ -126,31 +134,36 @@ pub(crate) fn walls(
     for (n, wall) in case.walls.iter().enumerate() {
         let path = format!("walls[{n}]");
         unique(&mut known, &wall.name, &format!("{path}.name"), findings);
-        let point = Block::vector(
-            grid,
-            &wall.plane.point,
-            &format!("{path}.plane.point"),
-            findings,
-        );
-        let normal = Block::vector(
-            grid,
-            &wall.plane.normal,
-            &format!("{path}.plane.normal"),
-            findings,
-        );
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-        if !(length > 0.0 && length.is_finite()) {
-            findings.error(
-                &format!("{path}.plane.normal"),
-                "a normal needs a direction",
-                "write for example [0, 1]",
-            );
+        let mut plane = ([0.0; 3], [0.0; 3]);
+        let mut surface = None;
+        match &wall.shape {
+            WallShape::Plane(written) => {
+                let path = format!("{path}.shape.plane");
+                let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+                let path = format!("{path}.normal");
+                let normal = Block::vector(grid, &written.normal, &path, findings);
+                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+                if !(length > 0.0 && length.is_finite()) {
+                    findings.error(
+                        &path,
+                        "a normal needs a direction",
+                        "write for example [0, 1]",
+                    );
+                }
+                plane = (point, normal.map(|n| n / length));
+            }
+            shape => surface = facets(case, grid, shape, &format!("{path}.shape"), findings),
         }
+        let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
+            Block::vector(grid, v, &format!("{path}.velocity"), findings)
+        });
         let index = material(names, &wall.material, &format!("{path}.material"), findings);
         walls.push(Wall {
             name: wall.name.clone(),
-            point,
-            normal: normal.map(|n| n / length),
+            point: plane.0,
+            normal: plane.1,
+            surface: surface.map(Arc::new),
+            velocity,
             material: index.unwrap_or(0),
             face: None,
         });
@@ -196,11 +209,86 @@ pub(crate) fn walls(
             name: face.name().into(),
             point,
             normal: face.inward(),
+            surface: None,
+            velocity: [0.0; 3],
             material: index.unwrap_or(0),
             face: Some(*face),
         });
     }
     walls
+}
+
+/// The facets of a wall that is not a plane, or findings.
+fn facets(
+    case: &Case,
+    grid: &Grid,
+    shape: &WallShape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Surface> {
+    if grid.dimension == 2 {
+        findings.error(
+            path,
+            "in 2-D a wall is a plane",
+            "write {\"plane\": {\"point\": .., \"normal\": ..}}",
+        );
+        return None;
+    }
+    if grid.periodic.contains(&true) {
+        findings.error(
+            path,
+            "a wall of facets cannot stand in a domain with a periodic axis",
+            "use planes, or take out `domain.periodic`",
+        );
+    }
+    let (path, made, remedy) = match shape {
+        WallShape::Plane(_) => return None,
+        WallShape::Polygon(corners) => {
+            let path = format!("{path}.polygon");
+            let vertices: Vec<Vector3<f64>> = corners
+                .iter()
+                .enumerate()
+                .map(|(n, at)| Block::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+                .collect();
+            let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
+            let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
+            (path, made, "give the corners of a plane convex polygon in order")
+        }
+        WallShape::Box(extent) => {
+            let path = format!("{path}.box");
+            let from = Block::vector(grid, &extent.from, &format!("{path}.from"), findings);
+            let to = Block::vector(grid, &extent.to, &format!("{path}.to"), findings);
+            let made = if (0..3).all(|a| from[a] < to[a]) {
+                Surface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+            } else {
+                Err("the box has no volume".into())
+            };
+            (path, made, "give the corners with the smallest and the largest coordinates")
+        }
+        WallShape::Mesh(mesh) => {
+            let path = format!("{path}.mesh");
+            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
+                Block::vector(grid, at, &format!("{path}.origin"), findings)
+            });
+            let file = case.directory.join(&mesh.path);
+            let made = std::fs::read(&file)
+                .map_err(|e| format!("cannot read {}: {e}", file.display()))
+                .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
+                .map_err(|e| format!("{}: {e}", mesh.path.display()));
+            (
+                format!("{path}.path"),
+                made,
+                "correct the path (relative to the case) or the file",
+            )
+        }
+    };
+    match made {
+        Ok(surface) => Some(surface),
+        Err(reason) => {
+            findings.error(&path, reason, remedy);
+            None
+        }
+    }
 }
 
 pub(crate) fn bodies(
@@ -616,10 +704,15 @@ pub(crate) fn overlaps(
     }
     for (_, position, radius, path) in &solids {
         for wall in walls {
-            let depth = radius
-                - (0..3)
-                    .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
-                    .sum::<f64>();
+            let distance = wall.surface.as_ref().map_or_else(
+                || {
+                    (0..3)
+                        .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
+                        .sum::<f64>()
+                },
+                |surface| surface.clearance(&Vector3::from(*position)),
+            );
+            let depth = radius - distance;
             if depth > ALLOWED * radius {
                 findings.error(
                     path,

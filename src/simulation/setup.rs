@@ -5,7 +5,9 @@ use crate::case::fluid::Collision;
 use crate::coupling::body_map::{GHOSTS, Rules};
 use crate::coupling::bounce_back::Settings as CouplingSettings;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use crate::dem::contact::contact_bond::{self, ContactBond};
 use crate::dem::contact::linear::{self, Linear};
+use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
@@ -23,6 +25,7 @@ use crate::scene::grid::count;
 use crate::scene::solids::{Grain, Mobility};
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
+use std::sync::Arc;
 
 /// Axis by number.
 pub fn axis(n: usize) -> Axis {
@@ -362,18 +365,25 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     if scene.flow.is_some() {
         settings.ghost_margin = (f64::from(GHOSTS) + 0.5) * scene.grid.spacing + settings.skin;
     }
-    let walls = scene
-        .walls
-        .iter()
-        .map(|w| {
-            Wall::new(
+    Dem::new(law(plan), settings, walls(plan))
+}
+
+/// The walls of a plan.
+#[must_use]
+pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
+    let walls = plan.scene.walls.iter().map(|w| {
+        let mut wall = match &w.surface {
+            Some(surface) => Wall::of_surface(Arc::clone(surface), small(w.material)),
+            None => Wall::new(
                 vector::<S>(w.point),
                 vector::<S>(w.normal),
                 small(w.material),
-            )
-        })
-        .collect();
-    Dem::new(law(plan), settings, walls)
+            ),
+        };
+        wall.velocity = vector::<S>(w.velocity);
+        wall
+    });
+    walls.collect()
 }
 
 /// The contact law of a plan; one without forces where nothing can touch.
@@ -394,24 +404,57 @@ pub fn law(plan: &Plan) -> Law {
             parameters: PairTable::uniform(materials, nothing),
         });
     };
+    let rolling = table.rolling.map(|r| {
+        let parameters = rolling::Parameters {
+            friction: r.friction,
+            damping: r.damping_ratio,
+        };
+        PairTable::uniform(materials, parameters)
+    });
     match table.law {
-        WrittenLaw::Linear { attraction } => Law::Linear(Linear {
-            parameters: pairs(table, |p| {
-                let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
-                linear::Parameters {
-                    normal_stiffness,
-                    stiffness_per_diameter,
-                    stiffness_ratio: p.shear_to_normal_stiffness,
-                    friction: p.friction_coefficient,
-                    normal_damping: p.normal_damping_ratio,
-                    shear_damping: p.shear_damping_ratio,
-                    attraction,
-                }
-            }),
-        }),
+        WrittenLaw::Linear { attraction } => {
+            let law = Linear {
+                parameters: pairs(table, |p| springs(p, attraction)),
+            };
+            match rolling {
+                Some(parameters) => Law::RollingLinear(Rolling { law, parameters }),
+                None => Law::Linear(law),
+            }
+        }
+        WrittenLaw::ContactBond {
+            bonding_gap,
+            unstressed,
+        } => {
+            let law = ContactBond {
+                parameters: pairs(table, |p| contact_bond::Parameters {
+                    linear: springs(p, false),
+                    tensile_strength: p.strengths[0],
+                    shear_strength: p.strengths[1],
+                    bonding_gap,
+                    unstressed,
+                }),
+            };
+            match rolling {
+                Some(parameters) => Law::RollingContactBond(Rolling { law, parameters }),
+                None => Law::ContactBond(law),
+            }
+        }
         WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
             parameters: pairs(table, cohesive),
         }),
+    }
+}
+
+fn springs(p: &PairParameters, attraction: bool) -> linear::Parameters {
+    let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
+    linear::Parameters {
+        normal_stiffness,
+        stiffness_per_diameter,
+        stiffness_ratio: p.shear_to_normal_stiffness,
+        friction: p.friction_coefficient,
+        normal_damping: p.normal_damping_ratio,
+        shear_damping: p.shear_damping_ratio,
+        attraction,
     }
 }
 

@@ -474,9 +474,9 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         "wall without a direction",
         "piping",
         Set(&[
-            "walls=[{\"name\": \"w\", \"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}, \"material\": \"wall\"}]",
+            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \"wall\"}]",
         ]),
-        "walls[0].plane.normal",
+        "walls[0].shape.plane.normal",
     ),
     (
         "box wall on a periodic face",

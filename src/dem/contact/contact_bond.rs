@@ -51,6 +51,16 @@ pub struct ContactBond {
     pub parameters: PairTable<Parameters>,
 }
 
+/// Per pair of materials: the linear law's, strengths (N), bonding gap (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    linear: linear::Row,
+    tensile: f64,
+    shear: f64,
+    gap: f64,
+    unstressed: bool,
+}
+
 /// Per pair: the linear law's, strengths (N), bonding gap (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
@@ -70,20 +80,34 @@ pub struct Memory<S: Space> {
 }
 
 impl<S: Space> ContactLaw<S> for ContactBond {
+    type Row = Row;
+    type Scale = f64;
     type Constants = Constants;
     type Memory = Memory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 2;
 
-    fn constants(&self, partners: &Partners) -> Constants {
-        let p = self
-            .parameters
-            .get(partners.materials[0], partners.materials[1]);
-        Constants {
-            linear: p.linear.constants(partners),
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(|p| Row {
+            linear: p.linear.row(),
             tensile: p.tensile_strength,
             shear: p.shear_strength,
             gap: p.bonding_gap,
             unstressed: p.unstressed,
+        })
+    }
+
+    fn scale(row: &Row, partners: &Partners) -> f64 {
+        row.linear.scale(partners)
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        Constants {
+            linear: row.linear.constants(*root, diameter),
+            tensile: row.tensile,
+            shear: row.shear,
+            gap: row.gap,
+            unstressed: row.unstressed,
         }
     }
 

@@ -58,27 +58,62 @@ pub struct Constants {
     least: f64,
 }
 
+/// Per pair of materials: one of the two stiffnesses (N/m, N/m²) is zero; dashpots over the root of mass times stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    normal: f64,
+    per_diameter: f64,
+    ratio: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    least: f64,
+}
+
 impl Parameters {
-    /// The constants of a pair.
-    pub(super) fn constants(&self, partners: &Partners) -> Constants {
-        let scale = if self.stiffness_per_diameter {
-            partners.diameter
+    pub(super) fn row(&self) -> Row {
+        let (normal, per_diameter) = if self.stiffness_per_diameter {
+            (0.0, self.normal_stiffness)
         } else {
-            1.0
+            (self.normal_stiffness, 0.0)
         };
-        let normal = self.normal_stiffness * scale;
-        let shear = normal * self.stiffness_ratio;
-        Constants {
+        Row {
             normal,
-            shear,
-            normal_dashpot: 2.0 * self.normal_damping * (partners.mass * normal).sqrt(),
-            shear_dashpot: 2.0 * self.shear_damping * (partners.mass * shear).sqrt(),
+            per_diameter,
+            ratio: self.stiffness_ratio,
+            normal_dashpot: 2.0 * self.normal_damping,
+            shear_dashpot: 2.0 * self.shear_damping * self.stiffness_ratio.sqrt(),
             friction: self.friction,
             least: if self.attraction {
                 f64::NEG_INFINITY
             } else {
                 0.0
             },
+        }
+    }
+}
+
+impl Row {
+    #[inline(always)]
+    fn normal(&self, diameter: f64) -> f64 {
+        self.normal + self.per_diameter * diameter
+    }
+
+    /// The root of mass times normal stiffness (N s/m).
+    pub(super) fn scale(&self, partners: &Partners) -> f64 {
+        (partners.mass * self.normal(partners.diameter)).sqrt()
+    }
+
+    #[inline(always)]
+    pub(super) fn constants(&self, root: f64, diameter: f64) -> Constants {
+        let normal = self.normal(diameter);
+        Constants {
+            normal,
+            shear: normal * self.ratio,
+            normal_dashpot: self.normal_dashpot * root,
+            shear_dashpot: self.shear_dashpot * root,
+            friction: self.friction,
+            least: self.least,
         }
     }
 }
@@ -105,14 +140,23 @@ impl Constants {
 }
 
 impl<S: Space> ContactLaw<S> for Linear {
+    type Row = Row;
+    type Scale = f64;
     type Constants = Constants;
     type Memory = Memory<S>;
     const NUMBERS: usize = S::Tangent::COUNT;
 
-    fn constants(&self, partners: &Partners) -> Constants {
-        self.parameters
-            .get(partners.materials[0], partners.materials[1])
-            .constants(partners)
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(Parameters::row)
+    }
+
+    fn scale(row: &Row, partners: &Partners) -> f64 {
+        row.scale(partners)
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        row.constants(*root, diameter)
     }
 
     #[inline(always)]

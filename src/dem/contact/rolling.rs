@@ -37,6 +37,14 @@ pub struct Rolling<L> {
     pub parameters: PairTable<Parameters>,
 }
 
+/// Per pair: the law's, lever of the limit (m), and rolling dashpot (N m s).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale<C> {
+    law: C,
+    lever: f64,
+    dashpot: f64,
+}
+
 /// Per pair: the law's, rolling stiffness (N m), dashpot (N m s), and lever of the limit (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants<C> {
@@ -54,23 +62,41 @@ pub struct Memory<M, S: Space> {
 }
 
 impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
+    type Row = (L::Row, Parameters);
+    type Scale = Scale<L::Scale>;
     type Constants = Constants<L::Constants>;
     type Memory = Memory<L::Memory, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const ROLLS: bool = true;
 
-    fn constants(&self, partners: &Partners) -> Self::Constants {
-        let p = self
-            .parameters
-            .get(partners.materials[0], partners.materials[1]);
-        let law = self.law.constants(partners);
+    fn table(&self) -> PairTable<Self::Row> {
+        // The place in the table is the place in both, where both have the same materials.
+        let laws = self.law.table();
+        let mut table = laws.map(|law| (*law, *self.parameters.get(0, 0)));
+        laws.for_each_pair(|a, b, law| table.set(a, b, (*law, *self.parameters.get(a, b))));
+        table
+    }
+
+    fn scale((row, p): &Self::Row, partners: &Partners) -> Scale<L::Scale> {
+        let scale = L::scale(row, partners);
+        let law = L::constants(row, &scale, partners.diameter);
         let lever = p.friction * partners.rolling_radius;
         let stiffness = 2.25 * L::stiffness(&law)[0] * lever * lever;
+        Scale {
+            law: scale,
+            lever,
+            dashpot: 2.0 * p.damping * (partners.rolling_inertia * stiffness).sqrt(),
+        }
+    }
+
+    #[inline(always)]
+    fn constants(row: &Self::Row, scale: &Scale<L::Scale>, diameter: f64) -> Self::Constants {
+        let law = L::constants(&row.0, &scale.law, diameter);
         Constants {
             law,
-            stiffness,
-            dashpot: 2.0 * p.damping * (partners.rolling_inertia * stiffness).sqrt(),
-            lever,
+            stiffness: 2.25 * L::stiffness(&law)[0] * scale.lever * scale.lever,
+            dashpot: scale.dashpot,
+            lever: scale.lever,
         }
     }
 
