@@ -10,6 +10,7 @@ pub mod flow;
 pub mod grid;
 pub mod observe;
 pub mod packing;
+pub mod rain;
 pub mod sample;
 pub(crate) mod stl;
 pub mod solids;

@@ -3,10 +3,12 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
-use super::{material, sample, stl, unique};
+use super::{material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
-use crate::case::grains::{Amount, GrainSource as Written, Growth, Radii};
+use crate::case::grains::{
+    Amount, GrainSource as Written, Grading, Growth, Radii, Rain as WrittenRain, SizeClass,
+};
 use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape};
 use serde::Serialize;
 use crate::dem::Surface;
@@ -95,6 +97,15 @@ pub enum GrainSource {
         number: usize,
         /// The rest as written.
         growth: Growth,
+    },
+    /// A cloud that falls from a box.
+    Rain {
+        /// The box.
+        block: Block,
+        /// Sizes.
+        grading: rain::Grading,
+        /// The rest as written.
+        rain: WrittenRain,
     },
     /// A saved sample, read already.
     File {
@@ -442,6 +453,7 @@ pub(crate) fn grains(
         .collect();
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
+        Written::Rain(written) => falls(case, written, grid, findings)?,
         Written::File { path } => sample(
             &case.directory.join(path),
             path,
@@ -582,6 +594,92 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
         }
     };
     good && radii.bounds().1.is_finite()
+}
+
+/// Rain that can fall, or findings.
+fn falls(
+    case: &Case,
+    written: &WrittenRain,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<Source> {
+    let path = "grains.initial.rain";
+    let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+    let classes = |list: &[SizeClass]| {
+        let class = |c: &SizeClass| rain::Class {
+            min: c.min,
+            max: c.max,
+            part: c.part,
+        };
+        list.iter().map(class).collect()
+    };
+    let (grading, name) = match &written.grading {
+        Grading::ByCount(list) => (rain::Grading::ByCount(classes(list)), "by_count"),
+        Grading::ByMass(list) => (rain::Grading::ByMass(classes(list)), "by_mass"),
+    };
+    let number_of = written.number as usize;
+    let measure = match grading.measure(number_of, grid.dimension) {
+        Ok(measure) => measure,
+        Err(reason) => {
+            findings.error(
+                &format!("{path}.grading.{name}"),
+                reason,
+                "correct the classes, or let more grains fall",
+            );
+            return None;
+        }
+    };
+    let widest = 2.0 * grading.bounds().1;
+    let narrowest = (0..grid.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    if widest > narrowest {
+        findings.error(
+            &format!("{path}.grading.{name}"),
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(widest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+        return None;
+    }
+    let most = rain::densest_cloud(grid.dimension);
+    let fraction = measure / block.measure();
+    if fraction > most {
+        findings.error(
+            &format!("{path}.number"),
+            format!(
+                "these grains would fill {} of the cloud's box; a loose cloud fills at most {most}",
+                number(fraction)
+            ),
+            format!(
+                "use a box {} times as high, or fewer or smaller grains",
+                number(fraction / most)
+            ),
+        );
+    }
+    let along = (0..grid.dimension)
+        .filter(|&a| case.gravity.as_ref().is_some_and(|g| g.to_array()[a].abs() > 0.0))
+        .count();
+    if along != 1 {
+        findings.error(
+            "gravity",
+            "rain needs gravity along one axis",
+            "write for example [0, 0, -9.81]",
+        );
+    }
+    let bounds = grading.bounds();
+    Some((
+        GrainSource::Rain {
+            block,
+            grading,
+            rain: written.clone(),
+        },
+        Some(bounds),
+        number_of,
+    ))
 }
 
 fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {

@@ -389,8 +389,14 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
 /// The contact law of a plan; one without forces where nothing can touch.
 #[must_use]
 pub fn law(plan: &Plan) -> Law {
-    let materials = small(plan.scene.materials.len().max(1));
-    let Some(table) = &plan.scene.contact else {
+    law_of(plan.scene.contact.as_ref(), plan.scene.materials.len())
+}
+
+/// The law of a table for so many materials; one without forces where there is no table.
+#[must_use]
+pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
+    let materials = small(materials.max(1));
+    let Some(table) = table else {
         let nothing = linear::Parameters {
             normal_stiffness: 0.0,
             stiffness_per_diameter: false,
@@ -491,7 +497,7 @@ fn scaled(value: &crate::case::contact::Scaled) -> (f64, bool) {
     }
 }
 
-fn small(n: usize) -> u32 {
+pub(super) fn small(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
