@@ -12,8 +12,8 @@ pub mod observe;
 pub mod packing;
 pub mod rain;
 pub mod sample;
-pub(crate) mod stl;
 pub mod solids;
+pub(crate) mod stl;
 
 use crate::case::coupling::{BounceBack, Coupling};
 use crate::case::observe::Output;

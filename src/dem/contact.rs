@@ -71,10 +71,7 @@ impl<P: Clone> PairTable<P> {
     }
 
     /// The place of a pair in the table, to be looked up by [`Self::at`].
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a few materials, squared"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "a few materials, squared")]
     pub(super) fn place(&self, a: u32, b: u32) -> u32 {
         self.row(a, b) as u32
     }

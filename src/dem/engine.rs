@@ -734,8 +734,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn note_incidence(&mut self, owned: usize) {
         self.incident_start.clear();
         self.incident_start.resize(owned + 1, 0);
-        let ends =
-            |pair: &Pair<L::Scale, L::Memory>| [pair.first as usize, pair.second as usize];
+        let ends = |pair: &Pair<L::Scale, L::Memory>| [pair.first as usize, pair.second as usize];
         for &k in &self.active {
             for end in ends(&self.pairs[k as usize])
                 .into_iter()
@@ -1007,11 +1006,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
             let far = pair.reach + L::bonding_gap(&constants);
             if squared < far * far
-                && L::bond(
-                    &constants,
-                    &mut pair.memory,
-                    pair.reach - squared.sqrt(),
-                )
+                && L::bond(&constants, &mut pair.memory, pair.reach - squared.sqrt())
                 && ends.0 < particles.owned()
             {
                 bonds += 1;
@@ -1150,7 +1145,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                         wall: Some(pair.wall),
                         overlap,
                         normal,
-                        position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
+                        position: particles.location(grain)
+                            - normal * (pair.radius - 0.5 * overlap),
                         normal_force: L::normal_spring(&pair.constants, &memory, overlap),
                         bonded,
                     });

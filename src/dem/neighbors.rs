@@ -32,6 +32,8 @@ struct Class {
     counts: [usize; 3],
     start: Vec<u32>,
     entries: Vec<u32>,
+    /// Place and radius of each entry, so that cells are read in one piece.
+    points: Vec<[f64; 4]>,
 }
 
 const CLASSES: usize = 24;
@@ -64,8 +66,12 @@ impl Search {
         gap: f64,
         mut visit: impl FnMut(usize),
     ) {
-        for class in self.classes.iter().filter(|class| !class.entries.is_empty()) {
-            class.visit::<S>(low, high, class.largest + gap, &mut visit);
+        for class in self
+            .classes
+            .iter()
+            .filter(|class| !class.entries.is_empty())
+        {
+            class.visit::<S>(low, high, class.largest + gap, |m, _| visit(m));
         }
     }
 
@@ -85,9 +91,16 @@ impl Search {
         );
         self.classes.resize_with(CLASSES, Class::default);
         self.places.clear();
-        self.places.extend((0..count).map(|k| particles.location(k)).map(|at| {
-            std::array::from_fn(|axis| if axis < S::DIMENSION { at.get(axis) } else { 0.0 })
-        }));
+        self.places
+            .extend((0..count).map(|k| particles.location(k)).map(|at| {
+                std::array::from_fn(|axis| {
+                    if axis < S::DIMENSION {
+                        at.get(axis)
+                    } else {
+                        0.0
+                    }
+                })
+            }));
         for class in &mut self.classes {
             class.entries.clear();
             class.largest = 0.0;
@@ -124,6 +137,7 @@ impl Search {
             class.start.clear();
             class.start.resize(total + 1, 0);
             class.entries.resize(class.members, 0);
+            class.points.resize(class.members, [0.0; 4]);
         }
         self.cell_of.clear();
         for k in 0..count {
@@ -142,6 +156,8 @@ impl Search {
             // `start` runs ahead while filling and is set back below.
             let slot = &mut class.start[self.cell_of[k] as usize];
             class.entries[*slot as usize] = super::ghosts::index(k);
+            let [x, y, z] = self.places[k];
+            class.points[*slot as usize] = [x, y, z, particles.body[k].radius];
             *slot += 1;
         }
         for class in self.classes.iter_mut().filter(|class| class.members > 0) {
@@ -156,7 +172,6 @@ impl Search {
         let owned = particles.owned();
         self.found.clear();
         let moves = |k: usize| particles.mobility[k].free > 0.0;
-        let places = &self.places;
         for k in 0..particles.len() {
             let level = usize::from(self.class_of[k]);
             let at = particles.location(k);
@@ -166,17 +181,17 @@ impl Search {
                     continue;
                 }
                 let reach = radius + class.largest + gap;
-                class.visit::<S>(&at, &at, reach, |m| {
+                class.visit::<S>(&at, &at, reach, |m, point| {
                     let twice = other == level && m <= k;
                     if twice || (k >= owned && m >= owned) {
                         return;
                     }
                     let mut squared = 0.0;
                     for axis in 0..S::DIMENSION {
-                        let d = places[m][axis] - at.get(axis);
+                        let d = point[axis] - at.get(axis);
                         squared += d * d;
                     }
-                    let reach = radius + particles.body[m].radius + gap;
+                    let reach = radius + point[3] + gap;
                     if squared <= reach * reach && (moves(k) || moves(m)) {
                         self.found
                             .push([super::ghosts::index(k), super::ghosts::index(m)]);
@@ -242,7 +257,7 @@ impl Class {
         low: &S::Vector,
         high: &S::Vector,
         reach: f64,
-        mut visit: impl FnMut(usize),
+        mut visit: impl FnMut(usize, &[f64; 4]),
     ) {
         let mut spans = [(0, 0); 3];
         for (axis, span) in spans.iter_mut().enumerate().take(S::DIMENSION) {
@@ -256,8 +271,8 @@ impl Class {
                 let row = (z * self.counts[1] + y) * self.counts[0];
                 let from = self.start[row + spans[0].0] as usize;
                 let to = self.start[row + spans[0].1 + 1] as usize;
-                for &m in &self.entries[from..to] {
-                    visit(m as usize);
+                for (&m, point) in self.entries[from..to].iter().zip(&self.points[from..to]) {
+                    visit(m as usize, point);
                 }
             }
         }

@@ -130,7 +130,7 @@ impl Table {
         }
     }
 
-    fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
+    pub(super) fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
         match self.find(name)? {
             Values::Whole(values) => Ok(values),
             Values::Real(_) => Err(Error::Io(format!(

@@ -408,7 +408,10 @@ mod tests {
                 }
             }
             let found = triangle.distance(0, &point);
-            assert!(found <= best + 1e-12 && found > best - 3e-3, "{found} {best}");
+            assert!(
+                found <= best + 1e-12 && found > best - 3e-3,
+                "{found} {best}"
+            );
         }
     }
 

@@ -69,7 +69,10 @@ impl Grading {
         }
         for (n, class) in classes.iter().enumerate() {
             if !(class.min > 0.0 && class.min <= class.max && class.max.is_finite()) {
-                return Err(format!("class {n}: radii from {} to {} m", class.min, class.max));
+                return Err(format!(
+                    "class {n}: radii from {} to {} m",
+                    class.min, class.max
+                ));
             }
             if !(class.part > 0.0 && class.part <= 1.0) {
                 return Err(format!("class {n}: a part of {}", class.part));
@@ -92,7 +95,12 @@ impl Grading {
         let mut numbers: Vec<usize> = exact.iter().map(|x| floor(*x)).collect();
         // The largest remainders get what rounding left.
         let mut order: Vec<usize> = (0..classes.len()).collect();
-        order.sort_by(|&a, &b| exact[b].fract().total_cmp(&exact[a].fract()).then(a.cmp(&b)));
+        order.sort_by(|&a, &b| {
+            exact[b]
+                .fract()
+                .total_cmp(&exact[a].fract())
+                .then(a.cmp(&b))
+        });
         let left = number.saturating_sub(numbers.iter().sum());
         for &k in order.iter().cycle().take(left) {
             numbers[k] += 1;
@@ -115,7 +123,9 @@ impl Grading {
         let power = if dimension == 2 { 2 } else { 3 };
         let numbers = self.numbers(number, dimension)?;
         let sums = self.classes().iter().zip(numbers);
-        Ok(sums.map(|(class, n)| factor * real(n) * class.mean_power(power)).sum())
+        Ok(sums
+            .map(|(class, n)| factor * real(n) * class.mean_power(power))
+            .sum())
     }
 
     /// Smallest and largest radius (m).
@@ -257,7 +267,10 @@ impl<S: Space> Rain<S> {
             }
         }
         let places: Vec<S::Vector> = grains.iter().map(|grain| grain.0).collect();
-        let grains: Vec<_> = curve_order::<S>(&places).iter().map(|&k| grains[k]).collect();
+        let grains: Vec<_> = curve_order::<S>(&places)
+            .iter()
+            .map(|&k| grains[k])
+            .collect();
         report.grains = grains.len() as u64;
         report.top = up
             * grains
@@ -339,7 +352,10 @@ impl<S: Space> Rain<S> {
             };
             places[id] = at;
             let level = level(radius);
-            grids[level].entry(cell(&at, 0.0, level)).or_default().push(id);
+            grids[level]
+                .entry(cell(&at, 0.0, level))
+                .or_default()
+                .push(id);
         }
         Ok(places)
     }
@@ -364,7 +380,10 @@ impl<S: Space> Rain<S> {
                 },
             );
         }
-        let smallest = bodies.iter().map(|b| b.radius).fold(f64::INFINITY, f64::min);
+        let smallest = bodies
+            .iter()
+            .map(|b| b.radius)
+            .fold(f64::INFINITY, f64::min);
         let time_step = 0.2 * law.critical_time_step::<S>(&bodies, self.materials);
         let mut settings = Settings::new(self.region, time_step, 0.3 * smallest);
         settings.gravity = self.gravity;
@@ -376,7 +395,8 @@ impl<S: Space> Rain<S> {
         while dem.steps() < self.limit && !settled {
             dem.advance_many(&mut particles, &Alone, LOOK_EVERY)?;
             let now = self.look(&dem, &particles, began);
-            settled = now.kinetic_energy <= self.kinetic_energy && now.unbalanced <= self.unbalanced;
+            settled =
+                now.kinetic_energy <= self.kinetic_energy && now.unbalanced <= self.unbalanced;
             report.convergence.push(now);
         }
         report.settled &= settled;
@@ -407,7 +427,10 @@ impl<S: Space> Rain<S> {
         Look {
             steps: began + dem.steps(),
             kinetic_energy: divided(energy, scale),
-            unbalanced: divided(divided(resultant, grains), divided(force, contacts).min(1e29)),
+            unbalanced: divided(
+                divided(resultant, grains),
+                divided(force, contacts).min(1e29),
+            ),
         }
     }
 }
@@ -506,9 +529,8 @@ mod tests {
 
     #[test]
     fn gradings_that_cannot_be_are_refused() {
-        let refused = |classes: Vec<Class>, number| {
-            Grading::ByMass(classes).numbers(number, 3).unwrap_err()
-        };
+        let refused =
+            |classes: Vec<Class>, number| Grading::ByMass(classes).numbers(number, 3).unwrap_err();
         assert!(refused(classes(), 20).contains("class 1"));
         assert!(refused(Vec::new(), 20).contains("needs a class"));
         let mut wrong = classes();
@@ -529,14 +551,20 @@ mod tests {
         let rain = small();
         let (grains, report) = rain.fall().unwrap();
         assert!(report.settled, "{:?}", report.convergence.last());
-        assert!(report.grains > 300 && report.grains < report.fallen, "{report:?}");
+        assert!(
+            report.grains > 300 && report.grains < report.fallen,
+            "{report:?}"
+        );
         assert!(grains.iter().all(|(at, _)| at[2] <= 8.05e-3 && at[2] > 0.0));
         assert!((3.5..7.0).contains(&report.coordination), "{report:?}");
         assert!(report.largest_overlap < 0.02, "{report:?}");
         let last = report.convergence.last().unwrap();
         assert!(last.kinetic_energy <= 1e-5 && last.unbalanced <= 0.02);
         // The same seed gives the same bits.
-        assert_eq!(rain.cloud(&[1e-3; 50]).unwrap(), rain.cloud(&[1e-3; 50]).unwrap());
+        assert_eq!(
+            rain.cloud(&[1e-3; 50]).unwrap(),
+            rain.cloud(&[1e-3; 50]).unwrap()
+        );
         let mut particles = Particles::<Volume>::new();
         let mut weight = 0.0;
         for (id, (position, radius)) in (0..).zip(&grains) {
@@ -562,6 +590,9 @@ mod tests {
             }
         });
         // Friction at the sides bears a part of it.
-        assert!(floor > 0.4 * weight && floor < 1.05 * weight, "{floor} {weight}");
+        assert!(
+            floor > 0.4 * weight && floor < 1.05 * weight,
+            "{floor} {weight}"
+        );
     }
 }

@@ -7,12 +7,12 @@ use super::{material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{
-    Amount, GrainSource as Written, Grading, Growth, Radii, Rain as WrittenRain, SizeClass,
+    Amount, Grading, GrainSource as Written, Growth, Radii, Rain as WrittenRain, SizeClass,
 };
 use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape};
-use serde::Serialize;
 use crate::dem::Surface;
 use nalgebra::Vector3;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -263,7 +263,11 @@ fn facets(
                 .collect();
             let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
             let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
-            (path, made, "give the corners of a plane convex polygon in order")
+            (
+                path,
+                made,
+                "give the corners of a plane convex polygon in order",
+            )
         }
         WallShape::Box(extent) => {
             let path = format!("{path}.box");
@@ -274,7 +278,11 @@ fn facets(
             } else {
                 Err("the box has no volume".into())
             };
-            (path, made, "give the corners with the smallest and the largest coordinates")
+            (
+                path,
+                made,
+                "give the corners with the smallest and the largest coordinates",
+            )
         }
         WallShape::Mesh(mesh) => {
             let path = format!("{path}.mesh");
@@ -661,7 +669,11 @@ fn falls(
         );
     }
     let along = (0..grid.dimension)
-        .filter(|&a| case.gravity.as_ref().is_some_and(|g| g.to_array()[a].abs() > 0.0))
+        .filter(|&a| {
+            case.gravity
+                .as_ref()
+                .is_some_and(|g| g.to_array()[a].abs() > 0.0)
+        })
         .count();
     if along != 1 {
         findings.error(

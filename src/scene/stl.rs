@@ -46,7 +46,10 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     if count == 0 || bytes.len() != 84 + 50 * count {
         return None;
     }
-    let number = |at: &[u8]| at.try_into().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)));
+    let number = |at: &[u8]| {
+        at.try_into()
+            .map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)))
+    };
     let corners = bytes[84..].chunks_exact(50).flat_map(|triangle| {
         // Three numbers of the normal come first.
         (1..4).map(|corner| {

@@ -13,8 +13,8 @@ use crate::plan::Plan;
 use crate::scene::block::Block;
 use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
-use crate::scene::{rain, sample};
 use crate::scene::solids::{Grain, GrainSource};
+use crate::scene::{rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -83,7 +83,11 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
                 report.grains,
                 report.fallen,
                 last.steps,
-                if report.settled { "settled" } else { "NOT settled within the steps allowed" },
+                if report.settled {
+                    "settled"
+                } else {
+                    "NOT settled within the steps allowed"
+                },
                 report.coordination,
                 report.largest_overlap,
                 last.kinetic_energy,
