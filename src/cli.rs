@@ -7,7 +7,7 @@
 use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
 use crate::plan::Plan;
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -76,6 +76,13 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Draw the water and the grains of a run at some times, as one SVG file.
+    Picture {
+        /// The output folder of the run.
+        run: PathBuf,
+        #[command(flatten)]
+        options: PictureOptions,
+    },
     /// Fit the erosion law across runs.
     ErosionLaw {
         /// Output folders of the runs.
@@ -115,6 +122,39 @@ struct RunArgs {
     max_walltime: Option<Duration>,
 }
 
+/// What to draw of a run.
+#[derive(Clone, Debug, Args)]
+pub struct PictureOptions {
+    /// A time [s], the nearest output of it; may be given several times [default: four over the run].
+    #[arg(long = "time", value_name = "SECONDS")]
+    pub times: Vec<f64>,
+    /// Field of the water.
+    #[arg(long, default_value = "velocity")]
+    pub field: String,
+    /// Column that colours the grains [default: none in the plane, velocity in space].
+    #[arg(long, value_name = "COLUMN")]
+    pub colour: Option<String>,
+    /// From where a scene in space is seen.
+    #[arg(long, value_enum, default_value = "corner")]
+    pub view: View,
+    /// The picture [default: picture.svg in the folder of the run].
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// From where a scene in space is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum View {
+    /// Along -x: y to the right, z up.
+    X,
+    /// Along y: x to the right, z up.
+    Y,
+    /// From above: x to the right, y up.
+    Z,
+    /// From a corner above.
+    Corner,
+}
+
 /// What a run or restart is asked for beside its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
@@ -137,6 +177,8 @@ pub struct Engine {
     pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
     /// Describes a file; as JSON or not.
     pub info: fn(&Path, bool) -> Result<String, Error>,
+    /// Draws a run; returns a line about the file.
+    pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
 }
@@ -167,6 +209,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             run,
             json,
         } => (engine.restart)(&directory, &set, options(run, json)),
+        Command::Picture { run, options } => {
+            (engine.picture)(&run, &options).and_then(|text| say(&text))
+        }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
         }
