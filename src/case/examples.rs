@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 8] = [
+pub const EXAMPLES: [Example; 9] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -52,6 +52,11 @@ pub const EXAMPLES: [Example; 8] = [
         name: "collision",
         summary: "two dry discs collide and rebound",
         text: include_str!("examples/collision.json"),
+    },
+    Example {
+        name: "rain",
+        summary: "bonded spheres rain into a V of polygons, and the floor gives way",
+        text: include_str!("examples/rain.json"),
     },
 ];
 

@@ -932,7 +932,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                         mode,
                     });
                 }
-                if one.distance < pair.radius || L::bonded(&memory) {
+                // A fresh memory is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&memory))
+                    && memory != L::Memory::default()
+                {
                     facets.next.push(Held {
                         facet: one.facet,
                         memory,
@@ -1042,7 +1045,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 if L::bond(&pair.constants, &mut memory, pair.radius - one.distance) {
                     bonds += 1;
                 }
-                if one.distance < pair.radius || L::bonded(&memory) {
+                // A fresh memory is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&memory))
+                    && memory != L::Memory::default()
+                {
                     facets.next.push(Held {
                         facet: one.facet,
                         memory,
@@ -1126,7 +1132,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         for pair in &self.facets.pairs {
             let (held, near) = (self.facets.held(pair), self.facets.near(pair));
             let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
-            let (false, Some(surface)) = (held.is_empty(), &wall.surface) else {
+            let Some(surface) = &wall.surface else {
                 continue;
             };
             let at = wall.local(&particles.motion[grain].position);

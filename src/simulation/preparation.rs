@@ -7,7 +7,7 @@ use crate::case::contact::Scaled;
 use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Relaxation};
+use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::scene::block::Block;
@@ -211,7 +211,14 @@ fn falling<S: Space>(
         lower: super::setup::vector::<S>(block.from),
         upper: super::setup::vector::<S>(block.to),
         region: super::setup::region::<S>(plan),
-        walls: super::setup::walls::<S>(plan),
+        // They move once the run begins.
+        walls: super::setup::walls::<S>(plan)
+            .into_iter()
+            .map(|wall| Wall {
+                velocity: S::Vector::default(),
+                ..wall
+            })
+            .collect(),
         grading: grading.clone(),
         number: written.number as usize,
         seed: written.seed,
