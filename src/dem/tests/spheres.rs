@@ -103,7 +103,7 @@ fn grains() -> Vec<(Body, Motion<Volume>)> {
         let mut draw = Stream::new(5, u64::from(n), 0);
         let cell = Vector3::new(f64::from(n % 15), f64::from(n / 15 % 6), f64::from(n / 90));
         let position = Vector3::new(1.002e-3, 1.002e-3, 3.1e-3) + cell * 1.995e-3;
-        if position[0] > 0.011 && position[0] < 0.017 && position[2] > 0.009 {
+        if position[0] > 0.011 && position[0] < 0.017 && position[2] > 0.010 {
             continue;
         }
         let radius = 0.985e-3 + 2e-5 * draw.uniform();
