@@ -475,9 +475,9 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "wall without a direction",
         "piping",
         Set(&[
-            "walls=[{\"name\": \"w\", \"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}, \"material\": \"wall\"}]",
+            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \"wall\"}]",
         ]),
-        "walls[0].plane.normal",
+        "walls[0].shape.plane.normal",
     ),
     (
         "box wall on a periodic face",
@@ -492,6 +492,76 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
             "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"cohesion\": {\"absolute\": 1}}]",
         ]),
         "contact.linear.pairs[0].cohesion",
+    ),
+    (
+        "strength of a law without bonds",
+        "collision",
+        Set(&[
+            "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"tensile_strength\": 1}]",
+        ]),
+        "contact.linear.pairs[0].tensile_strength",
+    ),
+    (
+        "parts that are not the whole",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[0].part=0.7"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "a class without a grain",
+        "rain",
+        Set(&["grains.initial.rain.number=2"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "coarse grains wider than the cloud",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[1].max=0.01"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "more grains than the cloud holds",
+        "rain",
+        Set(&["grains.initial.rain.number=20000"]),
+        "grains.initial.rain.number",
+    ),
+    (
+        "rain without gravity",
+        "rain",
+        Set(&["gravity=[0, 0, 0]"]),
+        "gravity",
+    ),
+    (
+        "a polygon that is not plane",
+        "rain",
+        Set(&["walls[0].shape.polygon[2]=[0.005, 0.021, 0.06]"]),
+        "walls[0].shape.polygon",
+    ),
+    (
+        "facets in a periodic domain",
+        "rain",
+        Set(&["domain.periodic=[\"x\"]"]),
+        "walls[0].shape",
+    ),
+    (
+        "a mesh that is not there",
+        "rain",
+        Set(&["walls[0].shape={\"mesh\": {\"path\": \"no.stl\"}}"]),
+        "walls[0].shape.mesh.path",
+    ),
+    (
+        "a box without volume",
+        "rain",
+        Set(&["walls[0].shape={\"box\": {\"from\": [0, 0, 0], \"to\": [0, 1, 1]}}"]),
+        "walls[0].shape.box",
+    ),
+    (
+        "facets in the plane",
+        "collision",
+        Set(&[
+            "walls=[{\"name\": \"w\", \"shape\": {\"polygon\": [[0, 0], [1, 0], [1, 1]]}, \"material\": \"glass\"}]",
+        ]),
+        "walls[0].shape",
     ),
     (
         "coupling without fluid",
