@@ -249,6 +249,7 @@ impl Boundaries {
                         });
                     }
                     Condition::Pressure(_) => {
+                        let axis = all.patches[patch].axis;
                         match &mut pressure_cell {
                             Some((_, n)) => *n += 1,
                             None => pressure_cell = Some((all.pressure_links.len(), 1)),
@@ -257,8 +258,9 @@ impl Boundaries {
                             link,
                             patch,
                             direction: i,
+                            mirror: free_slip::Mirror::new(populations, cell, i, outside, patch),
+                            axis,
                             weight,
-                            c: c.map(f64::from),
                         });
                     }
                     Condition::Outflow => {

@@ -16,3 +16,4 @@ mod ranks;
 mod same_bits;
 mod seepage;
 mod stopping;
+mod verification;
