@@ -6,6 +6,7 @@
 
 use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
+use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::run::RunOptions;
 use clap::{Args, CommandFactory, Parser, Subcommand};
@@ -77,6 +78,13 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Draw the water and the grains of a run at some times, as one SVG file.
+    Picture {
+        /// The output folder of the run.
+        run: PathBuf,
+        #[command(flatten)]
+        options: PictureOptions,
+    },
     /// Fit the erosion law across runs.
     ErosionLaw {
         /// Output folders of the runs.
@@ -125,6 +133,8 @@ pub struct Engine {
     pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
     /// Describes a file; as JSON or not.
     pub info: fn(&Path, bool) -> Result<String, Error>,
+    /// Draws a run; returns a line about the file.
+    pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
 }
@@ -155,6 +165,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             run,
             json,
         } => told((engine.restart)(&directory, &set, options(run, json))),
+        Command::Picture { run, options } => {
+            (engine.picture)(&run, &options).and_then(|text| say(&text))
+        }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
         }

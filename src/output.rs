@@ -20,6 +20,7 @@ mod fluid;
 mod grains;
 pub mod info;
 mod order;
+pub mod picture;
 mod planes;
 mod probes;
 mod schedule;

@@ -56,14 +56,6 @@ pub struct Growth {
     /// The box that is filled [m]; the whole domain without it.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
-    /// Radii at the start as a fraction of the final ones.
-    #[serde(default = "default_start")]
-    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
-    pub start_scale: f64,
-    /// Solid steps over which the radii grow.
-    #[serde(default = "default_steps")]
-    #[schemars(range(min = 1))]
-    pub steps: u32,
     /// Friction angle while growing [degrees]; a small one makes a dense sample. Without it that of the contact law.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
@@ -71,14 +63,6 @@ pub struct Growth {
     /// When the sample counts as at rest after the growth.
     #[serde(default)]
     pub stop: Stop,
-}
-
-fn default_start() -> f64 {
-    0.3
-}
-
-fn default_steps() -> u32 {
-    4000
 }
 
 /// How many grains grow.
@@ -145,10 +129,11 @@ pub struct Stop {
     /// Mean resultant force on a grain over the mean contact force, without unit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// The growth ends early when the mean overlap reaches this fraction of the mean diameter.
+    /// Mean overlap of the contacts over the mean diameter, to which the jammed sample is released. For bonded grains
+    /// well below the opening at which a bond breaks (strength over stiffness), or cutting the sample breaks bonds.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mean_overlap: f64,
-    /// Solid steps after the growth at most; the sample is used as it then is, with a warning.
+    /// Solid steps of the whole preparation at most; a sample that is not ready by then is an error.
     pub at_most_steps: u32,
 }
 
@@ -156,8 +141,8 @@ impl Default for Stop {
     fn default() -> Self {
         Self {
             unbalanced_force: 0.01,
-            mean_overlap: 1e-3,
-            at_most_steps: 40_000,
+            mean_overlap: 1e-6,
+            at_most_steps: 5_000_000,
         }
     }
 }

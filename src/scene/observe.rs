@@ -98,6 +98,8 @@ pub struct ErosionLaw {
     pub every: f64,
     /// Indices of the regions whose removals count as eroded.
     pub outlets: Vec<usize>,
+    /// Eroded part of the mass at which the run is done.
+    pub end_at_eroded_fraction: Option<f64>,
 }
 
 pub(crate) fn regions(
@@ -404,5 +406,6 @@ pub(crate) fn erosion_law(
         flow_axis,
         every: law.every,
         outlets,
+        end_at_eroded_fraction: law.end_at_eroded_fraction,
     })
 }

@@ -437,6 +437,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
                 self.save()?;
             }
+            if self.eroded() {
+                break;
+            }
             if step.is_multiple_of(ASK_EVERY) {
                 self.tell();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
@@ -466,6 +469,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .flush(&self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
+    }
+
+    /// Whether so much has left that the case calls the run done; the same on every rank.
+    fn eroded(&self) -> bool {
+        let law = self.simulation.now.plan.scene.erosion_law.as_ref();
+        law.and_then(|law| law.end_at_eroded_fraction)
+            .is_some_and(|end| self.simulation.recorder.eroded_fraction() >= end)
     }
 
     fn tell(&mut self) {
