@@ -16,6 +16,7 @@ pub mod boundary;
 pub mod check;
 pub mod contact;
 pub mod coupling;
+pub mod darcy;
 pub mod domain;
 pub mod examples;
 pub mod fluid;

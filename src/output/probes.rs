@@ -297,7 +297,7 @@ impl At {
     }
 }
 
-fn no_fluid() -> Error {
+pub(super) fn no_fluid() -> Error {
     Error::Internal("there is no fluid to sample".into())
 }
 

@@ -15,6 +15,7 @@ use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
 use crate::coupling::Flow;
 use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::water::Water;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
 use crate::error::{Error, Problem, Severity};
@@ -280,14 +281,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         }
                     }
                 }
-                Some(BounceBack::<Sp, S>::new(
-                    fluid,
-                    units,
-                    [0.0; 3],
-                    setup::coupling(&plan),
-                ))
+                let coupling = setup::coupling(&plan);
+                let flow = BounceBack::<Sp, S>::new(fluid, units, [0.0; 3], coupling);
+                Some(Water::Lattice(Box::new(flow)))
             }
-            _ => None,
+            _ => setup::seepage::<Sp>(&plan, &communicator)?
+                .map(|seepage| Water::Seepage(Box::new(seepage))),
         };
         let solid =
             !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
@@ -299,9 +298,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let resumed = found.is_some();
         if let Some((found, path)) = &found {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
-            if let Some(flow) = &mut flow {
+            if let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
                 checkpoint::read_fluid(flow.fluid_mut(), &reader)?;
                 flow.restart();
+            }
+            if let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
+                flow.restore(&checkpoint::read_seepage(&reader)?)?;
             }
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
@@ -346,7 +348,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             flow.follow(&mut particles, &domain)?;
         }
         let mut flow_age = 0.0;
-        if !resumed && let Some(flow) = &mut flow {
+        if !resumed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
             let (steps, line) = warm_up(&plan, flow, &mut particles, &domain)?;
             flow_age = steps_number(steps) * plan.clock.time_step;
             progress.note(&line);
@@ -409,7 +411,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
 
     /// Mass of the lattice (lattice units of deviation), for drift. Collective.
     fn mass(&self) -> f64 {
-        let Some(flow) = &self.simulation.now.flow else {
+        let Some(flow) = self.simulation.now.lattice() else {
             return 0.0;
         };
         let mut sum = decomposition::ExactSum::new();
@@ -484,8 +486,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let simulation = &self.simulation;
         let mut more = String::new();
-        if simulation.now.flow.is_some() {
+        if simulation.now.lattice().is_some() {
             more = format!("Mach {:.3}", simulation.guards.mach());
+        }
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            more = format!(
+                "inflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                report.inflow,
+                report.iterations,
+                report.residual,
+                balance.closure,
+                balance.implicit
+            );
         }
         if simulation.now.plan.scene.erosion_law.is_some() {
             more += &format!(
@@ -493,7 +506,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 100.0 * simulation.recorder.eroded_fraction()
             );
         }
-        let cells = if simulation.now.flow.is_some() {
+        let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count() as u64
         } else {
             0
@@ -558,7 +571,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let wall = self.watch.elapsed().as_secs_f64();
         let looped: f64 = phases.iter().map(|p| p.mean).sum();
         let steps = steps_number(simulation.now.step - self.first_step);
-        let cells = if simulation.now.flow.is_some() {
+        let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count()
         } else {
             0
@@ -599,6 +612,20 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "notes": self.notes,
             "versions": versions(communicator),
         });
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            summary["seepage"] = json!({
+                "iterations": report.iterations,
+                "residual": report.residual,
+                "inflow": report.inflow,
+                "outflow": report.outflow,
+                "force_on_grains": balance.on_grains,
+                "force_of_pressure": balance.pressure,
+                "weight_of_water": balance.weight,
+                "closure": balance.closure,
+                "patch_inflows": seepage.pressure().patch_inflows(),
+            });
+        }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
         }

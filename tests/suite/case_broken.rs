@@ -475,9 +475,9 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "wall without a direction",
         "piping",
         Set(&[
-            "walls=[{\"name\": \"w\", \"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}, \"material\": \"wall\"}]",
+            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \"wall\"}]",
         ]),
-        "walls[0].plane.normal",
+        "walls[0].shape.plane.normal",
     ),
     (
         "box wall on a periodic face",
@@ -492,6 +492,76 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
             "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"cohesion\": {\"absolute\": 1}}]",
         ]),
         "contact.linear.pairs[0].cohesion",
+    ),
+    (
+        "strength of a law without bonds",
+        "collision",
+        Set(&[
+            "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"tensile_strength\": 1}]",
+        ]),
+        "contact.linear.pairs[0].tensile_strength",
+    ),
+    (
+        "parts that are not the whole",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[0].part=0.7"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "a class without a grain",
+        "rain",
+        Set(&["grains.initial.rain.number=2"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "coarse grains wider than the cloud",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[1].max=0.01"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "more grains than the cloud holds",
+        "rain",
+        Set(&["grains.initial.rain.number=20000"]),
+        "grains.initial.rain.number",
+    ),
+    (
+        "rain without gravity",
+        "rain",
+        Set(&["gravity=[0, 0, 0]"]),
+        "gravity",
+    ),
+    (
+        "a polygon that is not plane",
+        "rain",
+        Set(&["walls[0].shape.polygon[2]=[0.005, 0.021, 0.06]"]),
+        "walls[0].shape.polygon",
+    ),
+    (
+        "facets in a periodic domain",
+        "rain",
+        Set(&["domain.periodic=[\"x\"]"]),
+        "walls[0].shape",
+    ),
+    (
+        "a mesh that is not there",
+        "rain",
+        Set(&["walls[0].shape={\"mesh\": {\"path\": \"no.stl\"}}"]),
+        "walls[0].shape.mesh.path",
+    ),
+    (
+        "a box without volume",
+        "rain",
+        Set(&["walls[0].shape={\"box\": {\"from\": [0, 0, 0], \"to\": [0, 1, 1]}}"]),
+        "walls[0].shape.box",
+    ),
+    (
+        "facets in the plane",
+        "collision",
+        Set(&[
+            "walls=[{\"name\": \"w\", \"shape\": {\"polygon\": [[0, 0], [1, 0], [1, 1]]}, \"material\": \"glass\"}]",
+        ]),
+        "walls[0].shape",
     ),
     (
         "coupling without fluid",
@@ -566,6 +636,70 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "couette",
         Set(&["probes[9].every=1"]),
         "probes[9].every",
+    ),
+    // Seepage
+    (
+        "seepage without viscosity",
+        "seepage",
+        Set(&["fluid.darcy.viscosity=0"]),
+        "fluid.darcy.viscosity",
+    ),
+    (
+        "seepage without outlet",
+        "seepage",
+        Set(&["fluid.darcy.boundaries=[]"]),
+        "fluid.darcy.boundaries",
+    ),
+    (
+        "seepage point outside the grid",
+        "seepage",
+        Set(&[
+            "fluid.darcy.boundaries[1].patch.from=[0.03, 0.03, 0]",
+            "fluid.darcy.boundaries[1].patch.to=[0.04, 0.04, 0]",
+        ]),
+        "fluid.darcy.boundaries[1].patch",
+    ),
+    (
+        "seepage cell smaller than a grain",
+        "seepage",
+        Set(&["fluid.darcy.grid.cells=[10, 10, 20]"]),
+        "fluid.darcy.grid.cells",
+    ),
+    (
+        "seepage grid without extent",
+        "seepage",
+        Set(&["fluid.darcy.grid.to=[0.02, 0, 0.04]"]),
+        "fluid.darcy.grid",
+    ),
+    (
+        "head without gravity",
+        "seepage",
+        Remove("/gravity"),
+        "fluid.darcy.boundaries[0].condition",
+    ),
+    (
+        "seepage with bounce-back",
+        "seepage",
+        Set(&["coupling={\"bounce_back\": {}}"]),
+        "coupling",
+    ),
+    (
+        "seepage in a periodic domain",
+        "seepage",
+        Set(&["domain.periodic=[\"x\"]", "box_walls=[\"z_min\"]"]),
+        "domain.periodic",
+    ),
+    (
+        "porosity limits crossed",
+        "seepage",
+        Set(&["fluid.darcy.least_porosity=0.8"]),
+        "fluid.darcy.least_porosity",
+    ),
+    (
+        "seepage with two intervals",
+        "seepage",
+        Set(&["time.solid_steps_per_fluid_step=10"]),
+        "time.solid_steps_per_fluid_step",
     ),
 ];
 

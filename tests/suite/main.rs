@@ -14,4 +14,5 @@ mod case_examples;
 mod case_mutants;
 mod ranks;
 mod same_bits;
+mod seepage;
 mod stopping;
