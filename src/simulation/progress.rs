@@ -143,6 +143,7 @@ fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
         let name = head.split_once('(').map_or("", |(_, name)| name);
         if LAUNCHERS.contains(&name) {
             return std::fs::read_link(folder.join("fd/1")).is_ok_and(|target| {
+                let target = target.to_string_lossy();
                 target.starts_with("/dev/pts") || target.starts_with("/dev/tty")
             });
         }

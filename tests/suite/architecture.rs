@@ -11,13 +11,13 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The longest a file may be [lines].
+/// The longest a file may be, its tests apart [lines].
 const LONGEST: usize = 1100;
 
 /// A room of the house: the modules and the crates beside std it may name. `error` is everybody's.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("main", &["analysis", "cli", "output", "simulation"], &[]),
-    ("cli", &["case", "plan", "simulation"], &[]),
+    ("cli", &["case", "output", "plan", "simulation"], &[]),
     (
         "simulation",
         &[
@@ -224,11 +224,11 @@ fn complaints(path: &str, text: &str) -> Vec<String> {
             "{path}: the room {room} is not in the table of rooms"
         )];
     };
-    let lines = text.lines().count();
+    let code = code_of(text);
+    let lines = code.lines().count();
     if lines > LONGEST {
         wrong.push(format!("{path}: {lines} lines, more than {LONGEST}"));
     }
-    let code = code_of(text);
     // The crates beside `src` are one room each.
     if path.starts_with("src/") {
         let rooms: BTreeSet<&str> = ROOMS.iter().map(|(name, ..)| *name).collect();
