@@ -126,7 +126,7 @@ pub struct Settled {
 impl Default for Settled {
     fn default() -> Self {
         Self {
-            kinetic_energy: 1e-6,
+            kinetic_energy: 1e-4,
             unbalanced_force: 0.01,
             at_most_steps: 400_000,
         }

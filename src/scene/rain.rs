@@ -519,7 +519,7 @@ mod tests {
             gravity: Vector3::new(0.0, 0.0, -9.81),
             local_damping: 0.2,
             trim_above: Some(8e-3),
-            kinetic_energy: 1e-5,
+            kinetic_energy: 1e-3,
             unbalanced: 0.02,
             limit: 60_000,
         }
@@ -569,7 +569,7 @@ mod tests {
         assert!((3.5..7.0).contains(&report.coordination), "{report:?}");
         assert!(report.largest_overlap < 0.02, "{report:?}");
         let last = report.convergence.last().unwrap();
-        assert!(last.kinetic_energy <= 1e-5 && last.unbalanced <= 0.02);
+        assert!(last.kinetic_energy <= 1e-3 && last.unbalanced <= 0.02);
         // The same seed gives the same bits.
         assert_eq!(
             rain.cloud(&[1e-3; 50]).unwrap(),
