@@ -95,7 +95,7 @@ pub struct Rain {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Local damping meanwhile.
+    /// Local damping while falling; at least 0.7 once landed.
     #[serde(default = "default_rain_damping")]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -126,7 +126,7 @@ pub struct Settled {
 impl Default for Settled {
     fn default() -> Self {
         Self {
-            kinetic_energy: 1e-6,
+            kinetic_energy: 1e-4,
             unbalanced_force: 0.01,
             at_most_steps: 400_000,
         }

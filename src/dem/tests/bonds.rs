@@ -104,7 +104,9 @@ fn a_bond_does_not_slip_and_fails_in_shear() {
     let (mut most, mut failed) = (0.0_f64, None);
     for n in 1..=700_u32 {
         dem.advance(&mut particles, &Alone).unwrap();
-        let shear = -particles.contact[1].force[1];
+        let normal = particles.motion[1].position.normalize();
+        let force = particles.contact[1].force;
+        let shear = (force - normal * force.dot(&normal)).norm();
         if let Some(broken) = dem.take_breaks().pop() {
             assert_eq!(broken.mode, Failure::Shear);
             failed = Some(f64::from(n) * step);
