@@ -169,9 +169,9 @@ fn other_laws_say_by_how_much_they_miss() {
     let paper = run(DragLaw::DiFelice, Equations::Paper);
     let (felice, paper) = (felice.balance(), paper.balance());
     assert!(felice.closure > 0.01 && paper.closure > 0.01);
-    // The chain as printed drags harder than the balance allows, the superficial one less (criteria, section 2).
+    // In the same gradient the chain as printed drags harder by 1/eps at rest (criteria, section 2).
     assert!(felice.on_grains[2] < felice.pressure[2]);
-    assert!(paper.on_grains[2] > paper.pressure[2]);
+    assert!(paper.on_grains[2] > 1.1 * felice.on_grains[2]);
 }
 
 #[test]
