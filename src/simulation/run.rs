@@ -164,7 +164,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let first = communicator.rank() == 0;
         let folder = start.folder;
         let made = if first {
-            std::fs::create_dir_all(&folder)
+            std::fs::create_dir_all(checkpoint_folder(&folder))
         } else {
             Ok(())
         };
