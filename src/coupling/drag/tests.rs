@@ -138,24 +138,40 @@ fn momentum_closes_with_the_consistent_drag() {
 
 #[test]
 fn other_laws_say_by_how_much_they_miss() {
-    let closure = |drag, equations| {
+    let run = |drag, equations| {
         let mut seepage = Bench {
             drag,
             equations,
             gravity: 0.0,
+            // So slow that inertia does not count.
+            drop: 1e-4,
             ..Bench::default()
         }
         .seepage();
         bed(&mut seepage);
-        seepage.balance().closure
+        seepage
     };
-    let felice = closure(DragLaw::DiFelice, Equations::Corrected);
-    let ergun = closure(DragLaw::Gidaspow, Equations::Corrected);
-    let paper = closure(DragLaw::DiFelice, Equations::Paper);
-    // Ergun has 150 where Kozeny and Carman have 180, and inertia.
-    assert!(felice > 1e-3 && ergun > 1e-3 && paper > 1e-3);
-    assert!(felice < 0.6 && ergun < 0.6, "{felice} {ergun} {paper}");
-    assert!((felice - paper).abs() > 1e-3);
+    // Ergun has 150 where Kozeny and Carman have 180: a sixth of the drag, which is the share eps of the whole force.
+    let ergun = run(DragLaw::Gidaspow, Equations::Corrected);
+    let (mut drag, mut whole) = (0.0, 0.0);
+    for cell in 0..ergun.grid().count() {
+        let gradient = ergun.pressure().gradient(cell)[2];
+        drag += gradient * ergun.pores().porosity()[cell];
+        whole += gradient;
+    }
+    let missing = drag / whole / 6.0;
+    let closure = ergun.balance().closure;
+    assert!(
+        (closure / missing - 1.0).abs() < 1e-3,
+        "{closure} {missing}"
+    );
+    let felice = run(DragLaw::DiFelice, Equations::Corrected);
+    let paper = run(DragLaw::DiFelice, Equations::Paper);
+    let (felice, paper) = (felice.balance(), paper.balance());
+    assert!(felice.closure > 0.01 && paper.closure > 0.01);
+    // In the same gradient the chain as printed drags harder by 1/eps at rest (criteria, section 2).
+    assert!(felice.on_grains[2] < felice.pressure[2]);
+    assert!(paper.on_grains[2] > 1.1 * felice.on_grains[2]);
 }
 
 #[test]
@@ -217,7 +233,7 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     };
     particles.insert(Body::uniform::<Volume>(0, radius, 2650.0, 0), motion);
     let (mass, volume) = (particles.body[0].mass, Volume::measure(radius));
-    for _ in 0..1500 {
+    for _ in 0..4000 {
         seepage.advance(&mut particles, &Alone).unwrap();
         let force = particles.fluid[0].force[2] - mass * 9.81;
         particles.motion[0].velocity[2] += bench.interval * force / mass;
