@@ -4,17 +4,18 @@
 //! contacts are, then rest under damping without the fluid: what breaks here broke before any water moved, and is said.
 //! Everything stands still meanwhile, driven bodies too; then each grain and body has the velocity of the case.
 
-use crate::case::grains::{Amount, Growth, Radii};
+use crate::case::contact::Scaled;
+use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Relaxation};
+use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::scene::block::Block;
 use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
-use crate::scene::sample;
 use crate::scene::solids::{Grain, GrainSource};
+use crate::scene::{rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -72,6 +73,40 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
+        GrainSource::Rain {
+            block,
+            grading,
+            rain,
+        } => {
+            let (grains, report) = falling::<S>(plan, block, grading, rain).fall()?;
+            let last = report.convergence.last().copied().unwrap_or_default();
+            prepared.line = format!(
+                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {:.1e}",
+                report.grains,
+                report.fallen,
+                last.steps,
+                if report.settled {
+                    "settled"
+                } else {
+                    "NOT settled within the steps allowed"
+                },
+                report.coordination,
+                report.largest_overlap,
+                last.kinetic_energy,
+                last.unbalanced
+            );
+            prepared.report = json!({ "rain": report });
+            grains
+                .iter()
+                .map(|(position, radius)| Grain {
+                    position: components(position),
+                    radius: *radius,
+                    velocity: [0.0; 3],
+                    angular_velocity: [0.0; 3],
+                    material: scene.material,
+                })
+                .collect()
+        }
         GrainSource::Growth {
             block,
             number,
@@ -94,13 +129,7 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
                 .grains
                 .iter()
                 .map(|g| Grain {
-                    position: std::array::from_fn(|a| {
-                        if a < S::DIMENSION {
-                            g.position.get(a)
-                        } else {
-                            0.0
-                        }
-                    }),
+                    position: components(&g.position),
                     radius: g.radius,
                     velocity: [0.0; 3],
                     angular_velocity: [0.0; 3],
@@ -109,6 +138,17 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
                 .collect()
         }
     };
+    if let GrainSource::Rain { rain, .. } = &scene.source
+        && let Some(level) = rain.trim_above
+        && let Some(top) = prepared.report["rain"]["top"].as_f64()
+        && top < level
+    {
+        prepared.line = format!(
+            "{}; the surface stays {:.3e} m below the level of trimming: let more grains fall",
+            prepared.line,
+            level - top
+        );
+    }
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
         io::atomic::write(&folder.join(path), text.as_bytes())
@@ -131,6 +171,70 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
     }
     prepared.grains = all;
     Ok(prepared)
+}
+
+/// Three components; those that are not there are zero.
+fn components<C: Components>(vector: &C) -> [f64; 3] {
+    std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
+}
+
+fn falling<S: Space>(
+    plan: &Plan,
+    block: &Block,
+    grading: &rain::Grading,
+    written: &WrittenRain,
+) -> rain::Rain<S> {
+    let scene = &plan.scene;
+    let material = scene.grains.as_ref().map_or(0, |g| g.material);
+    let mut laws = Vec::new();
+    let with = |stiffness: Option<f64>| {
+        let mut table = scene.contact.clone();
+        for pair in table.iter_mut().flat_map(|table| &mut table.parameters) {
+            if let Some(stiffness) = stiffness {
+                pair.normal_stiffness = Scaled::Absolute(stiffness);
+            }
+            if let Some(angle) = written.friction_angle_degrees {
+                pair.friction_coefficient = angle.to_radians().tan();
+            }
+        }
+        super::setup::law_of(table.as_ref(), scene.materials.len())
+    };
+    if let (Some(soft), Some(table)) = (written.falling_stiffness, &scene.contact) {
+        let mean = grading.bounds().0 + grading.bounds().1;
+        let full = table.pair(material, material).normal_stiffness.at(mean);
+        let mut stiffness = soft;
+        while stiffness < full * (1.0 - 1e-9) {
+            laws.push(with(Some(stiffness)));
+            stiffness *= 10.0;
+        }
+    }
+    laws.push(with(None));
+    rain::Rain {
+        lower: super::setup::vector::<S>(block.from),
+        upper: super::setup::vector::<S>(block.to),
+        region: super::setup::region::<S>(plan),
+        // They move once the run begins.
+        walls: super::setup::walls::<S>(plan)
+            .into_iter()
+            .map(|wall| Wall {
+                velocity: S::Vector::default(),
+                ..wall
+            })
+            .collect(),
+        grading: grading.clone(),
+        number: written.number as usize,
+        seed: written.seed,
+        density: scene.materials[material].density.unwrap_or(1000.0),
+        material: super::setup::small(material),
+        laws,
+        materials: super::setup::small(scene.materials.len().max(1)),
+        gravity: super::setup::vector::<S>(scene.gravity),
+        local_damping: written.local_damping,
+        trim_above: written.trim_above,
+        kinetic_energy: written.stop.kinetic_energy,
+        unbalanced: written.stop.unbalanced_force,
+        limit: u64::from(written.stop.at_most_steps),
+    }
 }
 
 fn preparation<S: Space>(
