@@ -7,7 +7,6 @@ use nalgebra::Vector3;
 use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::rolling::{self, Rolling};
 use super::super::state::{Contacts, Table};
-use super::bonds::CLAY;
 use super::same_bits::{Crew, bits};
 use super::*;
 use crate::random::Stream;
