@@ -99,7 +99,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
         max_relative = 1e-12
     );
     assert_eq!(plan.clock.solid_steps_per_step, 9);
-    assert_eq!(plan.clock.steps, 2500);
+    assert_eq!(plan.clock.steps, 12500);
     // k_n and C go with the mean diameter of the pair.
     let pair = plan.scene.contact.as_ref().expect("contacts").pair(0, 0);
     approx::assert_relative_eq!(

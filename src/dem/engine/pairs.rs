@@ -1,0 +1,275 @@
+//! What one pair does: keys, masses, separations measured in blocks, the action of the law, and its memory in messages.
+
+use super::*;
+
+pub(super) fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
+    Key {
+        first: first.0,
+        second: second.0,
+        shift: std::array::from_fn(|axis| second.1[axis] - first.1[axis]),
+    }
+}
+
+pub(super) fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+    let masses = [particles.body[i].mass, particles.body[j].mass];
+    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+        [true, false] => masses[0],
+        [false, true] => masses[1],
+        _ => masses[0] * masses[1] / (masses[0] + masses[1]),
+    }
+}
+
+/// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+pub(super) fn rolling_inertia<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+    let about = [i, j].map(|k| rolled(&particles.body[k]));
+    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+        [true, false] => about[0],
+        [false, true] => about[1],
+        _ => about[0] * about[1] / (about[0] + about[1]),
+    }
+}
+
+/// Moment of inertia about a point of the surface (kg m²).
+pub(super) fn rolled(body: &Body) -> f64 {
+    body.inertia + body.mass * body.radius * body.radius
+}
+
+/// A grain at a wall.
+pub(super) fn at_wall(material: u32, body: &Body) -> Partners {
+    Partners {
+        materials: [material, body.material],
+        diameter: 2.0 * body.radius,
+        mass: body.mass,
+        rolling_radius: body.radius,
+        rolling_inertia: rolled(body),
+    }
+}
+
+/// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
+#[inline(always)]
+pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
+    (constants, memory): (&L::Constants, &mut L::Memory),
+    (radius, distance, normal): (f64, f64, &S::Vector),
+    (grain, moves): (&Motion<S>, &S::Vector),
+    load: &mut Load<S>,
+    dt: f64,
+) -> Option<Failure> {
+    let overlap = radius - distance;
+    let arm = radius - 0.5 * overlap;
+    let velocity = grain.velocity - *moves;
+    let touch = Touch {
+        overlap,
+        normal: *normal,
+        separation_rate: normal.scalar(&velocity),
+        slip: S::slip(normal, &velocity, &(grain.spin * arm)),
+        roll: grain.spin,
+        time_step: dt,
+    };
+    let reply = L::reply(constants, memory, &touch);
+    load.force += *normal * reply.normal + S::embed(&reply.tangent, normal);
+    load.torque += S::tangent_moment(&reply.tangent, normal) * -arm;
+    if L::ROLLS {
+        load.torque += reply.moment;
+    }
+    reply.failure
+}
+
+/// From the first centre to the second, and the square of its length: the one place where it is computed.
+#[inline(always)]
+pub(super) fn separation<S: Space>(
+    motion: &[Motion<S>],
+    (first, second): (usize, usize),
+    offset: &S::Vector,
+    periodic: bool,
+) -> (S::Vector, f64) {
+    let mut between = motion[second].position - motion[first].position;
+    if periodic {
+        between += *offset;
+    }
+    (between, between.scalar(&between))
+}
+
+/// Pairs measured at once: enough to hide the latency of roots and divisions behind each other.
+pub(super) const BLOCK: usize = 16;
+
+/// Separations of a block of pairs: vector, its square, its length and the length's inverse.
+#[derive(Debug)]
+pub(super) struct Spans<S: Space> {
+    between: [S::Vector; BLOCK],
+    squared: [f64; BLOCK],
+    distance: [f64; BLOCK],
+    inverse: [f64; BLOCK],
+}
+
+impl<S: Space> Default for Spans<S> {
+    fn default() -> Self {
+        Self {
+            between: [S::Vector::default(); BLOCK],
+            squared: [1.0; BLOCK],
+            distance: [1.0; BLOCK],
+            inverse: [1.0; BLOCK],
+        }
+    }
+}
+
+impl<S: Space> Spans<S> {
+    /// `pairs` starts with pair number `base`; a block is at most [`BLOCK`] long.
+    #[inline(always)]
+    pub(super) fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
+        &mut self,
+        block: &[u32],
+        pairs: &[Pair<L::Scale, L::Memory>],
+        base: usize,
+        motion: &[Motion<S>],
+        offsets: &[S::Vector],
+    ) {
+        let slots = self.between.iter_mut().zip(&mut self.squared);
+        for (&k, (between, squared)) in block.iter().zip(slots) {
+            let pair = &pairs[k as usize - base];
+            let offset = if PERIODIC {
+                offsets[pair.offset as usize]
+            } else {
+                S::Vector::default()
+            };
+            (*between, *squared) = separation(motion, pair.ends(), &offset, PERIODIC);
+        }
+        // The whole block, filled or not, so that the loop has a fixed length.
+        for k in 0..BLOCK {
+            self.distance[k] = self.squared[k].sqrt();
+            self.inverse[k] = 1.0 / self.distance[k];
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn iter(&self) -> impl Iterator<Item = (&S::Vector, f64, f64, f64)> {
+        let lengths = self.distance.iter().zip(&self.inverse);
+        self.between.iter().zip(&self.squared).zip(lengths).map(
+            |((between, squared), (distance, inverse))| (between, *squared, *distance, *inverse),
+        )
+    }
+}
+
+/// The action of one pair, or none where it neither touches nor is bonded.
+#[inline(always)]
+pub(super) fn act<S: Space, L: ContactLaw<S>>(
+    rows: &PairTable<L::Row>,
+    pair: &mut Pair<L::Scale, L::Memory>,
+    motion: &[Motion<S>],
+    (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
+    dt: f64,
+) -> Option<Action<S>> {
+    if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
+        pair.memory = L::Memory::default();
+        return None;
+    }
+    let normal = *between * inverse;
+    let overlap = pair.reach - distance;
+    let first_arm = pair.radius - 0.5 * overlap;
+    let second_arm = distance - first_arm;
+    let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);
+    let velocity = second.velocity - first.velocity;
+    let rolling = first.spin * first_arm + second.spin * second_arm;
+    let touch = Touch {
+        overlap,
+        normal,
+        separation_rate: normal.scalar(&velocity),
+        slip: S::slip(&normal, &velocity, &rolling),
+        roll: second.spin - first.spin,
+        time_step: dt,
+    };
+    let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
+    let reply = L::reply(&constants, &mut pair.memory, &touch);
+    let moment = S::tangent_moment(&reply.tangent, &normal);
+    let mut action = Action {
+        force: normal * reply.normal + S::embed(&reply.tangent, &normal),
+        on_first: moment * -first_arm,
+        on_second: moment * -second_arm,
+        failure: reply.failure,
+    };
+    if L::ROLLS {
+        action.on_first -= reply.moment;
+        action.on_second += reply.moment;
+    }
+    Some(action)
+}
+
+/// Pairs per piece of parallel work.
+pub(super) const PIECE: usize = 2048;
+
+/// [`act`] on all active pairs, by threads; true where a bond failed. `active` counts from `base` in `pairs`.
+pub(super) fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
+    (active, base): (&[u32], usize),
+    rows: &PairTable<L::Row>,
+    pairs: &mut [Pair<L::Scale, L::Memory>],
+    offsets: &[S::Vector],
+    actions: &mut [Action<S>],
+    motion: &[Motion<S>],
+    dt: f64,
+) -> bool {
+    if active.len() <= PIECE {
+        let mut failed = false;
+        let mut spans = Spans::default();
+        for (block, actions) in active.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
+            spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
+            for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
+                let pair = &mut pairs[k as usize - base];
+                *action = act::<S, L>(rows, pair, motion, span, dt).unwrap_or_default();
+                failed |= action.failure.is_some();
+            }
+        }
+        return failed;
+    }
+    let middle = active.len() / 2;
+    let cut = active[middle] as usize;
+    let (left, right) = active.split_at(middle);
+    let (left_pairs, right_pairs) = pairs.split_at_mut(cut - base);
+    let (left_actions, right_actions) = actions.split_at_mut(middle);
+    let (a, b) = rayon::join(
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (left, base),
+                rows,
+                left_pairs,
+                offsets,
+                left_actions,
+                motion,
+                dt,
+            )
+        },
+        || {
+            act_on_pieces::<S, L, PERIODIC>(
+                (right, cut),
+                rows,
+                right_pairs,
+                offsets,
+                right_actions,
+                motion,
+                dt,
+            )
+        },
+    );
+    a || b
+}
+
+pub(super) fn pack_memory<S: Space, L: ContactLaw<S>>(
+    memory: &L::Memory,
+    numbers: &mut Vec<f64>,
+    to: &mut Writer,
+) {
+    numbers.clear();
+    L::save(memory, numbers);
+    for number in &*numbers {
+        to.float(*number);
+    }
+}
+
+pub(super) fn unpack_memory<S: Space, L: ContactLaw<S>>(
+    numbers: &mut Vec<f64>,
+    from: &mut Reader<'_>,
+) -> Result<L::Memory, Error> {
+    numbers.clear();
+    for _ in 0..L::NUMBERS {
+        numbers.push(from.float()?);
+    }
+    Ok(L::load(numbers))
+}
