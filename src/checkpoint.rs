@@ -85,6 +85,8 @@ impl Saved for f32 {}
 pub struct State<'a, Sp: Space, S: Stored> {
     /// The fluid, if any.
     pub fluid: Option<&'a Fluid<S>>,
+    /// Numbers of the seepage, the same on every rank; none without one.
+    pub seepage: Vec<f64>,
     /// Grains and bodies.
     pub particles: &'a Particles<Sp>,
     /// Contacts.
@@ -126,6 +128,18 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 data: <S as io::data::Element>::data(values),
             });
         }
+        if !self.seepage.is_empty() {
+            let total = self.seepage.len();
+            let mine = if communicator.rank() == 0 { total } else { 0 };
+            arrays.push(Array {
+                name: "seepage",
+                shape: vec![total],
+                start: vec![0],
+                count: vec![mine],
+                data: Data::from(&self.seepage[..mine]),
+            });
+        }
+        attributes["seepage"] = json!(self.seepage.len());
         let mut rows = [0; 3];
         let names: Vec<String> = TABLES
             .iter()
@@ -227,6 +241,12 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 }
             }
         }
+        if communicator.rank() == 0 {
+            let key = field_key("seepage");
+            for (index, value) in (0..).zip(&self.seepage) {
+                hash.add(key, index, value.to_bits());
+            }
+        }
         for (kind, table) in TABLES.iter().zip(self.tables()) {
             // Rows of contacts are named by both ends; the first two columns of each table hold them.
             let whole = |n: usize| match table.columns.get(n) {
@@ -311,6 +331,17 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
     Ok(())
+}
+
+/// Numbers of the seepage in a checkpoint, on every rank; none if there are none.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
+    match whole(reader.attributes()["seepage"].as_u64().unwrap_or(0)) {
+        0 => Ok(Vec::new()),
+        n => reader.read("seepage", &[0], &[n]).map_err(as_error),
+    }
 }
 
 /// Grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank and from

@@ -6,8 +6,10 @@
 
 use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
+use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use crate::simulation::run::RunOptions;
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -122,52 +124,6 @@ struct RunArgs {
     max_walltime: Option<Duration>,
 }
 
-/// What to draw of a run.
-#[derive(Clone, Debug, Args)]
-pub struct PictureOptions {
-    /// A time [s], the nearest output of it; may be given several times [default: four over the run].
-    #[arg(long = "time", value_name = "SECONDS")]
-    pub times: Vec<f64>,
-    /// Field of the water.
-    #[arg(long, default_value = "velocity")]
-    pub field: String,
-    /// Column that colours the grains [default: none in the plane, velocity in space].
-    #[arg(long, value_name = "COLUMN")]
-    pub colour: Option<String>,
-    /// From where a scene in space is seen.
-    #[arg(long, value_enum, default_value = "corner")]
-    pub view: View,
-    /// The picture [default: picture.svg in the folder of the run].
-    #[arg(long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-}
-
-/// From where a scene in space is seen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum View {
-    /// Along -x: y to the right, z up.
-    X,
-    /// Along y: x to the right, z up.
-    Y,
-    /// From above: x to the right, y up.
-    Z,
-    /// From a corner above.
-    Corner,
-}
-
-/// What a run or restart is asked for beside its case.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RunOptions {
-    /// Folder for everything the run writes; none for a restart in the same folder.
-    pub output: Option<PathBuf>,
-    /// Threads of each rank; none for the cores of the machine over its ranks.
-    pub threads: Option<usize>,
-    /// Wall-clock time after which the run is over.
-    pub max_walltime: Option<Duration>,
-    /// Tables as JSON.
-    pub json: bool,
-}
-
 /// What the rest of the program does for the commands; returned text is printed by the first rank.
 #[derive(Clone, Copy, Debug)]
 pub struct Engine {
@@ -208,7 +164,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => (engine.restart)(&directory, &set, options(run, json)),
+        } => told((engine.restart)(&directory, &set, options(run, json))),
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
         }
@@ -219,14 +175,21 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
     match result {
         Ok(()) => 0,
         Err(error) => {
-            // Problems of a case have been listed where they were found.
+            // Problems of a case have been listed by `told`.
             if !matches!(error, Error::Case(_)) {
                 complain(&format!("solver: {error}"));
+            }
+            if !first_rank() {
+                // mpirun ends all ranks as soon as one has ended with an error: let the first have its say before.
+                std::thread::sleep(SILENT_RANKS_WAIT);
             }
             error.exit_code()
         }
     }
 }
+
+/// How much later than the first rank, which tells the error, the others end.
+const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// `solver case.json` is `solver run case.json`.
 fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
@@ -257,7 +220,15 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
         let name = case.case.file_stem().unwrap_or(case.case.as_os_str());
         options.output = Some(Path::new("results").join(name));
     }
-    (engine.run)(plan, options)
+    told((engine.run)(plan, options))
+}
+
+/// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.
+fn told(outcome: Result<(), Error>) -> Result<(), Error> {
+    if let Err(Error::Case(problems)) = &outcome {
+        list(problems);
+    }
+    outcome
 }
 
 fn options(run: RunArgs, json: bool) -> RunOptions {

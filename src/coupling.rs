@@ -6,6 +6,8 @@
 
 pub mod body_map;
 pub mod bounce_back;
+pub mod drag;
+pub mod water;
 
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `together` | the ranks as a group that writes |
 //! | `schedule` | when something is due |
+//! | `view` | what there is to see of a run |
 //! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
 //! | `grains`, `contacts`, `order` | grains and contacts in one order |
 //! | `probes` | numbers over time |
@@ -23,12 +24,14 @@ pub mod picture;
 mod planes;
 mod probes;
 mod schedule;
+mod seepage;
 pub mod together;
+pub mod view;
 
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::output::view::View;
 use crate::plan::Plan;
-use crate::simulation::view::View;
 use contacts::Contacts;
 use decomposition::Domain;
 use fluid::Fields;
@@ -36,6 +39,7 @@ use grains::Grains;
 use io::{Mode, Moment, Series};
 use probes::Probe;
 use schedule::Schedule;
+use seepage::SeepageFields;
 use std::path::Path;
 use together::Together;
 
@@ -48,11 +52,18 @@ struct Output<T> {
     buffers: T,
 }
 
+/// Fields of whichever fluid there is.
+#[derive(Debug)]
+enum FluidFields {
+    Lattice(Fields),
+    Seepage(SeepageFields),
+}
+
 /// Everything a run writes in the course of time, apart from checkpoints and analyses.
 #[derive(Debug)]
 pub struct Outputs {
     provenance: Vec<(String, String)>,
-    fluid: Option<Output<Fields>>,
+    fluid: Option<Output<FluidFields>>,
     grains: Option<Output<Grains>>,
     contacts: Option<Output<Contacts>>,
     probes: Vec<Probe>,
@@ -79,7 +90,11 @@ impl Outputs {
         let every = |interval: f64| plan.clock.interval_to_steps(interval);
         let fluid = match &written.fluid {
             Some(output) => {
-                let fields = Fields::new(&output.fields, output.precision);
+                let fields = if plan.scene.seepage.is_some() {
+                    FluidFields::Seepage(SeepageFields::new(&output.fields, output.precision))
+                } else {
+                    FluidFields::Lattice(Fields::new(&output.fields, output.precision))
+                };
                 let every = every(output.every);
                 Some(Output::open(
                     folder, "fluid", every, fields, &group, resumed_at,
@@ -182,9 +197,19 @@ impl Outputs {
         };
         if let Some(output) = &mut self.fluid {
             if output.is_wanted(view.step, &due) {
-                let fluid = probes::fluid(view)?;
-                output.buffers.read(fluid, grid, view.domain)?;
-                let image = output.buffers.image(fluid, grid);
+                let first = communicator.rank() == 0;
+                let image = match (&mut output.buffers, view.seepage) {
+                    (FluidFields::Seepage(fields), Some(seepage)) => {
+                        fields.read(seepage, first);
+                        fields.image(seepage, first)
+                    }
+                    (FluidFields::Seepage(_), None) => return Err(probes::no_fluid()),
+                    (FluidFields::Lattice(fields), _) => {
+                        let fluid = probes::fluid(view)?;
+                        fields.read(fluid, grid, view.domain)?;
+                        fields.image(fluid, grid)
+                    }
+                };
                 let mode = Mode::Collective;
                 group.settle(
                     output

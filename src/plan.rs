@@ -209,7 +209,11 @@ fn clock(scene: &Scene, findings: &mut Findings) -> Option<Clock> {
                 format!("use at most {} s", number(allowed)),
             );
         }
-        (dt, 1)
+        let steps = scene
+            .seepage
+            .as_ref()
+            .map_or(1, |seepage| seepage.written.coupling_interval);
+        (dt * f64::from(steps), steps)
     };
     let total = time.end / time_step;
     if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {

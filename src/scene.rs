@@ -12,10 +12,12 @@ pub mod observe;
 pub mod packing;
 pub mod rain;
 pub mod sample;
+pub mod seepage;
 pub mod solids;
 pub(crate) mod stl;
 
 use crate::case::coupling::{BounceBack, Coupling};
+use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
 use crate::case::{Case, check};
@@ -36,6 +38,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The fluid, if any.
     pub flow: Option<flow::Flow>,
+    /// The seepage, if any: there is one fluid at most.
+    pub seepage: Option<seepage::Seepage>,
     /// The grains, if any.
     pub grains: Option<solids::Grains>,
     /// The contact law, if anything can touch.
@@ -107,6 +111,7 @@ impl Scene {
         let bodies = solids::bodies(case, &grid, &names, &mut findings);
         let grains = solids::grains(case, &grid, &names, &mut findings);
         solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+        let seepage = seepage::Seepage::resolve(case, &grid, grains.as_ref(), &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
         let probes = observe::probes(case, &grid, &bodies, &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
@@ -114,7 +119,8 @@ impl Scene {
         observe::outputs(case, solid, &mut findings);
         agree(case, &mut findings);
         if findings.refused()
-            && (case.fluid.is_some() && flow.is_none() || case.grains.is_some() && grains.is_none())
+            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
+                || case.grains.is_some() && grains.is_none())
         {
             return (None, findings);
         }
@@ -128,6 +134,7 @@ impl Scene {
             gravity,
             materials,
             flow,
+            seepage,
             grains,
             contact,
             walls,
@@ -165,6 +172,7 @@ impl Scene {
 fn agree(case: &Case, findings: &mut Findings) {
     let solid = case.grains.is_some() || !case.bodies.is_empty();
     let fluid = case.fluid.is_some();
+    let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
     if !solid && !fluid {
         findings.error(
             "fluid",
@@ -172,7 +180,7 @@ fn agree(case: &Case, findings: &mut Findings) {
             "add `fluid` or `grains`",
         );
     }
-    if solid && fluid && case.coupling.is_none() {
+    if solid && lattice && case.coupling.is_none() {
         findings.error(
             "coupling",
             "there are a fluid and solids, but nothing says how they act on each other",
@@ -207,19 +215,20 @@ fn agree(case: &Case, findings: &mut Findings) {
             "take the contact law out",
         );
     }
-    if fluid && case.time.solid_time_step.is_some() {
+    if lattice && case.time.solid_time_step.is_some() {
         findings.error(
             "time.solid_time_step",
             "with a fluid the solid time step is the fluid's over `solid_steps_per_fluid_step`",
             "take it out",
         );
     }
-    if !fluid && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
-        findings.error(
-            "time.solid_steps_per_fluid_step",
-            "there is no fluid in this case",
-            "take it out",
-        );
+    if !lattice && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
+        let (reason, remedy) = if fluid {
+            ("the seepage has `coupling_interval`", "use that one")
+        } else {
+            ("there is no fluid in this case", "take it out")
+        };
+        findings.error("time.solid_steps_per_fluid_step", reason, remedy);
     }
     if case.time.warm_up.is_some() && !fluid {
         findings.error(

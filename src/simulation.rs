@@ -10,17 +10,19 @@ pub mod progress;
 pub mod removal;
 pub mod run;
 pub mod setup;
-pub mod view;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
 use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::drag::Seepage;
+use crate::coupling::water::Water;
 use crate::coupling::{Flow, FluidView};
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::Outputs;
+pub use crate::output::view;
 use crate::plan::Plan;
 use decomposition::Domain;
 use erosion::ErosionRecorder;
@@ -33,7 +35,7 @@ use view::View;
 struct Present<Sp: Space, S: Saved> {
     plan: Plan,
     domain: Domain,
-    flow: Option<BounceBack<Sp, S>>,
+    flow: Option<Water<Sp, S>>,
     dem: Option<Dem<Sp>>,
     particles: Particles<Sp>,
     /// Fluid steps done.
@@ -41,6 +43,14 @@ struct Present<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Present<Sp, S> {
+    fn lattice(&self) -> Option<&BounceBack<Sp, S>> {
+        self.flow.as_ref().and_then(Water::lattice)
+    }
+
+    fn seepage(&self) -> Option<&Seepage<Sp>> {
+        self.flow.as_ref().and_then(Water::seepage)
+    }
+
     /// Physical time [s].
     fn time(&self) -> f64 {
         crate::plan::steps_number(self.step) * self.plan.clock.time_step
@@ -50,7 +60,8 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         View {
             plan: &self.plan,
             domain: &self.domain,
-            fluid: self.flow.as_ref().map(|flow| flow as &dyn FluidView),
+            fluid: self.lattice().map(|flow| flow as &dyn FluidView),
+            seepage: self.seepage(),
             particles: &self.particles,
             dem: self.dem.as_ref(),
             step: self.step,
@@ -60,7 +71,8 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
 
     fn state(&self) -> State<'_, Sp, S> {
         State {
-            fluid: self.flow.as_ref().map(BounceBack::fluid),
+            fluid: self.lattice().map(BounceBack::fluid),
+            seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
             particles: &self.particles,
             contacts: self.dem.as_ref().map(Dem::contacts),
         }
@@ -78,18 +90,24 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+    /// What it is now.
+    #[must_use]
+    pub fn view(&self) -> View<'_, Sp> {
+        self.now.view()
+    }
+
     /// One step. Collective.
     ///
     /// # Errors
     /// When the numbers fail or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
         let now = &mut self.now;
-        self.guards.before(now.step, now.flow.as_ref(), &now.domain);
+        self.guards.before(now.step, now.lattice(), &now.domain);
         if let Some(flow) = &mut now.flow {
             flow.advance(&mut now.particles, &now.domain)?;
         }
         self.phases.done(Phase::Fluid);
-        self.guards.after(now.flow.as_ref(), &now.domain);
+        self.guards.after(now.lattice(), &now.domain);
         self.phases.done(Phase::Guards);
         if let Some(dem) = &mut now.dem {
             let steps = u64::from(now.plan.clock.solid_steps_per_step);
@@ -122,7 +140,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Output);
         self.guards.check(
             now.step,
-            now.flow.as_ref(),
+            now.lattice(),
             &now.particles,
             &now.plan,
             &now.domain,

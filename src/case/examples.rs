@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 9] = [
+pub const EXAMPLES: [Example; 10] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -52,6 +52,11 @@ pub const EXAMPLES: [Example; 9] = [
         name: "collision",
         summary: "two dry discs collide and rebound",
         text: include_str!("examples/collision.json"),
+    },
+    Example {
+        name: "seepage",
+        summary: "water seeps through a pile of spheres to an opening in the floor",
+        text: include_str!("examples/seepage.json"),
     },
     Example {
         name: "rain",

@@ -1,6 +1,7 @@
 //! The fluid: its properties, its numerics, what drives it and how it starts.
 
 use super::boundary::Boundary;
+use super::darcy::Darcy;
 use super::geometry::Vector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,6 +13,8 @@ use std::path::PathBuf;
 pub enum Fluid {
     /// Resolved between the grains by the lattice Boltzmann method.
     LatticeBoltzmann(LatticeBoltzmann),
+    /// Averaged over many grains, by Darcy's law on a coarse grid, with drag on the grains.
+    Darcy(Darcy),
 }
 
 /// A slightly compressible fluid on a lattice (A-01 … A-06). Exactly one of `relaxation_time`, `time_step` and

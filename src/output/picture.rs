@@ -4,14 +4,47 @@
 //! side without perspective, lit from the viewer's left shoulder. All panels share one scale of colours. The raster is a PNG inside
 //! the SVG, the text is text.
 
-use crate::cli::{PictureOptions, View};
 use crate::error::Error;
 use base64::Engine as _;
+use clap::{Args, ValueEnum};
 use io::fields::{Values, inspect, read_column};
 use io::series::Moment;
 use io::{Alone, Series};
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// What to draw of a run.
+#[derive(Clone, Debug, Args)]
+pub struct PictureOptions {
+    /// A time [s], the nearest output of it; may be given several times [default: four over the run].
+    #[arg(long = "time", value_name = "SECONDS")]
+    pub times: Vec<f64>,
+    /// Field of the water.
+    #[arg(long, default_value = "velocity")]
+    pub field: String,
+    /// Column that colours the grains [default: none in the plane, velocity in space].
+    #[arg(long, value_name = "COLUMN")]
+    pub colour: Option<String>,
+    /// From where a scene in space is seen.
+    #[arg(long, value_enum, default_value = "corner")]
+    pub view: View,
+    /// The picture [default: picture.svg in the folder of the run].
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// From where a scene in space is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum View {
+    /// Along -x: y to the right, z up.
+    X,
+    /// Along y: x to the right, z up.
+    Y,
+    /// From above: x to the right, y up.
+    Z,
+    /// From a corner above.
+    Corner,
+}
 
 /// Width of a panel [pixels].
 const WIDTH: usize = 720;

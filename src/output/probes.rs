@@ -24,10 +24,10 @@ use super::together::Together;
 use crate::coupling::FluidView;
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::output::view::View;
 use crate::plan::Plan;
 use crate::scene::grid::count;
 use crate::scene::observe::ProbeAt;
-use crate::simulation::view::View;
 use crate::units::LatticeUnits;
 use decomposition::{Domain, ExactSum};
 use io::Table;
@@ -297,7 +297,7 @@ impl At {
     }
 }
 
-fn no_fluid() -> Error {
+pub(super) fn no_fluid() -> Error {
     Error::Internal("there is no fluid to sample".into())
 }
 

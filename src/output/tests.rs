@@ -161,6 +161,7 @@ impl Run {
             plan: &self.plan,
             domain: &self.domain,
             fluid: Some(&self.fluid),
+            seepage: None,
             particles: &self.particles,
             dem: Some(&self.dem),
             step,

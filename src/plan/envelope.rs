@@ -102,6 +102,16 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         compression(scene, flow, &mut margins, findings);
         resolution(scene, &mut margins, findings);
     }
+    if let Some(seepage) = &scene.seepage
+        && let Some((_, largest)) = scene.grains.as_ref().and_then(|g| g.radii)
+    {
+        margins.push(margin(
+            "largest grain / cell of the seepage",
+            2.0 * largest,
+            seepage.smallest_edge(scene.grid.dimension),
+            "fluid.darcy.grid",
+        ));
+    }
     if let Some(critical) = clock.critical_solid_time_step {
         margins.push(margin(
             "solid time step / critical",

@@ -60,6 +60,11 @@ fn mlups(lattice: Lattice, storage: Precision) -> f64 {
     }
 }
 
+/// Memory of a cell of the seepage, on every rank: coefficients, vectors and levels.
+const SEEPAGE_CELL_BYTES: f64 = 420.0;
+/// Time of a solution from the last one, for a cell.
+const SEEPAGE_SECONDS_PER_CELL: f64 = 3e-7;
+
 fn bytes(precision: Precision) -> f64 {
     match precision {
         Precision::F64 => 8.0,
@@ -93,6 +98,15 @@ impl Estimate {
                     .map(|field| count(field.components(scene.grid.dimension)))
                     .sum();
                 estimate.fluid_output_bytes = cells * numbers * bytes(output.precision);
+                estimate.fluid_outputs = outputs(output.every);
+            }
+        }
+        if let Some(seepage) = &scene.seepage {
+            let coarse = count(seepage.cell_count());
+            estimate.bytes_per_cell = SEEPAGE_CELL_BYTES * coarse / cells;
+            estimate.seconds_on_one_core += steps * coarse * SEEPAGE_SECONDS_PER_CELL;
+            if let Some(output) = &scene.output.fluid {
+                estimate.fluid_output_bytes = coarse * 5.0 * bytes(output.precision);
                 estimate.fluid_outputs = outputs(output.every);
             }
         }

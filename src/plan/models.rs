@@ -30,7 +30,34 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         });
     };
     let dimension = scene.grid.dimension;
+    if let Some(seepage) = &scene.seepage {
+        let written = &seepage.written;
+        choose(
+            "fluid",
+            "Darcy seepage".into(),
+            format!(
+                "asked for; {} x {} x {} cells, coupled every {} solid steps",
+                seepage.cells[0], seepage.cells[1], seepage.cells[2], written.coupling_interval
+            ),
+        );
+        choose(
+            "permeability",
+            format!("Kozeny-Carman, {:?} mean diameter", written.mean_diameter),
+            format!(
+                "porosity by {:?}, at most {}",
+                written.porosity, written.porosity_cap
+            ),
+        );
+        choose(
+            "pressure",
+            "conjugate gradients with multigrid".into(),
+            format!("to {:e} of the driving terms", written.tolerance),
+        );
+        let equations = format!("{:?} equations", written.equations);
+        choose("drag", format!("{:?}", written.drag), equations);
+    }
     match &scene.flow {
+        None if scene.seepage.is_some() => {}
         None => choose(
             "fluid",
             "none".into(),

@@ -2,6 +2,7 @@
 //!
 //! Growth runs on the first rank alone, so that the sample depends on the seed only. Cutting follows, then bonds where
 //! contacts are, then rest under damping without the fluid: what breaks here broke before any water moved, and is said.
+//! Everything stands still meanwhile, driven bodies too; then each grain and body has the velocity of the case.
 
 use crate::case::contact::Scaled;
 use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
@@ -17,6 +18,7 @@ use crate::scene::solids::{Grain, GrainSource};
 use crate::scene::{rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// What the preparation came to, for the report and the summary.
@@ -292,6 +294,43 @@ fn preparation<S: Space>(
     }
 }
 
+/// Velocity and spin of whatever moves, by id, the same on all ranks: grains may change their rank before they are needed.
+/// Collective.
+fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> HashMap<u64, [f64; 6]> {
+    let mut mine = Vec::new();
+    for k in 0..particles.owned() {
+        let motion = &particles.motion[k];
+        let velocity: [f64; 6] = std::array::from_fn(|n| match n {
+            0..3 if n < S::DIMENSION => motion.velocity.get(n),
+            3.. if n - 3 < S::Spin::COUNT => motion.spin.get(n - 3),
+            _ => 0.0,
+        });
+        if velocity.iter().any(|v| v.to_bits() != 0) {
+            mine.extend(particles.body[k].id.to_le_bytes());
+            mine.extend(velocity.iter().flat_map(|v| v.to_le_bytes()));
+        }
+    }
+    let mut all = HashMap::new();
+    for message in domain.communicator().all_gather_bytes(&mine) {
+        let (words, _) = message.as_chunks::<8>();
+        let (entries, _) = words.as_chunks::<7>();
+        for [id, velocity @ ..] in entries {
+            all.insert(u64::from_le_bytes(*id), velocity.map(f64::from_le_bytes));
+        }
+    }
+    all
+}
+
+fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f64; 6]) {
+    let motion = &mut particles.motion[k];
+    for a in 0..S::DIMENSION {
+        motion.velocity.set(a, velocity[a]);
+    }
+    for a in 0..S::Spin::COUNT {
+        motion.spin.set(a, velocity[3 + a]);
+    }
+}
+
 /// Bonds the contacts and brings the grains to rest without the fluid. Collective; returns a line to print and what goes
 /// into the summary.
 ///
@@ -308,13 +347,16 @@ pub fn settle<S: Space>(
         return Ok((String::new(), Value::Null));
     }
     let communicator = domain.communicator();
+    let start = velocities(particles, domain);
+    for k in 0..particles.owned() {
+        set_velocity(particles, k, &[0.0; 6]);
+    }
     let bonds = communicator.all_reduce_sum_u64(dem.bond_existing_contacts(particles, domain)?);
     let still = dem.relax(particles, domain, &Relaxation::default())?;
     let broken = communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
     for k in 0..particles.owned() {
-        let zero = particles.motion[k].velocity * 0.0;
-        particles.motion[k].velocity = zero;
-        particles.motion[k].spin = particles.motion[k].spin * 0.0;
+        let velocity = start.get(&particles.body[k].id).unwrap_or(&[0.0; 6]);
+        set_velocity(particles, k, velocity);
     }
     let line = format!(
         "{bonds} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {broken} bonds broke on the way",

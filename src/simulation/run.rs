@@ -13,19 +13,20 @@ use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
-use crate::cli::RunOptions;
 use crate::coupling::Flow;
 use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::water::Water;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::Error;
+use crate::error::{Error, Problem, Severity};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
-use decomposition::{Domain, Slabs, World};
+use crate::scene::grid::Grid;
+use decomposition::{Communicator, Domain, Slabs, World};
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -33,6 +34,19 @@ use std::time::{Duration, Instant};
 
 /// Steps between questions to the outside (signals, files, clocks).
 const ASK_EVERY: u64 = 10;
+
+/// What a run or restart is asked for beside its case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunOptions {
+    /// Folder for everything the run writes; none for a restart in the same folder.
+    pub output: Option<PathBuf>,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+    /// Wall-clock time after which the run is over.
+    pub max_walltime: Option<Duration>,
+    /// Tables as JSON.
+    pub json: bool,
+}
 
 /// Runs a plan from its start.
 ///
@@ -62,6 +76,24 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
 fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
     let world = World::start().map_err(|e| Error::Internal(e.to_string()))?;
     let communicator = world.communicator();
+    let result = on_world(plan, options, resume, &communicator);
+    if let Err(error) = &result
+        && !matches!(error, Error::Stopped(_))
+        && !communicator.all_arrive(PATIENCE)
+    {
+        // The others know nothing of it and wait for this rank: nobody is left hanging.
+        log::error!("rank {}: {error}", communicator.rank());
+        communicator.abort(error.exit_code());
+    }
+    result
+}
+
+fn on_world(
+    plan: Plan,
+    options: RunOptions,
+    resume: Option<bool>,
+    communicator: &Communicator,
+) -> Result<(), Error> {
     let threads = options.threads.unwrap_or_else(|| {
         let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
             .ok()
@@ -74,13 +106,7 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
         .build_global()
         .map_err(|e| Error::Internal(format!("{threads} threads: {e}")))?;
     let grid = &plan.scene.grid;
-    let axis = setup::axis(grid.split_axis);
-    let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
-    let slabs = match &grid.slab_bounds {
-        Some(bounds) => Slabs::from_bounds(axis, bounds.clone(), periodic)
-            .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))?,
-        None => Slabs::even(axis, planes, communicator.size(), periodic),
-    };
+    let slabs = slabs(grid, communicator.size())?;
     let domain =
         Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
     let storage = plan
@@ -98,22 +124,68 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
         threads,
         resume,
         json: options.json,
+        quiet: false,
     };
-    let result = match (grid.dimension, storage) {
+    match (grid.dimension, storage) {
         (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
         (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
         (_, Precision::F64) => Runner::<Volume, f64>::go(plan, domain, start),
         (_, Precision::F32) => Runner::<Volume, f32>::go(plan, domain, start),
-    };
-    if let Err(error) = &result
-        && !matches!(error, Error::Stopped(_))
-        && communicator.size() > 1
-    {
-        // Another rank may be waiting for this one: nobody is left hanging.
-        log::error!("rank {}: {error}", communicator.rank());
-        communicator.abort(error.exit_code());
     }
-    result
+}
+
+/// How long a rank with an error waits for the others to have one too, before it ends the job by itself.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The slabs of the case, or equal ones.
+fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
+    let axis = setup::axis(grid.split_axis);
+    let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
+    let Some(inner) = &grid.slab_bounds else {
+        return Ok(Slabs::even(axis, planes, ranks, periodic));
+    };
+    if inner.len() + 1 != ranks {
+        return Err(Error::Case(vec![Problem {
+            path: "domain.slab_bounds".into(),
+            value: format!("{inner:?}"),
+            reason: format!(
+                "this list makes {} slabs, but there are {ranks} ranks",
+                inner.len() + 1
+            ),
+            remedy: format!(
+                "start {} ranks, give {} numbers, or leave the list out",
+                inner.len() + 1,
+                ranks - 1
+            ),
+            severity: Severity::Error,
+        }]));
+    }
+    let mut bounds = Vec::with_capacity(ranks + 1);
+    bounds.push(0);
+    bounds.extend(inner);
+    bounds.push(planes);
+    Slabs::from_bounds(axis, bounds, periodic)
+        .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
+}
+
+/// A run before its first step on this process alone, without a word, for whoever steps it himself: tests and
+/// measurements. Outputs go to `folder`.
+///
+/// # Errors
+/// As [`run`].
+pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
+    let grid = &plan.scene.grid;
+    let (axis, periodic) = (setup::axis(grid.split_axis), grid.periodic[grid.split_axis]);
+    let domain = Domain::serial(axis, grid.cells[grid.split_axis], periodic);
+    let start = Start {
+        folder: folder.to_owned(),
+        limit: None,
+        threads: rayon::current_num_threads(),
+        resume: None,
+        json: false,
+        quiet: true,
+    };
+    Runner::begin(plan, domain, start).map(|runner| runner.simulation)
 }
 
 struct Start {
@@ -122,6 +194,7 @@ struct Start {
     threads: usize,
     resume: Option<bool>,
     json: bool,
+    quiet: bool,
 }
 
 struct Runner<Sp: Space, S: Saved> {
@@ -163,7 +236,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let first = communicator.rank() == 0;
         let folder = start.folder;
         let made = if first {
-            std::fs::create_dir_all(&folder)
+            std::fs::create_dir_all(checkpoint_folder(&folder))
         } else {
             Ok(())
         };
@@ -179,7 +252,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             None => None,
             Some(changed) => Some(find(&plan, &folder, &domain, changed)?),
         };
-        let mut progress = Progress::new(first, 0);
+        let speaks = first && !start.quiet;
+        let mut progress = Progress::new(speaks, 0);
         progress.note(&format!(
             "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
             communicator.size(),
@@ -207,34 +281,36 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         }
                     }
                 }
-                Some(BounceBack::<Sp, S>::new(
-                    fluid,
-                    units,
-                    [0.0; 3],
-                    setup::coupling(&plan),
-                ))
+                let coupling = setup::coupling(&plan);
+                let flow = BounceBack::<Sp, S>::new(fluid, units, [0.0; 3], coupling);
+                Some(Water::Lattice(Box::new(flow)))
             }
-            _ => None,
+            _ => setup::seepage::<Sp>(&plan, &communicator)?
+                .map(|seepage| Water::Seepage(Box::new(seepage))),
         };
         let solid =
             !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
-        let (mut step, mut recorder_state) = (0, Value::Null);
+        let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
         let mut dem = None;
         let resumed = found.is_some();
         if let Some((found, path)) = &found {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
-            if let Some(flow) = &mut flow {
+            if let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
                 checkpoint::read_fluid(flow.fluid_mut(), &reader)?;
                 flow.restart();
+            }
+            if let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
+                flow.restore(&checkpoint::read_seepage(&reader)?)?;
             }
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
             notes = attributes["notes"].clone();
             removal.restore(&attributes["removal"])?;
             recorder_state = attributes["recorder"].clone();
+            guards_state = attributes["guards"].clone();
             if solid {
                 let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
                 particles = Particles::from_table(&grains)?;
@@ -272,7 +348,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             flow.follow(&mut particles, &domain)?;
         }
         let mut flow_age = 0.0;
-        if !resumed && let Some(flow) = &mut flow {
+        if !resumed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
             let (steps, line) = warm_up(&plan, flow, &mut particles, &domain)?;
             flow_age = steps_number(steps) * plan.clock.time_step;
             progress.note(&line);
@@ -291,8 +367,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else {
             recorder.set_flow_age(flow_age);
         }
-        let guards = Guards::new(&plan);
-        progress = Progress::new(first, step);
+        let mut guards = Guards::new(&plan);
+        guards.restore(&guards_state);
+        progress = Progress::new(speaks, step);
         let mut runner = Self {
             simulation: Simulation {
                 now: Present {
@@ -334,7 +411,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
 
     /// Mass of the lattice (lattice units of deviation), for drift. Collective.
     fn mass(&self) -> f64 {
-        let Some(flow) = &self.simulation.now.flow else {
+        let Some(flow) = self.simulation.now.lattice() else {
             return 0.0;
         };
         let mut sum = decomposition::ExactSum::new();
@@ -409,8 +486,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let simulation = &self.simulation;
         let mut more = String::new();
-        if simulation.now.flow.is_some() {
+        if simulation.now.lattice().is_some() {
             more = format!("Mach {:.3}", simulation.guards.mach());
+        }
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            more = format!(
+                "inflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                report.inflow,
+                report.iterations,
+                report.residual,
+                balance.closure,
+                balance.implicit
+            );
         }
         if simulation.now.plan.scene.erosion_law.is_some() {
             more += &format!(
@@ -418,7 +506,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 100.0 * simulation.recorder.eroded_fraction()
             );
         }
-        let cells = if simulation.now.flow.is_some() {
+        let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count() as u64
         } else {
             0
@@ -445,6 +533,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "case_hash": simulation.now.plan.case_hash,
             "removal": simulation.removal.state()?,
             "recorder": recorder,
+            "guards": simulation.guards.state(),
             "notes": self.notes,
             "typical_radius": self.notes["typical_radius"],
             "version": env!("CARGO_PKG_VERSION"),
@@ -482,7 +571,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let wall = self.watch.elapsed().as_secs_f64();
         let looped: f64 = phases.iter().map(|p| p.mean).sum();
         let steps = steps_number(simulation.now.step - self.first_step);
-        let cells = if simulation.now.flow.is_some() {
+        let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count()
         } else {
             0
@@ -521,8 +610,22 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "case_hash": simulation.now.plan.case_hash,
             "state_hash": hash,
             "notes": self.notes,
-            "versions": versions(),
+            "versions": versions(communicator),
         });
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            summary["seepage"] = json!({
+                "iterations": report.iterations,
+                "residual": report.residual,
+                "inflow": report.inflow,
+                "outflow": report.outflow,
+                "force_on_grains": balance.on_grains,
+                "force_of_pressure": balance.pressure,
+                "weight_of_water": balance.weight,
+                "closure": balance.closure,
+                "patch_inflows": seepage.pressure().patch_inflows(),
+            });
+        }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
         }
@@ -706,7 +809,7 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
         ("ranks".to_owned(), domain.communicator().size().to_string()),
         ("threads".to_owned(), threads.to_string()),
     ];
-    if let Value::Object(versions) = versions() {
+    if let Value::Object(versions) = versions(domain.communicator()) {
         all.extend(
             versions
                 .into_iter()
@@ -716,12 +819,12 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
     all
 }
 
-fn versions() -> Value {
+fn versions(communicator: &Communicator) -> Value {
     json!({
         "solver": env!("CARGO_PKG_VERSION"),
         "commit": env!("SOLVER_COMMIT"),
         "lanes": Level::best().name(),
-        "mpi": decomposition::Communicator::serial().mpi_version(),
+        "mpi": communicator.mpi_version(),
     })
 }
 

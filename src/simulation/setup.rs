@@ -4,6 +4,8 @@ use crate::case::coupling::Scheme as WrittenScheme;
 use crate::case::fluid::Collision;
 use crate::coupling::body_map::{GHOSTS, Rules};
 use crate::coupling::bounce_back::Settings as CouplingSettings;
+use crate::coupling::drag::{self, DragLaw, Seepage};
+use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use crate::dem::contact::contact_bond::{self, ContactBond};
 use crate::dem::contact::linear::{self, Linear};
@@ -544,4 +546,102 @@ pub fn grains<S: Space>(
         };
         particles.insert(body, motion);
     }
+}
+
+/// The seepage of a plan with its drag, if there is one. Collective.
+///
+/// # Errors
+/// When water is shut in without an outlet.
+pub fn seepage<S: Space>(
+    plan: &Plan,
+    communicator: &decomposition::Communicator,
+) -> Result<Option<Seepage<S>>, Error> {
+    use crate::case::darcy::{Drag, Equations, MeanDiameter, PorosityMethod, SeepageCondition};
+    let Some(scene) = &plan.scene.seepage else {
+        return Ok(None);
+    };
+    let written = &scene.written;
+    let grid = darcy::Grid {
+        cells: scene.cells,
+        origin: scene.origin,
+        spacing: scene.spacing,
+        dimension: plan.scene.grid.dimension,
+    };
+    let enclosure = if scene.planes.is_empty() {
+        darcy::Enclosure::Everything
+    } else {
+        darcy::Enclosure::HalfSpaces(scene.planes.clone())
+    };
+    let openness = darcy::Openness::measure(&grid, &enclosure);
+    let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
+        axis: p.face.axis(),
+        upper: p.face.is_max(),
+        from: p.from,
+        to: p.to,
+        condition: match p.condition {
+            SeepageCondition::Pressure { value } => darcy::Condition::Pressure(value),
+            SeepageCondition::Head { value } => darcy::Condition::Head(value),
+            SeepageCondition::Flux { value } => darcy::Condition::Flux(value),
+            SeepageCondition::Rain { rate } => darcy::Condition::Rain(rate),
+            SeepageCondition::NoFlow {} => darcy::Condition::NoFlow,
+        },
+    };
+    let liquid = darcy::Liquid {
+        density: written.density,
+        viscosity: written.viscosity,
+    };
+    let equations = match written.equations {
+        Equations::Corrected => darcy::Equations::Corrected,
+        Equations::Paper => darcy::Equations::Paper,
+    };
+    let pressure = darcy::Pressure::new(
+        &openness,
+        scene.patches.iter().map(patch).collect(),
+        liquid,
+        darcy::Settings {
+            equations,
+            gravity: plan.scene.gravity,
+            tolerance: written.tolerance,
+            iterations: written.max_iterations,
+        },
+        communicator,
+    )
+    .map_err(|e| Error::Numerical(e.to_string()))?;
+    let diameter = match written.mean_diameter {
+        MeanDiameter::Sauter => darcy::MeanDiameter::Sauter,
+        MeanDiameter::Number => darcy::MeanDiameter::Number,
+        MeanDiameter::Mass => darcy::MeanDiameter::Mass,
+    };
+    let method = match written.porosity {
+        PorosityMethod::Centroid => darcy::Method::Centroid,
+        PorosityMethod::Divided => darcy::Method::Divided,
+        PorosityMethod::Exact => darcy::Method::Exact,
+    };
+    let settings = drag::Settings {
+        liquid,
+        permeability: darcy::Permeability {
+            diameter,
+            porosity_cap: written.porosity_cap,
+            least_porosity: written.least_porosity,
+        },
+        drag: match written.drag {
+            Drag::DiFelice => DragLaw::DiFelice,
+            Drag::Gidaspow => DragLaw::Gidaspow,
+            Drag::Dallavalle => DragLaw::Dallavalle,
+            Drag::KozenyCarman => DragLaw::KozenyCarman,
+        },
+        equations,
+        transient: written.transient_porosity,
+        semi_implicit: written.semi_implicit_drag,
+        gravity: plan.scene.gravity,
+        interval: plan.clock.time_step,
+    };
+    let pores = darcy::Pores::new(grid, method, diameter);
+    Ok(Some(Seepage::new(
+        openness,
+        pores,
+        pressure,
+        settings,
+        communicator,
+    )))
 }

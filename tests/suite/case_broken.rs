@@ -1,5 +1,6 @@
 //! Broken cases: each is refused with exit code 3 in less than a second, with one sentence that names the path.
 
+use crate::ranks::alone;
 use assert_cmd::Command;
 use serde_json::Value;
 use solver::case::Document;
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A change that breaks a case.
-enum Break {
+pub(crate) enum Break {
     /// `--set` assignments.
     Set(&'static [&'static str]),
     /// A field taken out, by JSON pointer.
@@ -24,7 +25,7 @@ const LB: &str = "fluid.lattice_boltzmann";
 
 /// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
 /// Boltzmann part.
-const TABLE: &[(&str, &str, Break, &str)] = &[
+pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     // Text
     ("not JSON", "couette", Text("{", "["), "line 2"),
     (
@@ -600,12 +601,6 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         "probes[1].name",
     ),
     (
-        "end before the first output",
-        "couette",
-        Set(&["output.fluid.every=3"]),
-        "output.fluid.every",
-    ),
-    (
         "output of grains without grains",
         "couette",
         Set(&["output.grains={\"every\": 1}"]),
@@ -642,9 +637,73 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["probes[9].every=1"]),
         "probes[9].every",
     ),
+    // Seepage
+    (
+        "seepage without viscosity",
+        "seepage",
+        Set(&["fluid.darcy.viscosity=0"]),
+        "fluid.darcy.viscosity",
+    ),
+    (
+        "seepage without outlet",
+        "seepage",
+        Set(&["fluid.darcy.boundaries=[]"]),
+        "fluid.darcy.boundaries",
+    ),
+    (
+        "seepage point outside the grid",
+        "seepage",
+        Set(&[
+            "fluid.darcy.boundaries[1].patch.from=[0.03, 0.03, 0]",
+            "fluid.darcy.boundaries[1].patch.to=[0.04, 0.04, 0]",
+        ]),
+        "fluid.darcy.boundaries[1].patch",
+    ),
+    (
+        "seepage cell smaller than a grain",
+        "seepage",
+        Set(&["fluid.darcy.grid.cells=[10, 10, 20]"]),
+        "fluid.darcy.grid.cells",
+    ),
+    (
+        "seepage grid without extent",
+        "seepage",
+        Set(&["fluid.darcy.grid.to=[0.02, 0, 0.04]"]),
+        "fluid.darcy.grid",
+    ),
+    (
+        "head without gravity",
+        "seepage",
+        Remove("/gravity"),
+        "fluid.darcy.boundaries[0].condition",
+    ),
+    (
+        "seepage with bounce-back",
+        "seepage",
+        Set(&["coupling={\"bounce_back\": {}}"]),
+        "coupling",
+    ),
+    (
+        "seepage in a periodic domain",
+        "seepage",
+        Set(&["domain.periodic=[\"x\"]", "box_walls=[\"z_min\"]"]),
+        "domain.periodic",
+    ),
+    (
+        "porosity limits crossed",
+        "seepage",
+        Set(&["fluid.darcy.least_porosity=0.8"]),
+        "fluid.darcy.least_porosity",
+    ),
+    (
+        "seepage with two intervals",
+        "seepage",
+        Set(&["time.solid_steps_per_fluid_step=10"]),
+        "time.solid_steps_per_fluid_step",
+    ),
 ];
 
-fn expected(path: &str) -> String {
+pub(crate) fn expected(path: &str) -> String {
     if path.starts_with('.') {
         format!("{LB}{path}")
     } else {
@@ -653,7 +712,7 @@ fn expected(path: &str) -> String {
 }
 
 /// The text of the broken case, and what to set.
-fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
+pub(crate) fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
     let text = find(example).expect("an example").text;
     match how {
         Set(set) => (text.into(), set.iter().map(|s| (*s).to_string()).collect()),
@@ -706,6 +765,7 @@ fn broken_cases_are_refused_by_the_library() {
 
 #[test]
 fn broken_cases_are_refused_by_the_binary() {
+    let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("case.json");
     for (name, example, how, path) in TABLE {
@@ -742,6 +802,31 @@ fn broken_cases_are_refused_by_the_binary() {
 }
 
 #[test]
+fn a_run_made_shorter_than_an_interval_is_only_warned_of() {
+    let text = find("piping").unwrap().text;
+    let set = ["time.end=0.0015", "checkpoint.every=0.1"].map(String::from);
+    let plan = Document::read(text, &set, Path::new(""))
+        .and_then(Plan::prepare)
+        .unwrap();
+    for path in [
+        "output.fluid.every",
+        "output.grains.every",
+        "output.contacts.every",
+        "probes[0].every",
+        "checkpoint.every",
+        "analysis.erosion_law.every",
+    ] {
+        let problem = plan.warnings.iter().find(|p| p.path == path);
+        let problem = problem.unwrap_or_else(|| panic!("{path} in {:#?}", plan.warnings));
+        assert_eq!(problem.severity, Severity::Warning);
+        assert!(
+            problem.reason.contains("the run ends at 0.0015 s"),
+            "{problem}"
+        );
+    }
+}
+
+#[test]
 fn all_problems_come_at_once() {
     let text = find("piping").unwrap().text;
     let set = [
@@ -749,7 +834,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density=-1",
         "fluid.lattice_boltzmann.relaxation_time=0.4",
         "grains.cut[0].box.to=[1, 1]",
-        "output.fluid.every=9",
         "probes[0].at.plane.position=7",
     ];
     let problems = judge(text, &set.map(String::from));
@@ -758,7 +842,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density",
         "fluid.lattice_boltzmann.relaxation_time",
         "grains.cut[0].box",
-        "output.fluid.every",
         "probes[0].at.plane.position",
     ] {
         assert!(

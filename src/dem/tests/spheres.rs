@@ -36,7 +36,6 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
                 shear_strength: 0.03,
                 bonding_gap: 1e-5,
                 unstressed: true,
-                ..CLAY
             },
         ),
     };
@@ -122,11 +121,14 @@ fn grains() -> Vec<(Body, Motion<Volume>)> {
     all
 }
 
+/// Both grains, or grain and wall, and how it broke.
+type Broken = (u64, u64, Option<u64>, Option<u32>, Failure);
+
 #[derive(Clone, Default)]
 struct Saved {
     grains: Table,
     contacts: Contacts,
-    breaks: Vec<(u64, u64, Option<u64>, Option<u32>, Failure)>,
+    breaks: Vec<Broken>,
 }
 
 impl Saved {

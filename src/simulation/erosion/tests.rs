@@ -130,6 +130,7 @@ fn view<'a>(
         plan,
         domain,
         fluid: Some(fluid),
+        seepage: None,
         particles,
         dem: None,
         step,

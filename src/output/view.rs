@@ -1,6 +1,7 @@
 //! What outputs, probes and analyses may see of a running simulation.
 
 use crate::coupling::FluidView;
+use crate::coupling::drag::Seepage;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
@@ -16,6 +17,8 @@ pub struct View<'a, S: Space> {
     pub domain: &'a Domain,
     /// This rank's slab of fluid, if the scene has one.
     pub fluid: Option<&'a dyn FluidView>,
+    /// The seepage, if the scene has one; the same on every rank.
+    pub seepage: Option<&'a Seepage<S>>,
     /// Grains and bodies of this rank, ghosts up to date.
     pub particles: &'a Particles<S>,
     /// Contacts, if anything moves.

@@ -1,0 +1,381 @@
+//! Darcy seepage with drag on grains (C-10 … C-17).
+//!
+//! At each coupling: porosity and mean diameter of the cells from the grains; permeability; pressure; then the load of every
+//! grain, held over the solid steps of the interval (C-16):
+//!
+//! ```text
+//! F = sum over cells of w [ -V grad p + b (q - eps v) ]      w: the part of the grain in the cell, b: the drag law's
+//! ```
+//!
+//! `q` is the Darcy flux and `eps v` the grain's velocity in the same measure (E-16, superficial); with the pressure of
+//! the whole water `-V grad p` holds buoyancy (E-15). As printed in the paper, both are interstitial: `b (u - v)` with
+//! `u = -K/(mu eps) grad p`, and there is no buoyancy.
+//!
+//! Where a grain follows the water faster than the interval passes, the drag is that at the velocity `v*` at the end of it
+//! under all known forces (contacts of the last step, gravity, pressure, drag), which an implicit Euler step gives:
+//!
+//! ```text
+//! v* = [v + dt/m (F_contact + m g + F_pressure + b q)]/(1 + dt b eps/m)
+//! ```
+//!
+//! A grain that its contacts hold at rest has `v* = v = 0` in the long run and bears the full drag.
+//!
+//! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
+//! the volume inside the walls. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
+//! rounding with [`kozeny_carman`] and grains at rest, the misfit of the drag law and the permeability else.
+
+pub mod dallavalle;
+pub mod di_felice;
+pub mod gidaspow;
+pub mod kozeny_carman;
+mod law;
+
+pub use law::{Bed, DragLaw, Grain};
+
+use super::Flow;
+use crate::darcy::{Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report};
+use crate::dem::particles::{Kind, Load, Particles};
+use crate::dem::ranks::Ranks;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use decomposition::{Communicator, ExactSum};
+use std::marker::PhantomData;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// The water.
+    pub liquid: Liquid,
+    /// Porosity and diameter to permeability.
+    pub permeability: Permeability,
+    /// The drag law.
+    pub drag: DragLaw,
+    /// Which equations.
+    pub equations: Equations,
+    /// Whether the change of porosity is a source of water (C-13).
+    pub transient: bool,
+    /// Drag at the end of the interval where a grain is faster than it.
+    pub semi_implicit: bool,
+    /// Gravity on the grains \[m/s2\].
+    pub gravity: [f64; 3],
+    /// Time between two couplings \[s\].
+    pub interval: f64,
+}
+
+/// Balance of a coupling.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Sum of the forces on grains \[N\].
+    pub on_grains: [f64; 3],
+    /// -integral of grad p over the water and grains inside the walls \[N\].
+    pub pressure: [f64; 3],
+    /// Weight of the water \[N\].
+    pub weight: [f64; 3],
+    /// Size of what is missing over the largest of the three.
+    pub closure: f64,
+    /// Grains whose drag was taken at the end of the interval.
+    pub implicit: u64,
+}
+
+/// Seepage with grains in it.
+pub struct Seepage<Sp: Space> {
+    settings: Settings,
+    openness: Openness,
+    pores: Pores,
+    pressure: Pressure,
+    communicator: Communicator,
+    permeability: Vec<f64>,
+    limited: Vec<f64>,
+    source: Vec<f64>,
+    before: Vec<f64>,
+    /// There is a porosity from the coupling before.
+    has_before: bool,
+    report: Report,
+    balance: Balance,
+    space: PhantomData<Sp>,
+}
+
+/// What one cell does to the grains in it.
+#[derive(Clone, Copy)]
+struct Cell {
+    gradient: [f64; 3],
+    flux: [f64; 3],
+    bed: Bed,
+    /// Factor of the grain's velocity beside the flux: eps, or 1 in the equations as printed.
+    measure: f64,
+}
+
+impl<Sp: Space> Seepage<Sp> {
+    /// Couples a pressure with grains.
+    #[must_use]
+    pub fn new(
+        openness: Openness,
+        pores: Pores,
+        pressure: Pressure,
+        settings: Settings,
+        communicator: &Communicator,
+    ) -> Self {
+        let n = openness.grid.count();
+        Self {
+            settings,
+            openness,
+            pores,
+            pressure,
+            communicator: communicator.clone(),
+            permeability: vec![0.0; n],
+            limited: vec![0.0; n],
+            source: vec![0.0; n],
+            before: vec![0.0; n],
+            has_before: false,
+            report: Report::default(),
+            balance: Balance::default(),
+            space: PhantomData,
+        }
+    }
+
+    /// The grid of the water.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.openness.grid
+    }
+
+    /// The pressure.
+    #[must_use]
+    pub fn pressure(&self) -> &Pressure {
+        &self.pressure
+    }
+
+    /// The pressure, to change what is imposed.
+    pub fn pressure_mut(&mut self) -> &mut Pressure {
+        &mut self.pressure
+    }
+
+    /// The pores.
+    #[must_use]
+    pub fn pores(&self) -> &Pores {
+        &self.pores
+    }
+
+    /// What the last solution cost.
+    #[must_use]
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// The balance of momentum at the last coupling.
+    #[must_use]
+    pub fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    /// What a run needs to go on: the reduced pressure of every cell, then its porosity at the last coupling; the same on
+    /// every rank. Nothing before the first coupling.
+    #[must_use]
+    pub fn state(&self) -> Vec<f64> {
+        if !self.has_before {
+            return Vec::new();
+        }
+        let cells = 0..self.grid().count();
+        let pressures = cells.map(|c| self.pressure.reduced(c));
+        pressures.chain(self.before.iter().copied()).collect()
+    }
+
+    /// Takes over what [`Self::state`] gave.
+    ///
+    /// # Errors
+    /// If it is for another grid.
+    pub fn restore(&mut self, state: &[f64]) -> Result<(), Error> {
+        let n = self.grid().count();
+        if state.is_empty() {
+            return Ok(());
+        }
+        if state.len() != 2 * n {
+            return Err(Error::Io(format!(
+                "the checkpoint holds {} numbers of the seepage, not {}",
+                state.len(),
+                2 * n
+            )));
+        }
+        self.pressure.restore(&state[..n]).map_err(failed)?;
+        self.before.copy_from_slice(&state[n..]);
+        self.has_before = true;
+        Ok(())
+    }
+
+    fn cell(&self, cell: usize) -> Option<Cell> {
+        if self.openness.blocked(cell) {
+            return None;
+        }
+        let porosity = self.limited[cell];
+        let liquid = self.settings.liquid;
+        Some(Cell {
+            gradient: self.pressure.gradient(cell),
+            flux: self.pressure.flux()[cell],
+            bed: Bed {
+                density: liquid.density,
+                viscosity: liquid.viscosity,
+                porosity,
+                solid: 1.0 - self.pores.porosity()[cell],
+                permeability: self.permeability[cell],
+            },
+            measure: match self.settings.equations {
+                Equations::Corrected => porosity,
+                Equations::Paper => 1.0,
+            },
+        })
+    }
+
+    /// Porosity, permeability and pressure for the grains where they are.
+    fn seep(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
+        self.pores.clear();
+        for k in 0..particles.owned() {
+            self.pores
+                .add(place::<Sp>(particles, k), particles.body[k].radius);
+        }
+        self.pores
+            .finish(&self.openness, &self.communicator)
+            .map_err(failed)?;
+        let law = self.settings.permeability;
+        let (porosity, diameter) = (self.pores.porosity(), self.pores.diameter());
+        for cell in 0..porosity.len() {
+            self.limited[cell] = law.limited(porosity[cell]);
+            self.permeability[cell] = law.of(porosity[cell], diameter[cell]);
+            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
+                / self.settings.interval;
+        }
+        let source = (self.settings.transient && self.has_before).then_some(&self.source[..]);
+        self.report = self
+            .pressure
+            .solve(&self.permeability, &self.limited, source)
+            .map_err(failed)?;
+        self.before.copy_from_slice(self.pores.porosity());
+        self.has_before = true;
+        Ok(())
+    }
+
+    /// Load of one grain, and whether its drag is that at the end of the interval.
+    fn load(&self, particles: &Particles<Sp>, k: usize) -> ([f64; 3], bool) {
+        let body = &particles.body[k];
+        let grain = Grain::new(Sp::DIMENSION, body.radius);
+        let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+        let mut pressure = [0.0; 3];
+        // Drag = pull - hold v.
+        let (mut pull, mut hold) = ([0.0; 3], 0.0);
+        self.pores
+            .parts(place::<Sp>(particles, k), body.radius, |cell, part| {
+                let Some(here) = self.cell(cell) else {
+                    return;
+                };
+                let past: [f64; 3] =
+                    std::array::from_fn(|a| here.flux[a] - here.measure * velocity[a]);
+                let speed = (past.iter().map(|u| u * u).sum::<f64>()).sqrt();
+                let b = part * self.settings.drag.coefficient(&here.bed, &grain, speed);
+                for a in 0..3 {
+                    pressure[a] -= part * grain.volume * here.gradient[a];
+                    pull[a] += b * here.flux[a];
+                }
+                hold += b * here.measure;
+            });
+        let share = self.settings.interval * hold / body.mass;
+        let implicit = self.settings.semi_implicit && body.kind == Kind::Free && share > 1.0;
+        let force = std::array::from_fn(|a| {
+            let v = if implicit {
+                let known = component(&particles.contact[k].force, a) + pressure[a] + pull[a];
+                let kick = self.settings.interval * (known / body.mass + self.settings.gravity[a]);
+                (velocity[a] + kick) / (1.0 + share)
+            } else {
+                velocity[a]
+            };
+            pressure[a] + pull[a] - hold * v
+        });
+        (force, implicit)
+    }
+
+    fn close(&mut self, mut on_grains: [ExactSum; 3], implicit: u64) {
+        let mut balance = Balance {
+            implicit: self.communicator.all_reduce_sum_u64(implicit),
+            ..Balance::default()
+        };
+        let mut largest = 0.0_f64;
+        let mut missing = 0.0;
+        for a in 0..3 {
+            on_grains[a].all_reduce(&self.communicator);
+            let (mut pressure, mut weight) = (ExactSum::new(), ExactSum::new());
+            for cell in 0..self.grid().count() {
+                let volume = self.openness.volume(cell);
+                pressure.add(-volume * self.pressure.gradient(cell)[a]);
+                weight.add(volume * self.pores.porosity()[cell] * self.pressure.weight()[a]);
+            }
+            balance.on_grains[a] = on_grains[a].value();
+            balance.pressure[a] = pressure.value();
+            balance.weight[a] = weight.value();
+            missing += (balance.on_grains[a] - balance.pressure[a] - balance.weight[a]).powi(2);
+            for term in [balance.on_grains[a], balance.pressure[a], balance.weight[a]] {
+                largest = largest.max(term.abs());
+            }
+        }
+        balance.closure = if largest > 0.0 {
+            missing.sqrt() / largest
+        } else {
+            0.0
+        };
+        self.balance = balance;
+    }
+}
+
+fn place<Sp: Space>(particles: &Particles<Sp>, k: usize) -> [f64; 3] {
+    components(&particles.location(k))
+}
+
+fn component<V: Components>(vector: &V, axis: usize) -> f64 {
+    if axis < V::COUNT {
+        vector.get(axis)
+    } else {
+        0.0
+    }
+}
+
+fn components<V: Components>(vector: &V) -> [f64; 3] {
+    std::array::from_fn(|a| component(vector, a))
+}
+
+fn failed(error: crate::darcy::Error) -> Error {
+    match error {
+        crate::darcy::Error::Messages(text) => Error::Internal(text),
+        other => Error::Numerical(other.to_string()),
+    }
+}
+
+impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+        self.seep(particles)?;
+        let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
+        let mut implicit = 0;
+        for k in 0..particles.owned() {
+            let (force, at_the_end) = self.load(particles, k);
+            let mut load = Load::<Sp>::default();
+            for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
+                load.force.set(a, *force);
+                sums[a].add(*force);
+            }
+            implicit += u64::from(at_the_end);
+            particles.fluid[k] = load;
+        }
+        self.close(sums, implicit);
+        if self.balance.closure.is_finite() {
+            Ok(())
+        } else {
+            Err(Error::Numerical(
+                "the force of the water on the grains is not finite".into(),
+            ))
+        }
+    }
+
+    fn follow(&mut self, _: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[path = "drag/tests.rs"]
+mod tests;

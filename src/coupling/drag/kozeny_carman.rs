@@ -1,0 +1,16 @@
+//! The drag that closes the balance of momentum with Kozeny and Carman's permeability.
+//!
+//! ```text
+//! f = V mu eps U/[K (1 - eps)]        sum over the grains of a cell at rest: eps mu q V_cell/K = -eps grad phi V_cell
+//! ```
+//!
+//! which is what the water of the cell loses by Darcy's law: with this law the forces on grains at rest add up to what the
+//! pressures and the weight of the water push with. Each grain of a cell bears by its volume.
+
+use super::{Bed, Grain};
+
+/// Force over superficial velocity \[kg/s\].
+#[must_use]
+pub fn coefficient(bed: &Bed, grain: &Grain) -> f64 {
+    grain.volume * bed.viscosity * bed.porosity / (bed.permeability * bed.solid)
+}

@@ -1,0 +1,70 @@
+//! The fluid of a run with its coupling: one of the pairs, chosen at the start and asked once a step.
+
+use super::Flow;
+use super::bounce_back::BounceBack;
+use super::drag::Seepage;
+use crate::dem::particles::Particles;
+use crate::dem::ranks::Ranks;
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::lbm::lanes::Stored;
+
+/// A fluid with its coupling.
+pub enum Water<Sp: Space, S: Stored> {
+    /// Lattice Boltzmann with moving bounce-back.
+    Lattice(Box<BounceBack<Sp, S>>),
+    /// Darcy seepage with drag.
+    Seepage(Box<Seepage<Sp>>),
+}
+
+impl<Sp: Space, S: Stored> Water<Sp, S> {
+    /// The lattice, if it is one.
+    #[must_use]
+    pub fn lattice(&self) -> Option<&BounceBack<Sp, S>> {
+        match self {
+            Self::Lattice(flow) => Some(flow),
+            Self::Seepage(_) => None,
+        }
+    }
+
+    /// The lattice, to set its state.
+    pub fn lattice_mut(&mut self) -> Option<&mut BounceBack<Sp, S>> {
+        match self {
+            Self::Lattice(flow) => Some(flow),
+            Self::Seepage(_) => None,
+        }
+    }
+
+    /// The seepage, if it is one.
+    #[must_use]
+    pub fn seepage(&self) -> Option<&Seepage<Sp>> {
+        match self {
+            Self::Lattice(_) => None,
+            Self::Seepage(flow) => Some(flow),
+        }
+    }
+
+    /// The seepage, to set its state.
+    pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
+        match self {
+            Self::Lattice(_) => None,
+            Self::Seepage(flow) => Some(flow),
+        }
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        match self {
+            Self::Lattice(flow) => flow.advance(particles, ranks),
+            Self::Seepage(flow) => flow.advance(particles, ranks),
+        }
+    }
+
+    fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        match self {
+            Self::Lattice(flow) => flow.follow(particles, ranks),
+            Self::Seepage(flow) => flow.follow(particles, ranks),
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Water that seeps through the pores of a bed of grains: porosity, permeability, pressure (C-09 … C-13).
+//!
+//! ```text
+//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  (coupling/drag takes it from there)
+//! ```
+//!
+//! Everything lives on a coarse regular [`Grid`] whose cells hold many grains. Each rank knows the porosity and the
+//! pressure of the whole grid, as a grain may stand anywhere on it; the linear solver alone, which is where the time goes,
+//! works on slabs of its own, cut along the longest axis of the coarse grid and so independent of how the grains are cut.
+//! Sums over grains and over cells are exact or in a fixed order, so that the same bits follow on any number of ranks.
+//!
+//! This module knows arrays and `decomposition`; it knows no grains, cases or files.
+
+pub mod enclosure;
+pub mod grid;
+mod layout;
+mod multigrid;
+pub mod overlap;
+pub mod permeability;
+pub mod porosity;
+pub mod pressure;
+mod reproducible;
+
+pub use enclosure::{Enclosure, Openness};
+pub use grid::Grid;
+pub use permeability::{MeanDiameter, Permeability};
+pub use porosity::{Method, Pores};
+pub use pressure::{Condition, Equations, Liquid, Patch, Pressure, Report, Settings};
+
+/// Why the water could not be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
+    #[error(
+        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected to no \
+         face with an imposed pressure or head: the water there has no outlet and its pressure is undetermined",
+        .at[0], .at[1], .at[2]
+    )]
+    Pocket {
+        /// Cells of the pocket.
+        cells: usize,
+        /// Centre of its first cell \[m\].
+        at: [f64; 3],
+    },
+    /// Every cell lies outside the walls.
+    #[error("no cell of the seepage grid is open to water")]
+    NoOpenCell,
+    /// The iteration did not reach its tolerance.
+    #[error(
+        "the seepage pressure did not converge: residual {residual:.3e} of the first after {iterations} iterations, \
+         {tolerance:.1e} wanted"
+    )]
+    NotConverged {
+        /// Iterations done.
+        iterations: u32,
+        /// Residual relative to the driving terms.
+        residual: f64,
+        /// What was asked for.
+        tolerance: f64,
+    },
+    /// A porosity, source or pressure is not a finite number.
+    #[error("the seepage pressure is not finite ({0})")]
+    NotFinite(&'static str),
+    /// The messages between ranks could not be set up.
+    #[error("seepage: {0}")]
+    Messages(String),
+}
+
+#[cfg(test)]
+mod testing {
+    /// Numbers over [0, 1) for tests (SplitMix64, S. Vigna).
+    pub(super) struct Draws(u64);
+
+    impl Draws {
+        pub(super) fn new(seed: u64) -> Self {
+            Self(seed)
+        }
+
+        #[expect(clippy::cast_precision_loss, reason = "53 bits are kept")]
+        pub(super) fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Where cells stand in memory, and which of them a rank works on.
+//!
+//! x fastest, one ghost cell all round the grid, whose conductances are 0 and whose values stay 0: no loop asks where it is.
+//! Every rank has arrays of the whole grid, works on the planes of its [`Part`], and gets those next to them by messages.
+
+use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The layout of a grid of cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) cells: [usize; 3],
+    pub(super) stride: [usize; 3],
+}
+
+/// Planes of a layout along one axis.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Part {
+    pub(super) axis: usize,
+    pub(super) planes: Range<usize>,
+}
+
+impl Layout {
+    pub(super) fn new(cells: [usize; 3]) -> Self {
+        let x = cells[0] + 2;
+        Self {
+            cells,
+            stride: [1, x, x * (cells[1] + 2)],
+        }
+    }
+
+    /// Length of an array, ghosts included.
+    pub(super) fn len(&self) -> usize {
+        self.stride[2] * (self.cells[2] + 2)
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// Position of a cell.
+    #[inline]
+    pub(super) fn at(&self, cell: [usize; 3]) -> usize {
+        (cell[0] + 1) + (cell[1] + 1) * self.stride[1] + (cell[2] + 1) * self.stride[2]
+    }
+
+    /// All cells as a part.
+    pub(super) fn whole(&self) -> Part {
+        Part {
+            axis: 2,
+            planes: 0..self.cells[2],
+        }
+    }
+
+    /// Cells from and to along each axis.
+    fn bounds(&self, part: &Part) -> [Range<usize>; 3] {
+        std::array::from_fn(|a| {
+            if a == part.axis {
+                part.planes.clone()
+            } else {
+                0..self.cells[a]
+            }
+        })
+    }
+
+    /// The rows of cells of a part along x, by rising y, then z.
+    pub(super) fn rows(&self, part: &Part) -> impl Iterator<Item = Range<usize>> + use<> {
+        let layout = *self;
+        let [x, y, z] = self.bounds(part);
+        z.flat_map(move |k| {
+            let x = x.clone();
+            y.clone().map(move |j| {
+                let start = layout.at([x.start, j, k]);
+                start..start + x.len()
+            })
+        })
+    }
+
+    /// Positions of the cells of one plane across an axis, in the order of the other two axes.
+    pub(super) fn plane(&self, axis: usize, plane: usize) -> impl Iterator<Item = usize> + use<> {
+        let (a, b) = match axis {
+            0 => (1, 2),
+            1 => (0, 2),
+            _ => (0, 1),
+        };
+        let layout = *self;
+        let (cells, stride) = (self.cells, self.stride);
+        (0..cells[b]).flat_map(move |j| {
+            let mut cell = [0; 3];
+            cell[axis] = plane;
+            cell[b] = j;
+            let start = layout.at(cell);
+            (0..cells[a]).map(move |i| start + i * stride[a])
+        })
+    }
+
+    /// Cells of a plane across an axis.
+    pub(super) fn plane_size(&self, axis: usize) -> usize {
+        self.cells[(axis + 1) % 3] * self.cells[(axis + 2) % 3]
+    }
+
+    /// Calls `work(first position, row of out)` for every row of a part; on several threads if the grid is large.
+    pub(super) fn sweep<T: Send>(
+        &self,
+        part: &Part,
+        out: &mut [T],
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
+        const WORTH_THREADS: usize = 1 << 15;
+        if self.count() < WORTH_THREADS || self.cells[2] == 1 || rayon::current_num_threads() == 1 {
+            for row in self.rows(part) {
+                work(row.start, &mut out[row]);
+            }
+            return;
+        }
+        let [x, y, z] = self.bounds(part);
+        let stride = self.stride;
+        out.par_chunks_mut(stride[2])
+            .enumerate()
+            .filter(|(plane, _)| *plane > 0 && z.contains(&(plane - 1)))
+            .for_each(|(plane, out)| {
+                for j in y.clone() {
+                    let start = 1 + x.start + (j + 1) * stride[1];
+                    work(plane * stride[2] + start, &mut out[start..start + x.len()]);
+                }
+            });
+    }
+}
+
+/// Messages that fill the planes next to a part.
+pub(super) struct Halo {
+    exchange: HaloExchange,
+    layout: Layout,
+    part: Part,
+}
+
+impl Halo {
+    /// Collective.
+    pub(super) fn new<T>(layout: Layout, domain: &Domain, tag: u8) -> Result<Self, Disagreement> {
+        let axis = domain.axis().index();
+        let bytes = layout.plane_size(axis) * size_of::<T>();
+        Ok(Self {
+            exchange: HaloExchange::new(domain, tag, HaloBytes::symmetric(bytes))?,
+            layout,
+            part: Part {
+                axis,
+                planes: domain.range(),
+            },
+        })
+    }
+
+    pub(super) fn fill<T: bytemuck::Pod>(&mut self, x: &mut [T]) {
+        let (layout, axis, planes) = (self.layout, self.part.axis, self.part.planes.clone());
+        let (lower, upper) = self.exchange.send_buffers_mut::<T>();
+        if lower.is_none() && upper.is_none() {
+            return;
+        }
+        for (buffer, plane) in [(lower, planes.start), (upper, planes.end.wrapping_sub(1))] {
+            if let Some(buffer) = buffer {
+                for (slot, at) in buffer.iter_mut().zip(layout.plane(axis, plane)) {
+                    *slot = x[at];
+                }
+            }
+        }
+        self.exchange.start();
+        self.exchange.finish();
+        let (lower, upper) = self.exchange.received::<T>();
+        for (buffer, plane) in [(lower, planes.start.wrapping_sub(1)), (upper, planes.end)] {
+            if let Some(buffer) = buffer {
+                for (value, at) in buffer.iter().zip(layout.plane(axis, plane)) {
+                    x[at] = *value;
+                }
+            }
+        }
+    }
+}
+
+/// Messages that make an array known to every rank, each giving its planes.
+pub(super) struct Gather {
+    exchange: FixedExchange,
+    layout: Layout,
+    axis: usize,
+    mine: Range<usize>,
+    others: Vec<Range<usize>>,
+}
+
+impl Gather {
+    /// `planes`: those of every rank, none in two.
+    pub(super) fn new<T>(
+        layout: Layout,
+        axis: usize,
+        planes: &[Range<usize>],
+        communicator: &Communicator,
+        tag: u8,
+    ) -> Result<Self, super::Error> {
+        let bytes = |r: &Range<usize>| r.len() * layout.plane_size(axis) * size_of::<T>();
+        let rank = communicator.rank();
+        let others = || planes.iter().enumerate().filter(|(r, _)| *r != rank);
+        let mine = planes.get(rank).cloned().unwrap_or(0..0);
+        // An empty message is no message.
+        let sends: Vec<(usize, usize)> = others()
+            .filter(|_| !mine.is_empty())
+            .map(|(r, _)| (r, bytes(&mine)))
+            .collect();
+        let full = || others().filter(|(_, range)| !range.is_empty());
+        let receives: Vec<(usize, usize)> = full().map(|(r, range)| (r, bytes(range))).collect();
+        Ok(Self {
+            exchange: FixedExchange::new(communicator, tag, &sends, &receives)
+                .map_err(|e| super::Error::Messages(e.to_string()))?,
+            layout,
+            axis,
+            others: full().map(|(_, range)| range.clone()).collect(),
+            mine,
+        })
+    }
+
+    pub(super) fn fill<T: bytemuck::Pod>(&mut self, x: &mut [T]) {
+        let (layout, axis, mine) = (self.layout, self.axis, self.mine.clone());
+        for buffer in self.exchange.send_buffers_mut::<T>() {
+            let from = mine.clone().flat_map(|p| layout.plane(axis, p));
+            for (slot, at) in buffer.iter_mut().zip(from) {
+                *slot = x[at];
+            }
+        }
+        self.exchange.start();
+        self.exchange.finish();
+        for (index, range) in self.others.iter().enumerate() {
+            let to = range.clone().flat_map(|p| layout.plane(axis, p));
+            for (value, at) in self.exchange.received::<T>(index).iter().zip(to) {
+                x[at] = *value;
+            }
+        }
+    }
+}

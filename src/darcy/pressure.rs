@@ -1,0 +1,818 @@
+//! Pressure and flux of water in the pores: Darcy's law and the balance of mass (C-12, C-13; E-13, E-14).
+//!
+//! ```text
+//! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
+//! ```
+//!
+//! The unknown is the reduced pressure `phi`, so that water at rest is at rest exactly. Cell-centred finite volumes: each
+//! face passes `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area, so that the layers of
+//! a column are in series exactly and what leaves one cell enters the next. The matrix is never formed beyond its faces;
+//! conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it from the last solution.
+//!
+//! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
+//! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
+//!
+//! Flux and gradient of a cell are the means of its two faces along each axis; then `-sum V grad phi` is exactly what the
+//! imposed pressures push with, which the closure of momentum rests on.
+
+use super::Error;
+use super::enclosure::Openness;
+use super::grid::Grid;
+use super::layout::{Gather, Halo, Layout, Part};
+use super::multigrid::{Ground, Matrix, Multigrid, first_joined, neighbours, single};
+use super::reproducible::{dot, power_above};
+use decomposition::{Axis, Communicator, Domain, ExactSum, Slabs};
+
+/// Which form of the balance of mass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Equations {
+    /// Conductivity K/mu, gravity in the water (E-13, E-14).
+    Corrected,
+    /// Conductivity K/(mu eps), no gravity in the water.
+    Paper,
+}
+
+/// The water.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Liquid {
+    /// Density \[kg/m3\].
+    pub density: f64,
+    /// Dynamic viscosity \[Pa s\].
+    pub viscosity: f64,
+}
+
+/// What holds on a part of the boundary of the grid; elsewhere nothing flows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Condition {
+    /// Pressure \[Pa\] on the face.
+    Pressure(f64),
+    /// Hydraulic head p/(rho g) + elevation above the origin of coordinates \[m\].
+    Head(f64),
+    /// Darcy flux into the grid \[m/s\].
+    Flux(f64),
+    /// Rain: volume per horizontal area and time \[m/s\].
+    Rain(f64),
+    /// Nothing flows.
+    NoFlow,
+}
+
+/// A part of a face of the grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Axis of the normal.
+    pub axis: usize,
+    /// At the upper end of the axis.
+    pub upper: bool,
+    /// First cell along each axis; of no matter along the normal.
+    pub from: [usize; 3],
+    /// One past the last cell along each axis; of no matter along the normal.
+    pub to: [usize; 3],
+    /// What holds there.
+    pub condition: Condition,
+}
+
+/// How the pressure is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Which equations.
+    pub equations: Equations,
+    /// Gravity \[m/s2\].
+    pub gravity: [f64; 3],
+    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    pub tolerance: f64,
+    /// Iterations after which it is an error.
+    pub iterations: u32,
+}
+
+/// What a solution cost and how good it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Iterations.
+    pub iterations: u32,
+    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    pub residual: f64,
+    /// Volume that enters in a second \[m3/s\].
+    pub inflow: f64,
+    /// Volume that leaves in a second \[m3/s\].
+    pub outflow: f64,
+}
+
+/// A face on the boundary of the grid that something crosses.
+#[derive(Clone, Copy, Debug)]
+struct Boundary {
+    /// Place of the cell among the cells and in the layout.
+    cell: usize,
+    at: usize,
+    axis: usize,
+    upper: bool,
+    /// Open area \[m2\].
+    area: f64,
+    /// Which patch.
+    patch: usize,
+    /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
+    lift: f64,
+    /// Part of the area that faces up.
+    up: f64,
+    /// Conductance from the centre of the cell.
+    conductance: f64,
+}
+
+/// The pressure of a grid, and the way to it.
+pub struct Pressure {
+    grid: Grid,
+    layout: Layout,
+    liquid: Liquid,
+    settings: Settings,
+    patches: Vec<Patch>,
+    boundary: Vec<Boundary>,
+    ground: Vec<Ground>,
+    part: Part,
+    communicator: Communicator,
+    halo: Halo,
+    gather: Option<Gather>,
+    /// Per axis, open area of a face times 2/spacing; 0 for a closed face.
+    factor: [Vec<f64>; 3],
+    /// Per axis, one over the open area of a face, 0 for a closed one.
+    per_area: [Vec<f64>; 3],
+    conductivity: Vec<f64>,
+    matrix: Matrix<f64>,
+    multigrid: Multigrid,
+    phi: Vec<f64>,
+    right: Vec<f64>,
+    residual: Vec<f64>,
+    direction: Vec<f64>,
+    product: Vec<f64>,
+    flux: Vec<[f64; 3]>,
+    conducts: Vec<bool>,
+    /// No pressure has been found or restored yet.
+    fresh: bool,
+}
+
+impl Pressure {
+    /// Sets up the solver: at rest, without conductivity. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Pocket`] if connected cells have no face with imposed pressure, [`Error::NoOpenCell`] if none is open.
+    pub fn new(
+        openness: &Openness,
+        patches: Vec<Patch>,
+        liquid: Liquid,
+        settings: Settings,
+        communicator: &Communicator,
+    ) -> Result<Self, Error> {
+        let grid = openness.grid;
+        let layout = Layout::new(grid.cells);
+        let message = |e: decomposition::Disagreement| Error::Messages(e.to_string());
+        let domain = Domain::new(communicator.clone(), slabs(&grid, communicator.size()))
+            .map_err(|e| Error::Messages(e.to_string()))?;
+        let part = Part {
+            axis: domain.axis().index(),
+            planes: domain.range(),
+        };
+        let ranges: Vec<_> = (0..communicator.size())
+            .map(|rank| domain.slabs().range(rank))
+            .collect();
+        let multigrid = Multigrid::new(
+            grid.cells,
+            grid.spacing,
+            part.clone(),
+            Halo::new::<f32>(layout, &domain, 41).map_err(message)?,
+            &ranges,
+            communicator,
+            42,
+        )?;
+        let gather = if communicator.size() > 1 {
+            Some(Gather::new::<f64>(
+                layout,
+                part.axis,
+                &ranges,
+                communicator,
+                43,
+            )?)
+        } else {
+            None
+        };
+        let n = layout.len();
+        let mut all = Self {
+            grid,
+            layout,
+            liquid,
+            settings,
+            boundary: boundary(openness, &layout, &patches, &liquid, &settings),
+            patches,
+            ground: Vec::new(),
+            halo: Halo::new::<f64>(layout, &domain, 40).map_err(message)?,
+            part,
+            communicator: communicator.clone(),
+            gather,
+            factor: std::array::from_fn(|_| vec![0.0; n]),
+            per_area: std::array::from_fn(|_| vec![0.0; n]),
+            conductivity: vec![0.0; n],
+            matrix: Matrix::new(&layout),
+            multigrid,
+            phi: vec![0.0; n],
+            right: vec![0.0; n],
+            residual: vec![0.0; n],
+            direction: vec![0.0; n],
+            product: vec![0.0; n],
+            flux: vec![[0.0; 3]; grid.count()],
+            conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
+            fresh: true,
+        };
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            for axis in 0..grid.dimension {
+                let open = openness.faces[axis][openness.face(axis, cell)];
+                if cell[axis] > 0 && open > 0.0 {
+                    let area = open * grid.area(axis);
+                    all.factor[axis][layout.at(cell)] = 2.0 * area / grid.spacing[axis];
+                    all.per_area[axis][layout.at(cell)] = 1.0 / area;
+                }
+            }
+        }
+        all.check_outlets()?;
+        Ok(all)
+    }
+
+    /// Labels connected cells; each set needs a face where the pressure is imposed.
+    fn check_outlets(&self) -> Result<(), Error> {
+        let mut held = vec![false; self.layout.len()];
+        for face in &self.boundary {
+            if matches!(
+                self.patches[face.patch].condition,
+                Condition::Pressure(_) | Condition::Head(_)
+            ) {
+                held[face.at] = true;
+            }
+        }
+        let mut seen = vec![false; self.layout.len()];
+        let mut stack = Vec::new();
+        let mut open = false;
+        for index in 0..self.grid.count() {
+            let first = self.layout.at(self.grid.cell(index));
+            if !self.conducts[index] || seen[first] {
+                continue;
+            }
+            open = true;
+            let (mut cells, mut outlet) = (0, false);
+            seen[first] = true;
+            stack.push(first);
+            while let Some(at) = stack.pop() {
+                cells += 1;
+                outlet |= held[at];
+                for axis in 0..3 {
+                    let step = self.layout.stride[axis];
+                    for (face, next) in [(at, at - step), (at + step, at + step)] {
+                        if self.factor[axis][face] > 0.0 && !seen[next] {
+                            seen[next] = true;
+                            stack.push(next);
+                        }
+                    }
+                }
+            }
+            if !outlet {
+                return Err(Error::Pocket {
+                    cells,
+                    at: self.grid.centre(self.grid.cell(index)),
+                });
+            }
+        }
+        if open { Ok(()) } else { Err(Error::NoOpenCell) }
+    }
+
+    /// The grid.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Changes what holds on a patch; its kind has to stay.
+    pub fn set_condition(&mut self, patch: usize, condition: Condition) {
+        self.patches[patch].condition = condition;
+    }
+
+    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, and a source \[1/s\] per volume inside the walls
+    /// (0 for quasi-steady flow), starting from the last one. Collective.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
+    pub fn solve(
+        &mut self,
+        permeability: &[f64],
+        porosity: &[f64],
+        source: Option<&[f64]>,
+    ) -> Result<Report, Error> {
+        self.assemble(permeability, porosity, source)?;
+        let (iterations, residual) = self.iterate()?;
+        if let Some(gather) = &mut self.gather {
+            gather.fill(&mut self.phi);
+        }
+        let (inflow, outflow) = self.fluxes();
+        Ok(Report {
+            iterations,
+            residual,
+            inflow,
+            outflow,
+        })
+    }
+
+    fn assemble(
+        &mut self,
+        permeability: &[f64],
+        porosity: &[f64],
+        source: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        let mobility = 1.0 / self.liquid.viscosity;
+        let nx = self.grid.cells[0];
+        let whole = self.layout.whole();
+        let mut bad = false;
+        for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+            for (at, cell) in row.zip(first..) {
+                let k = match self.settings.equations {
+                    Equations::Corrected => permeability[cell] * mobility,
+                    Equations::Paper => permeability[cell] * mobility / porosity[cell],
+                };
+                let k = if self.conducts[cell] { k } else { 0.0 };
+                bad |= !(0.0..f64::MAX).contains(&k);
+                self.conductivity[at] = k;
+            }
+        }
+        if bad {
+            return Err(Error::NotFinite("the permeability"));
+        }
+        for axis in 0..3 {
+            let stride = self.layout.stride[axis];
+            let (k, factor) = (&self.conductivity, &self.factor[axis]);
+            self.layout
+                .sweep(&whole, &mut self.matrix.t[axis], |start, out| {
+                    let n = out.len();
+                    let lower = &k[start - stride..start - stride + n];
+                    let upper = &k[start..start + n];
+                    let factor = &factor[start..start + n];
+                    for i in 0..n {
+                        let product = factor[i] * lower[i] * upper[i];
+                        out[i] = product / (lower[i] + upper[i] + f64::MIN_POSITIVE);
+                    }
+                });
+        }
+        self.ground.clear();
+        self.right.fill(0.0);
+        for face in &mut self.boundary {
+            let k = self.conductivity[face.at];
+            face.conductance = 2.0 * k * face.area / self.grid.spacing[face.axis];
+            match self.patches[face.patch].condition {
+                Condition::Pressure(p) => {
+                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.right[face.at] += face.conductance * (p + face.lift);
+                }
+                Condition::Head(h) => {
+                    let phi = head_pressure(&self.liquid, &self.settings, h);
+                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.right[face.at] += face.conductance * phi;
+                }
+                Condition::Flux(q) => self.right[face.at] += q * face.area,
+                Condition::Rain(q) => self.right[face.at] += q * face.area * face.up,
+                Condition::NoFlow => {}
+            }
+        }
+        if let Some(source) = source {
+            let volume = self.grid.volume();
+            for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    if self.conducts[cell] {
+                        self.right[at] += source[cell] * volume;
+                    }
+                }
+            }
+        }
+        let mut largest = 0.0_f64;
+        let [sx, sy, sz] = self.layout.stride;
+        let t = &self.matrix.t;
+        for row in self.layout.rows(&whole) {
+            for i in row {
+                self.matrix.diagonal[i] = ((t[0][i] + t[0][i + sx]) + (t[1][i] + t[1][i + sy]))
+                    + (t[2][i] + t[2][i + sz]);
+            }
+        }
+        for &(at, _, g) in &self.ground {
+            self.matrix.diagonal[at] += g;
+        }
+        for row in self.layout.rows(&whole) {
+            for i in row {
+                largest = largest.max(self.matrix.diagonal[i]);
+                bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
+                // A blocked cell takes no part: whatever a coarse correction puts there changes nothing.
+                if self.matrix.diagonal[i] <= 0.0 {
+                    self.right[i] = 0.0;
+                    self.phi[i] = 0.0;
+                }
+            }
+        }
+        if bad {
+            return Err(Error::NotFinite("the source or the boundary"));
+        }
+        self.multigrid
+            .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
+        Ok(())
+    }
+
+    /// The middle of the imposed reduced pressures.
+    fn middle(&self) -> f64 {
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for face in &self.boundary {
+            if let Some(phi) = self.imposed(face) {
+                least = least.min(phi);
+                most = most.max(phi);
+            }
+        }
+        0.5 * (least + most)
+    }
+
+    /// The reduced pressure that is imposed on a face.
+    fn imposed(&self, face: &Boundary) -> Option<f64> {
+        match self.patches[face.patch].condition {
+            Condition::Pressure(p) => Some(p + face.lift),
+            Condition::Head(h) => Some(head_pressure(&self.liquid, &self.settings, h)),
+            _ => None,
+        }
+    }
+
+    /// Conjugate gradients: iterations and relative residual.
+    fn iterate(&mut self) -> Result<(u32, f64), Error> {
+        if self.fresh {
+            // So that water that nothing drives is at rest exactly.
+            let middle = self.middle();
+            for index in 0..self.grid.count() {
+                if self.conducts[index] {
+                    self.phi[self.layout.at(self.grid.cell(index))] = middle;
+                }
+            }
+            self.fresh = false;
+        }
+        let scale = self.scale();
+        let mut largest = self.first_residual();
+        if !largest.is_finite() || !scale.is_finite() {
+            return Err(Error::NotFinite("the first residual"));
+        }
+        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
+        let scale = scale.max(1e-12 * self.size());
+        let wanted = self.settings.tolerance * scale;
+        let mut iterations = 0;
+        let mut last = 0.0;
+        while largest > wanted {
+            if iterations >= self.settings.iterations {
+                return Err(Error::NotConverged {
+                    iterations,
+                    residual: largest / scale,
+                    tolerance: self.settings.tolerance,
+                });
+            }
+            let here = (self.layout, self.part.clone());
+            let here = (&here.0, &here.1);
+            // The cycle works in single precision: on a residual near 1.
+            let unit = 1.0 / power_above(largest);
+            let residual = &self.residual;
+            here.0
+                .sweep(here.1, self.multigrid.right_side(), |start, out| {
+                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
+                        *b = single(r * unit);
+                    }
+                });
+            self.multigrid.cycle();
+            let z = self.multigrid.result();
+            let rz = dot(here, &self.residual, z, &self.communicator) / unit;
+            let beta = if iterations == 0 { 0.0 } else { rz / last };
+            last = rz;
+            here.0.sweep(here.1, &mut self.direction, |start, out| {
+                let z = &z[start..start + out.len()];
+                for (p, z) in out.iter_mut().zip(z) {
+                    *p = f64::from(*z) / unit + beta * *p;
+                }
+            });
+            self.halo.fill(&mut self.direction);
+            let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
+            layout.sweep(here.1, &mut self.product, |start, out| {
+                let n = out.len();
+                let (diagonal, row) = (&matrix.diagonal[start..start + n], &p[start..start + n]);
+                neighbours(matrix, layout, p, start, n, |i, sum| {
+                    out[i] = diagonal[i] * row[i] - sum;
+                });
+            });
+            let energy = dot(here, &self.direction, &self.product, &self.communicator);
+            let alpha = rz / energy;
+            if !alpha.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            let mut most = 0.0_f64;
+            let mut bad = 0.0_f64;
+            for row in self.layout.rows(here.1) {
+                let (p, q) = (&self.direction[row.clone()], &self.product[row.clone()]);
+                let (x, r) = (&mut self.phi[row.clone()], &mut self.residual[row]);
+                for i in 0..x.len() {
+                    x[i] += alpha * p[i];
+                    r[i] -= alpha * q[i];
+                    let size = r[i].abs();
+                    most = if size > most { size } else { most };
+                    bad += size * 0.0;
+                }
+            }
+            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
+                f64::INFINITY
+            } else {
+                most
+            });
+            if !largest.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            iterations += 1;
+        }
+        Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
+    }
+
+    /// The largest imbalance at the uniform pressure in the middle of what is imposed: what drives the flow. Over the whole
+    /// grid, so that no message is needed.
+    fn scale(&self) -> f64 {
+        let middle = self.middle();
+        let mut most = 0.0_f64;
+        // Inner faces pass nothing then.
+        let mut imbalance = |at: usize, ground: f64| {
+            most = most.max((self.right[at] - ground * middle).abs());
+        };
+        let mut ground = 0.0;
+        for (k, &(at, _, g)) in self.ground.iter().enumerate() {
+            ground += g;
+            if self.ground.get(k + 1).is_none_or(|next| next.0 != at) {
+                imbalance(at, ground);
+                ground = 0.0;
+            }
+        }
+        for row in self.layout.rows(&self.layout.whole()) {
+            for at in row {
+                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
+                    imbalance(at, 0.0);
+                }
+            }
+        }
+        most
+    }
+
+    /// The largest right side.
+    fn size(&self) -> f64 {
+        let rows = self.layout.rows(&self.layout.whole());
+        rows.flatten()
+            .fold(0.0, |most, at| self.right[at].abs().max(most))
+    }
+
+    fn is_ground(&self, at: usize) -> bool {
+        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
+    }
+
+    /// `residual = right - A phi`, and its largest size on any rank.
+    fn first_residual(&mut self) -> f64 {
+        self.halo.fill(&mut self.phi);
+        let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
+        layout.sweep(&self.part, &mut self.residual, |start, out| {
+            let n = out.len();
+            let (diagonal, row) = (&matrix.diagonal[start..start + n], &phi[start..start + n]);
+            let right = &right[start..start + n];
+            neighbours(matrix, layout, phi, start, n, |i, sum| {
+                out[i] = (right[i] - diagonal[i] * row[i]) + sum;
+            });
+        });
+        let mut most = 0.0_f64;
+        for row in self.layout.rows(&self.part) {
+            for r in &self.residual[row] {
+                most = if r.is_finite() {
+                    most.max(r.abs())
+                } else {
+                    f64::INFINITY
+                };
+            }
+        }
+        self.communicator.all_reduce_max_f64(most)
+    }
+
+    /// What crosses a boundary face, into the grid \[m3/s\].
+    fn inflow(&self, face: &Boundary) -> f64 {
+        match self.patches[face.patch].condition {
+            Condition::Flux(q) => q * face.area,
+            Condition::Rain(q) => q * face.area * face.up,
+            Condition::NoFlow => 0.0,
+            Condition::Pressure(_) | Condition::Head(_) => self
+                .imposed(face)
+                .map_or(0.0, |phi| face.conductance * (phi - self.phi[face.at])),
+        }
+    }
+
+    /// Darcy flux of each cell from its faces; what enters and leaves in all.
+    fn fluxes(&mut self) -> (f64, f64) {
+        let layout = self.layout;
+        let [_, sy, sz] = layout.stride;
+        let nx = self.grid.cells[0];
+        let (t, w, phi) = (&self.matrix.t, &self.per_area, &self.phi);
+        for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
+            let mut west = 0.0;
+            for (at, flux) in row.zip(&mut self.flux[first..first + nx]) {
+                let face = |axis: usize, at: usize, stride: usize| {
+                    (t[axis][at] * w[axis][at]) * (phi[at - stride] - phi[at])
+                };
+                let east = face(0, at + 1, 1);
+                *flux = [
+                    0.5 * (west + east),
+                    0.5 * (face(1, at, sy) + face(1, at + sy, sy)),
+                    0.5 * (face(2, at, sz) + face(2, at + sz, sz)),
+                ];
+                west = east;
+            }
+        }
+        let (mut inflow, mut outflow) = (ExactSum::new(), ExactSum::new());
+        for k in 0..self.boundary.len() {
+            let face = self.boundary[k];
+            let rate = self.inflow(&face);
+            if rate > 0.0 {
+                inflow.add(rate);
+            } else {
+                outflow.add(-rate);
+            }
+            let along = if face.upper { -rate } else { rate };
+            self.flux[face.cell][face.axis] += 0.5 * along / face.area;
+        }
+        (inflow.value(), outflow.value())
+    }
+
+    /// Darcy flux of each cell \[m/s\]; interstitial velocity in the equations as printed.
+    #[must_use]
+    pub fn flux(&self) -> &[[f64; 3]] {
+        &self.flux
+    }
+
+    /// K/mu of a cell, or K/(mu eps) in the equations as printed \[m2/(Pa s)\]; 0 outside the walls.
+    #[must_use]
+    pub fn conductivity(&self, cell: usize) -> f64 {
+        self.conductivity[self.layout.at(self.grid.cell(cell))]
+    }
+
+    /// Gradient of the reduced pressure in a cell \[Pa/m\].
+    #[must_use]
+    pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
+        let k = self.conductivity(cell);
+        if k > 0.0 {
+            self.flux[cell].map(|q| -q / k)
+        } else {
+            [0.0; 3]
+        }
+    }
+
+    /// rho g in the water \[N/m3\]; 0 in the equations as printed.
+    #[must_use]
+    pub fn weight(&self) -> [f64; 3] {
+        match self.settings.equations {
+            Equations::Corrected => self.settings.gravity.map(|g| g * self.liquid.density),
+            Equations::Paper => [0.0; 3],
+        }
+    }
+
+    /// Gradient of the pressure in a cell \[Pa/m\].
+    #[must_use]
+    pub fn gradient(&self, cell: usize) -> [f64; 3] {
+        let (gradient, weight) = (self.reduced_gradient(cell), self.weight());
+        std::array::from_fn(|a| gradient[a] + weight[a])
+    }
+
+    /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
+    #[must_use]
+    pub fn reduced(&self, cell: usize) -> f64 {
+        if !self.conducts[cell] {
+            return 0.0;
+        }
+        self.phi[self.layout.at(self.grid.cell(cell))]
+    }
+
+    /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
+    #[must_use]
+    pub fn pressure(&self, cell: usize) -> f64 {
+        if !self.conducts[cell] {
+            return 0.0;
+        }
+        let (x, weight) = (self.grid.centre(self.grid.cell(cell)), self.weight());
+        self.reduced(cell) + (weight[0] * x[0] + weight[1] * x[1] + weight[2] * x[2])
+    }
+
+    /// Takes over the reduced pressures of a saved run as the start of the next iteration.
+    ///
+    /// # Errors
+    /// If there is not one for each cell.
+    pub fn restore(&mut self, reduced: &[f64]) -> Result<(), Error> {
+        if reduced.len() != self.grid.count() {
+            return Err(Error::Messages(format!(
+                "{} pressures for {} cells",
+                reduced.len(),
+                self.grid.count()
+            )));
+        }
+        for (index, phi) in reduced.iter().enumerate() {
+            self.phi[self.layout.at(self.grid.cell(index))] = *phi;
+        }
+        self.fresh = false;
+        Ok(())
+    }
+
+    /// Volume that enters through each patch \[m3/s\].
+    #[must_use]
+    pub fn patch_inflows(&self) -> Vec<f64> {
+        let mut sums: Vec<ExactSum> = self.patches.iter().map(|_| ExactSum::new()).collect();
+        for face in &self.boundary {
+            sums[face.patch].add(self.inflow(face));
+        }
+        sums.iter().map(ExactSum::value).collect()
+    }
+}
+
+/// Reduced pressure of a head: rho g h \[Pa\].
+fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
+    let g = settings.gravity;
+    liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
+}
+
+/// Slabs along the longest axis, cut between cells that the coarser grid joins.
+fn slabs(grid: &Grid, size: usize) -> Slabs {
+    let axis = Axis::longest(grid.cells);
+    let a = axis.index();
+    let step = first_joined(grid.cells, grid.spacing)[a];
+    let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
+    let bounds = pairs
+        .bounds()
+        .iter()
+        .map(|b| (b * step).min(grid.cells[a]))
+        .collect();
+    Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
+}
+
+/// The faces of the boundary that belong to a patch, by rising position of their cell.
+fn boundary(
+    openness: &Openness,
+    layout: &Layout,
+    patches: &[Patch],
+    liquid: &Liquid,
+    settings: &Settings,
+) -> Vec<Boundary> {
+    let grid = openness.grid;
+    let gravity = settings.gravity;
+    let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
+    let mut all = Vec::new();
+    for index in 0..grid.count() {
+        let cell = grid.cell(index);
+        for axis in 0..grid.dimension {
+            for upper in [false, true] {
+                let edge = if upper { grid.cells[axis] - 1 } else { 0 };
+                if cell[axis] != edge || openness.blocked(index) {
+                    continue;
+                }
+                let holds = |p: &Patch| {
+                    p.axis == axis
+                        && p.upper == upper
+                        && (0..3).all(|a| a == axis || (p.from[a]..p.to[a]).contains(&cell[a]))
+                };
+                let Some(patch) = patches.iter().rposition(holds) else {
+                    continue;
+                };
+                let mut place = cell;
+                place[axis] += usize::from(upper);
+                let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
+                if area <= 0.0 || patches[patch].condition == Condition::NoFlow {
+                    continue;
+                }
+                let mut centre = grid.centre(cell);
+                centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+                let lift = match settings.equations {
+                    Equations::Corrected => {
+                        -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
+                    }
+                    Equations::Paper => 0.0,
+                };
+                let outward = if upper { 1.0 } else { -1.0 };
+                let up = if strength > 0.0 {
+                    (-gravity[axis] * outward / strength).max(0.0)
+                } else {
+                    0.0
+                };
+                all.push(Boundary {
+                    cell: index,
+                    at: layout.at(cell),
+                    axis,
+                    upper,
+                    area,
+                    patch,
+                    lift,
+                    up,
+                    conductance: 0.0,
+                });
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+#[path = "pressure/tests.rs"]
+mod tests;

@@ -1,0 +1,107 @@
+//! Fields of the seepage as cell data of its coarse grid, in SI.
+//!
+//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the equations as
+//! printed); cells outside the walls have porosity 0.
+
+use super::fluid::Number;
+use crate::case::fluid::Precision;
+use crate::case::observe::FieldName;
+use crate::coupling::drag::Seepage;
+use crate::dem::space::Space;
+use io::{Column, Image};
+
+/// The columns of one output; buffers reused.
+#[derive(Debug)]
+pub(crate) enum SeepageFields {
+    Single(Buffers<f32>),
+    Double(Buffers<f64>),
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Buffers<T> {
+    pressure: Vec<T>,
+    porosity: Vec<T>,
+    velocity: Vec<T>,
+    wanted: Vec<FieldName>,
+}
+
+impl SeepageFields {
+    pub(crate) fn new(fields: &[FieldName], precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::Single(Buffers::new(fields)),
+            Precision::F64 => Self::Double(Buffers::new(fields)),
+        }
+    }
+
+    /// Reads the fields on the first rank.
+    pub(crate) fn read<S: Space>(&mut self, seepage: &Seepage<S>, first: bool) {
+        match self {
+            Self::Single(buffers) => buffers.read(seepage, first),
+            Self::Double(buffers) => buffers.read(seepage, first),
+        }
+    }
+
+    /// This rank's box of the image.
+    pub(crate) fn image<'a, S: Space>(&'a self, seepage: &Seepage<S>, first: bool) -> Image<'a> {
+        let grid = seepage.grid();
+        Image {
+            origin: grid.origin,
+            spacing: grid.spacing,
+            cells: grid.cells,
+            start: [0; 3],
+            count: if first {
+                grid.cells
+            } else {
+                [grid.cells[0], grid.cells[1], 0]
+            },
+            fields: match self {
+                Self::Single(buffers) => buffers.columns(),
+                Self::Double(buffers) => buffers.columns(),
+            },
+        }
+    }
+}
+
+impl<T: Number> Buffers<T> {
+    fn new(fields: &[FieldName]) -> Self {
+        Self {
+            pressure: Vec::new(),
+            porosity: Vec::new(),
+            velocity: Vec::new(),
+            wanted: fields.to_vec(),
+        }
+    }
+
+    fn read<S: Space>(&mut self, seepage: &Seepage<S>, first: bool) {
+        self.pressure.clear();
+        self.porosity.clear();
+        self.velocity.clear();
+        if !first {
+            return;
+        }
+        let (pressure, pores) = (seepage.pressure(), seepage.pores());
+        for cell in 0..seepage.grid().count() {
+            self.pressure.push(T::of(pressure.pressure(cell)));
+            self.porosity.push(T::of(pores.porosity()[cell]));
+            self.velocity.extend(pressure.flux()[cell].map(T::of));
+        }
+    }
+
+    fn columns(&self) -> Vec<Column<'_>> {
+        let column = |name, units, components, values| Column {
+            name,
+            units,
+            components,
+            data: T::data(values),
+        };
+        let mut columns = Vec::new();
+        if self.wanted.contains(&FieldName::Velocity) {
+            columns.push(column("velocity", "m/s", 3, &self.velocity));
+        }
+        if self.wanted.contains(&FieldName::Pressure) {
+            columns.push(column("pressure", "Pa", 1, &self.pressure));
+        }
+        columns.push(column("porosity", "-", 1, &self.porosity));
+        columns
+    }
+}

@@ -1,0 +1,314 @@
+//! The seepage of a scene: its coarse grid, and a condition for parts of the faces.
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grid::{Grid, count, whole};
+use super::solids::Grains;
+use crate::case::Case;
+use crate::case::darcy::{self, Darcy, SeepageCondition};
+use crate::case::fluid::Fluid;
+use crate::case::geometry::Face;
+use serde::Serialize;
+
+/// Where the seepage stands in a case.
+pub(crate) const PATH: &str = "fluid.darcy";
+
+/// A resolved seepage, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Seepage {
+    /// The choices as written.
+    pub written: Darcy,
+    /// Cells of the coarse grid; 1 along z in 2-D.
+    pub cells: [usize; 3],
+    /// Its lower corner [m].
+    pub origin: [f64; 3],
+    /// Edges of a cell [m]; 1 along z in 2-D.
+    pub spacing: [f64; 3],
+    /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it [m].
+    pub planes: Vec<([f64; 3], f64)>,
+    /// Conditions, in the order of the case.
+    pub patches: Vec<Patch>,
+}
+
+/// A condition on a part of a face of the coarse grid.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Patch {
+    /// Its name.
+    pub name: String,
+    /// The face.
+    pub face: Face,
+    /// First cell along each axis.
+    pub from: [usize; 3],
+    /// One past the last.
+    pub to: [usize; 3],
+    /// What holds there.
+    pub condition: SeepageCondition,
+}
+
+impl Seepage {
+    pub(crate) fn resolve(
+        case: &Case,
+        grid: &Grid,
+        grains: Option<&Grains>,
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let Some(Fluid::Darcy(written)) = &case.fluid else {
+            return None;
+        };
+        if grid.periodic.iter().any(|p| *p) {
+            findings.error(
+                "domain.periodic",
+                "the seepage knows walls and openings only: its grid does not repeat itself",
+                "leave `periodic` out",
+            );
+        }
+        let (cells, origin, spacing) = coarse(written, grid, findings)?;
+        let planes = planes(written, grid, findings);
+        let mut scene = Self {
+            written: written.clone(),
+            cells,
+            origin,
+            spacing,
+            planes,
+            patches: Vec::new(),
+        };
+        scene.patches = scene.patches_of(grid, findings);
+        scene.check(case, grid, grains, findings);
+        Some(scene)
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// The smallest edge of a cell [m].
+    #[must_use]
+    pub fn smallest_edge(&self, dimension: usize) -> f64 {
+        self.spacing[..dimension]
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    fn patches_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Patch> {
+        let mut patches = Vec::new();
+        for (n, boundary) in self.written.boundaries.iter().enumerate() {
+            let path = format!("{PATH}.boundaries[{n}]");
+            let axis = boundary.face.axis();
+            if axis >= grid.dimension {
+                findings.error(
+                    &format!("{path}.face"),
+                    "there is no such face in 2-D",
+                    "use x_min, x_max, y_min or y_max",
+                );
+                continue;
+            }
+            let (mut from, mut to) = ([0; 3], self.cells);
+            if let Some(extent) = &boundary.patch {
+                let low =
+                    Block::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
+                let high = Block::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
+                for a in (0..grid.dimension).filter(|&a| a != axis) {
+                    // A cell belongs to a patch if its centre does.
+                    let first = |x: f64| {
+                        let place = (x - self.origin[a]) / self.spacing[a] - 0.5;
+                        whole(place.ceil().clamp(0.0, count(self.cells[a])))
+                    };
+                    (from[a], to[a]) = (first(low[a]), first(high[a]));
+                }
+                if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
+                    findings.error(
+                        &format!("{path}.patch"),
+                        "the patch holds the centre of no cell of the coarse grid",
+                        format!(
+                            "the grid reaches from {:?} to {:?} m in cells of {:?} m",
+                            &self.origin[..grid.dimension],
+                            &self.end()[..grid.dimension],
+                            &self.spacing[..grid.dimension]
+                        ),
+                    );
+                    continue;
+                }
+            }
+            for a in (0..grid.dimension).filter(|&a| a != axis) {
+                if boundary.patch.is_some() && (to[a] - from[a]) % 2 == 1 && to[a] - from[a] > 1 {
+                    findings.warn(
+                        &format!("{path}.patch"),
+                        format!(
+                            "an odd number of cells ({}) across an opening loads the grains unevenly",
+                            to[a] - from[a]
+                        ),
+                        "use an even number (C-09)",
+                    );
+                }
+            }
+            patches.push(Patch {
+                name: boundary.name.clone(),
+                face: boundary.face,
+                from,
+                to,
+                condition: boundary.condition.clone(),
+            });
+        }
+        patches
+    }
+
+    fn end(&self) -> [f64; 3] {
+        std::array::from_fn(|a| self.origin[a] + count(self.cells[a]) * self.spacing[a])
+    }
+
+    fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
+        let holds = |p: &Patch| {
+            matches!(
+                p.condition,
+                SeepageCondition::Pressure { .. } | SeepageCondition::Head { .. }
+            )
+        };
+        if !self.patches.iter().any(holds) {
+            findings.error(
+                &format!("{PATH}.boundaries"),
+                "no pressure and no head is imposed anywhere: the water has no outlet and its pressure is undetermined",
+                "add a boundary with {\"pressure\": {\"value\": 0}} or {\"head\": {\"value\": 0}}",
+            );
+        }
+        let weightless = case
+            .gravity
+            .as_ref()
+            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+        for (n, patch) in self.patches.iter().enumerate() {
+            let needs = matches!(
+                patch.condition,
+                SeepageCondition::Head { .. } | SeepageCondition::Rain { .. }
+            );
+            if needs && weightless {
+                findings.error(
+                    &format!("{PATH}.boundaries[{n}].condition"),
+                    "a head and rain need gravity, and there is none in this case",
+                    "add `gravity`, or impose a pressure or a flux",
+                );
+            }
+        }
+        let written = &self.written;
+        if written.least_porosity >= written.porosity_cap {
+            findings.error(
+                &format!("{PATH}.least_porosity"),
+                "the least porosity must be below the cap",
+                format!("use a value below {}", written.porosity_cap),
+            );
+        }
+        let edge = self.smallest_edge(grid.dimension);
+        let path = if written.grid.is_some() {
+            format!("{PATH}.grid.cells")
+        } else {
+            "domain.spacing".to_owned()
+        };
+        if let Some((_, largest)) = grains.and_then(|g| g.radii) {
+            let diameter = 2.0 * largest;
+            if edge < diameter {
+                findings.error(
+                    &path,
+                    format!(
+                        "a cell of the seepage has an edge of {} m, but the largest grain a diameter of {} m: a cell has to \
+                         hold grains",
+                        number(edge),
+                        number(diameter)
+                    ),
+                    format!("use cells of at least {} m", number(diameter)),
+                );
+            }
+        }
+        if (0..grid.dimension).any(|a| self.cells[a] < 5) {
+            findings.warn(
+                &path,
+                "fewer than 5 cells of the seepage along an axis",
+                "use at least 5 (C-09)",
+            );
+        }
+        if case.coupling.is_some() {
+            findings.error(
+                "coupling",
+                "the seepage acts on the grains by its own drag",
+                "take the coupling out",
+            );
+        }
+        if case.time.warm_up.is_some() {
+            findings.error(
+                "time.warm_up",
+                "the seepage is steady at every coupling: there is nothing to warm up",
+                "take it out",
+            );
+        }
+        if case.grains.is_none() && case.bodies.is_empty() {
+            findings.error(
+                "grains",
+                "water that seeps needs grains to seep between",
+                "add `grains`",
+            );
+        }
+    }
+}
+
+fn coarse(
+    written: &Darcy,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<([usize; 3], [f64; 3], [f64; 3])> {
+    let Some(own) = &written.grid else {
+        let mut spacing = [grid.spacing; 3];
+        if grid.dimension == 2 {
+            spacing[2] = 1.0;
+        }
+        return Some((grid.cells, [0.0; 3], spacing));
+    };
+    let path = format!("{PATH}.grid");
+    let from = Block::vector(grid, &own.from, &format!("{path}.from"), findings);
+    let to = Block::vector(grid, &own.to, &format!("{path}.to"), findings);
+    if own.cells.len() != grid.dimension || own.cells.iter().any(|n| *n == 0 || *n > 100_000) {
+        findings.error(
+            &format!("{path}.cells"),
+            format!("this needs {} numbers from 1 to 100000", grid.dimension),
+            "write the cells along each axis",
+        );
+        return None;
+    }
+    let (mut cells, mut spacing) = ([1; 3], [1.0; 3]);
+    for a in 0..grid.dimension {
+        cells[a] = own.cells[a] as usize;
+        spacing[a] = (to[a] - from[a]) / count(cells[a]);
+        if !(spacing[a] > 0.0 && spacing[a].is_finite()) {
+            findings.error(
+                &path,
+                format!("the grid has no extent along {}", ["x", "y", "z"][a]),
+                "write the lower corner in `from`, the upper one in `to`",
+            );
+            return None;
+        }
+    }
+    Some((cells, from, spacing))
+}
+
+fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3], f64)> {
+    let darcy::Enclosure::Planes(planes) = &written.enclosure else {
+        return Vec::new();
+    };
+    let mut all = Vec::new();
+    for (n, plane) in planes.iter().enumerate() {
+        let path = format!("{PATH}.enclosure.planes[{n}]");
+        let point = Block::vector(grid, &plane.point, &format!("{path}.point"), findings);
+        let normal = Block::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
+        let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            findings.error(
+                &format!("{path}.normal"),
+                "a normal has a length",
+                "write the direction from the plane to the water",
+            );
+            continue;
+        }
+        let outward = normal.map(|x| -x / length);
+        all.push((outward, (0..3).map(|a| outward[a] * point[a]).sum()));
+    }
+    all
+}
