@@ -399,6 +399,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
 
     /// Moves the memories of all contacts out of the lists, by rising key, each once.
     fn remember(&mut self) {
+        let with_memory = |pair: &&Pair<L::Scale, L::Memory>| pair.memory != L::Memory::default();
+        self.memories
+            .reserve_exact(self.pairs.iter().filter(with_memory).count());
         for pair in &self.pairs {
             if pair.memory != L::Memory::default() {
                 let key = key(
@@ -535,7 +538,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.offsets.push(S::Vector::default());
         self.offset_shifts.push([0; 3]);
         let mut search = std::mem::take(&mut self.search);
-        search.pairs(particles, gap, |i, j| {
+        // No more room than needed: these lists are most of the memory of a grain.
+        self.pairs.reserve_exact(search.look(particles, gap));
+        search.each(|i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
             let key = key(self.names[i], self.names[j]);
             // The last ones are the likely ones.

@@ -41,15 +41,28 @@ const CLASSES: usize = 24;
 impl Search {
     /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` (m) apart and of which at least one is owned
     /// and one can be moved by forces, in the order the module says.
+    #[cfg(test)]
     pub(super) fn pairs<S: Space>(
         &mut self,
         particles: &Particles<S>,
         gap: f64,
-        mut visit: impl FnMut(usize, usize),
+        visit: impl FnMut(usize, usize),
     ) {
+        self.look(particles, gap);
+        self.each(visit);
+    }
+
+    /// Finds every pair whose surfaces are at most `gap` (m) apart and of which at least one is owned and one can be moved by
+    /// forces; returns how many.
+    pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
         self.put_in_order(particles);
+        self.found.len()
+    }
+
+    /// Calls `visit(first, second)` for every pair of the last [`Self::look`], in the order the module says.
+    pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
         for (p, window) in self.start.windows(2).enumerate() {
             for &second in &self.second[window[0] as usize..window[1] as usize] {
                 visit(self.order[p] as usize, self.order[second as usize] as usize);
@@ -57,7 +70,7 @@ impl Search {
         }
     }
 
-    /// Calls `visit` with every entry of the last [`Self::pairs`] whose surface may be within `gap` (m) of the box between two
+    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` (m) of the box between two
     /// corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,

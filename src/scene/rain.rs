@@ -196,6 +196,9 @@ pub struct Rain<S: Space> {
     pub limit: u64,
 }
 
+/// A centre (m) and a radius (m).
+pub type Placed<S> = (<S as Space>::Vector, f64);
+
 /// One look at how far grains have settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Look {
@@ -239,8 +242,7 @@ impl<S: Space> Rain<S> {
     ///
     /// # Errors
     /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost.
-    #[expect(clippy::type_complexity, reason = "centres with radii, and the report")]
-    pub fn fall(&self) -> Result<(Vec<(S::Vector, f64)>, Report), Error> {
+    pub fn fall(&self) -> Result<(Vec<Placed<S>>, Report), Error> {
         let refuse = |what: String| Error::Numerical(what);
         let (axis, up) = self.height_axis()?;
         let radii = self
@@ -253,7 +255,7 @@ impl<S: Space> Rain<S> {
             ..Report::default()
         };
         let places = self.cloud(&radii)?;
-        let mut grains: Vec<(S::Vector, f64)> = curve_order::<S>(&places)
+        let mut grains: Vec<Placed<S>> = curve_order::<S>(&places)
             .into_iter()
             .map(|k| (places[k], radii[k]))
             .collect();
@@ -368,9 +370,9 @@ impl<S: Space> Rain<S> {
     fn settle(
         &self,
         law: &Law,
-        grains: Vec<(S::Vector, f64)>,
+        grains: Vec<Placed<S>>,
         report: &mut Report,
-    ) -> Result<Vec<(S::Vector, f64)>, Error> {
+    ) -> Result<Vec<Placed<S>>, Error> {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
         for (id, (position, radius)) in (0..).zip(grains) {
