@@ -119,8 +119,9 @@ use_environment() {
   fi
   # Containers often forbid the single-copy system call; without this Open MPI prints a warning for each rank.
   export OMPI_MCA_btl_vader_single_copy_mechanism=none
-  # After SIGTERM the ranks may need longer than a second to write their checkpoint.
-  export OMPI_MCA_odls_base_sigkill_timeout=60
+  # mpirun waits twice as long at every end other than success, an abort or a checkpoint and 75 too; a timeout from
+  # elsewhere would make each of them linger. Ask for a checkpoint by SIGUSR2: that has no time limit.
+  unset OMPI_MCA_odls_base_sigkill_timeout
 }
 
 if [ "${BASH_SOURCE[0]}" = "$0" ]; then

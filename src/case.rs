@@ -113,7 +113,8 @@ pub struct Document {
     pub problems: Vec<Problem>,
     /// Where values come from, by JSON path.
     pub sources: BTreeMap<String, Source>,
-    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied, paths of input files absolute, so that
+    /// it means the same in any folder.
     pub canonical: String,
 }
 
@@ -140,7 +141,9 @@ impl Document {
             }
         }
         sources.extend(annotation::strip(&mut tree));
-        let canonical = tree.to_string();
+        let mut elsewhere = tree.clone();
+        anchor(&mut elsewhere, directory);
+        let canonical = elsewhere.to_string();
         problems.extend(check::against_schema(&mut tree));
         match serde_path_to_error::deserialize::<_, Case>(tree) {
             Ok(mut case) => {
@@ -165,6 +168,26 @@ impl Document {
                 Err(problems)
             }
         }
+    }
+}
+
+/// Makes the path of every input file, `{"file": {"path": ..}}`, absolute.
+fn anchor(tree: &mut Value, directory: &Path) {
+    match tree {
+        Value::Object(map) => {
+            for (key, child) in map {
+                if key == "file"
+                    && let Some(Value::String(path)) = child.get_mut("path")
+                    && let Ok(whole) = std::path::absolute(directory.join(path.as_str()))
+                    && let Some(whole) = whole.to_str()
+                {
+                    *path = whole.to_owned();
+                }
+                anchor(child, directory);
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(|child| anchor(child, directory)),
+        _ => {}
     }
 }
 

@@ -6,7 +6,9 @@
 
 use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
+use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
+use crate::simulation::run::RunOptions;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -76,6 +78,13 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Draw the water and the grains of a run at some times, as one SVG file.
+    Picture {
+        /// The output folder of the run.
+        run: PathBuf,
+        #[command(flatten)]
+        options: PictureOptions,
+    },
     /// Fit the erosion law across runs.
     ErosionLaw {
         /// Output folders of the runs.
@@ -115,19 +124,6 @@ struct RunArgs {
     max_walltime: Option<Duration>,
 }
 
-/// What a run or restart is asked for beside its case.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RunOptions {
-    /// Folder for everything the run writes; none for a restart in the same folder.
-    pub output: Option<PathBuf>,
-    /// Threads of each rank; none for the cores of the machine over its ranks.
-    pub threads: Option<usize>,
-    /// Wall-clock time after which the run is over.
-    pub max_walltime: Option<Duration>,
-    /// Tables as JSON.
-    pub json: bool,
-}
-
 /// What the rest of the program does for the commands; returned text is printed by the first rank.
 #[derive(Clone, Copy, Debug)]
 pub struct Engine {
@@ -137,6 +133,8 @@ pub struct Engine {
     pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
     /// Describes a file; as JSON or not.
     pub info: fn(&Path, bool) -> Result<String, Error>,
+    /// Draws a run; returns a line about the file.
+    pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
 }
@@ -166,7 +164,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => (engine.restart)(&directory, &set, options(run, json)),
+        } => told((engine.restart)(&directory, &set, options(run, json))),
+        Command::Picture { run, options } => {
+            (engine.picture)(&run, &options).and_then(|text| say(&text))
+        }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
         }
@@ -174,14 +175,21 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
     match result {
         Ok(()) => 0,
         Err(error) => {
-            // Problems of a case have been listed where they were found.
+            // Problems of a case have been listed by `told`.
             if !matches!(error, Error::Case(_)) {
                 complain(&format!("solver: {error}"));
+            }
+            if !first_rank() {
+                // mpirun ends all ranks as soon as one has ended with an error: let the first have its say before.
+                std::thread::sleep(SILENT_RANKS_WAIT);
             }
             error.exit_code()
         }
     }
 }
+
+/// How much later than the first rank, which tells the error, the others end.
+const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// `solver case.json` is `solver run case.json`.
 fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
@@ -212,7 +220,15 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
         let name = case.case.file_stem().unwrap_or(case.case.as_os_str());
         options.output = Some(Path::new("results").join(name));
     }
-    (engine.run)(plan, options)
+    told((engine.run)(plan, options))
+}
+
+/// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.
+fn told(outcome: Result<(), Error>) -> Result<(), Error> {
+    if let Err(Error::Case(problems)) = &outcome {
+        list(problems);
+    }
+    outcome
 }
 
 fn options(run: RunArgs, json: bool) -> RunOptions {

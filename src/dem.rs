@@ -16,7 +16,7 @@
 //! | `particles`, `ghosts` | the grains of a rank, who owns and who sees them |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each |
-//! | `walls` | planes |
+//! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
@@ -33,6 +33,7 @@ pub mod ranks;
 pub mod relax;
 pub mod space;
 pub mod state;
+pub mod surface;
 pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
@@ -41,11 +42,14 @@ pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
+pub use surface::Surface;
 pub use walls::Wall;
 
 use contact::ContactLaw;
 use contact::cohesive_frictional::CohesiveFrictional;
+use contact::contact_bond::ContactBond;
 use contact::linear::Linear;
+use contact::rolling::Rolling;
 use engine::Engine;
 
 use crate::error::Error;
@@ -157,6 +161,9 @@ pub struct Dem<S: Space> {
 enum Inner<S: Space> {
     Linear(Box<Engine<S, Linear>>),
     CohesiveFrictional(Box<Engine<S, CohesiveFrictional>>),
+    ContactBond(Box<Engine<S, ContactBond>>),
+    RollingLinear(Box<Engine<S, Rolling<Linear>>>),
+    RollingContactBond(Box<Engine<S, Rolling<ContactBond>>>),
 }
 
 /// The same words for the engine of each law.
@@ -165,6 +172,9 @@ macro_rules! engine {
         match $dem {
             Inner::Linear($engine) => $body,
             Inner::CohesiveFrictional($engine) => $body,
+            Inner::ContactBond($engine) => $body,
+            Inner::RollingLinear($engine) => $body,
+            Inner::RollingContactBond($engine) => $body,
         }
     };
 }
@@ -191,10 +201,22 @@ impl<S: Space> Dem<S> {
                 return refuse(format!("a wall across the periodic axis {axis}"));
             }
         }
+        if settings.region.any_periodic() && walls.iter().any(|wall| wall.surface.is_some()) {
+            return refuse("a wall of facets in a box with a periodic axis".into());
+        }
         let inner = match law {
             Law::Linear(law) => Inner::Linear(Box::new(Engine::new(law, settings, walls))),
             Law::CohesiveFrictional(law) => {
                 Inner::CohesiveFrictional(Box::new(Engine::new(law, settings, walls)))
+            }
+            Law::ContactBond(law) => {
+                Inner::ContactBond(Box::new(Engine::new(law, settings, walls)))
+            }
+            Law::RollingLinear(law) => {
+                Inner::RollingLinear(Box::new(Engine::new(law, settings, walls)))
+            }
+            Law::RollingContactBond(law) => {
+                Inner::RollingContactBond(Box::new(Engine::new(law, settings, walls)))
             }
         };
         Ok(Self { inner })
@@ -238,8 +260,8 @@ impl<S: Space> Dem<S> {
         engine!(&mut self.inner, engine => engine.prepare(particles, ranks))
     }
 
-    /// Switches cohesion on for the contacts that now exist, walls included; returns how many bonds this rank reports.
-    /// Collective.
+    /// Bonds the contacts that now exist, walls included, and in the contact-bond law the pairs within its bonding gap
+    /// (C-04); returns how many bonds this rank reports. Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -341,10 +363,15 @@ impl Law {
                         materials: [body.material, material],
                         diameter,
                         mass: body.mass,
+                        rolling_radius: body.radius,
+                        rolling_inertia: body.inertia,
                     };
                     let stiffness = match self {
                         Self::Linear(law) => stiffness_of::<S, _>(law, &partners),
                         Self::CohesiveFrictional(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::ContactBond(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::RollingLinear(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::RollingContactBond(law) => stiffness_of::<S, _>(law, &partners),
                     };
                     limit = limit.min((body.mass / stiffness).sqrt());
                 }
@@ -355,7 +382,9 @@ impl Law {
 }
 
 fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64 {
-    let [normal, shear] = L::stiffness(&law.constants(partners));
+    let table = law.table();
+    let row = table.get(partners.materials[0], partners.materials[1]);
+    let [normal, shear] = L::stiffness(&L::between(row, partners));
     normal.max(shear)
 }
 

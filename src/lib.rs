@@ -3,6 +3,10 @@
     test,
     allow(clippy::float_cmp, reason = "tests compare bits on purpose")
 )]
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets, in the schema too"
+)]
 
 pub mod analysis;
 pub mod case;

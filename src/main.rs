@@ -9,6 +9,7 @@ fn main() {
         run: simulation::run::run,
         restart: simulation::run::restart,
         info: output::info::info,
+        picture: output::picture::picture,
         erosion_law: analysis::study::command,
     };
     std::process::exit(cli::main(std::env::args_os(), &engine));

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `together` | the ranks as a group that writes |
 //! | `schedule` | when something is due |
+//! | `view` | what there is to see of a run |
 //! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
 //! | `grains`, `contacts`, `order` | grains and contacts in one order |
 //! | `probes` | numbers over time |
@@ -19,16 +20,18 @@ mod fluid;
 mod grains;
 pub mod info;
 mod order;
+pub mod picture;
 mod planes;
 mod probes;
 mod schedule;
 mod seepage;
 pub mod together;
+pub mod view;
 
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::output::view::View;
 use crate::plan::Plan;
-use crate::simulation::view::View;
 use contacts::Contacts;
 use decomposition::Domain;
 use fluid::Fields;

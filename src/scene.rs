@@ -10,9 +10,11 @@ pub mod flow;
 pub mod grid;
 pub mod observe;
 pub mod packing;
+pub mod rain;
 pub mod sample;
 pub mod seepage;
 pub mod solids;
+pub(crate) mod stl;
 
 use crate::case::coupling::{BounceBack, Coupling};
 use crate::case::fluid::Fluid;

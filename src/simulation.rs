@@ -10,7 +10,6 @@ pub mod progress;
 pub mod removal;
 pub mod run;
 pub mod setup;
-pub mod view;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
@@ -23,6 +22,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::Outputs;
+pub use crate::output::view;
 use crate::plan::Plan;
 use decomposition::Domain;
 use erosion::ErosionRecorder;
@@ -90,6 +90,12 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+    /// What it is now.
+    #[must_use]
+    pub fn view(&self) -> View<'_, Sp> {
+        self.now.view()
+    }
+
     /// One step. Collective.
     ///
     /// # Errors

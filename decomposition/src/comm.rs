@@ -17,6 +17,7 @@ use std::ops::Range;
 use std::panic;
 use std::ptr;
 use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 /// Exit code of a job that a panic ended, the code of a panicking Rust program.
 const PANIC_EXIT_CODE: c_int = 101;
@@ -95,8 +96,12 @@ impl World {
         // SAFETY: MPI runs; `raw` is overwritten by a new communicator with the same ranks, whose
         // messages cannot meet those of a library that uses the world itself.
         unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut raw) };
+        let mut farewell = world.as_raw();
+        // SAFETY: as above; only `all_arrive` uses it, so that it cannot meet a collective call that others wait in.
+        unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut farewell) };
         let context = Context {
             raw,
+            farewell,
             rank,
             size,
             universe: Some(universe),
@@ -142,6 +147,7 @@ fn install_panic_hook(rank: usize, size: usize) {
 /// The duplicated world communicator and, last to go, MPI itself.
 struct Context {
     raw: MPI_Comm,
+    farewell: MPI_Comm,
     rank: usize,
     size: usize,
     universe: Option<Universe>,
@@ -151,6 +157,8 @@ impl Drop for Context {
     fn drop(&mut self) {
         // SAFETY: `raw` was made by MPI_Comm_dup, is freed once, and MPI still runs.
         unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
+        // SAFETY: likewise.
+        unsafe { ffi::MPI_Comm_free(&raw mut self.farewell) };
         // Finalises MPI.
         self.universe = None;
     }
@@ -300,6 +308,33 @@ impl Communicator {
         if let Some(raw) = self.raw() {
             // SAFETY: a live communicator.
             unsafe { ffi::MPI_Barrier(raw) };
+        }
+    }
+
+    /// Whether every rank calls this within `patience` of this one. A rank that must leave asks it: where all leave
+    /// they may go in order, where one is alone with its error it has to [`Self::abort`]. After `false` nothing but that
+    /// is allowed.
+    #[must_use]
+    pub fn all_arrive(&self, patience: Duration) -> bool {
+        let Kind::Mpi(context) = &self.kind else {
+            return true;
+        };
+        // SAFETY: the null request is a constant of the library.
+        let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
+        // SAFETY: a live communicator that nothing else uses.
+        unsafe { ffi::MPI_Ibarrier(context.farewell, &raw mut request) };
+        let start = Instant::now();
+        loop {
+            let mut done = 0;
+            // SAFETY: a live request; the status is not asked for.
+            unsafe { ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) };
+            if done != 0 {
+                return true;
+            }
+            if start.elapsed() > patience {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 
@@ -828,6 +863,7 @@ mod tests {
         assert_eq!(bytes, [1, 2]);
         assert_eq!(one.gather_bytes(0, &bytes), Some(vec![vec![1, 2]]));
         assert_eq!(one.all_gather_bytes(&bytes), vec![vec![1, 2]]);
+        assert!(one.all_arrive(Duration::ZERO));
         assert!(one.raw().is_none());
         assert!(one.mpi_version().contains("serial"));
     }

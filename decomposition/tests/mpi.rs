@@ -20,6 +20,9 @@ fn mpirun(ranks: usize, arguments: &[&str]) -> (Output, Duration) {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
+        // A rank that waits lets another run, and mpirun waits twice this long [s] at an end other than success.
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        .env("OMPI_MCA_odls_base_sigkill_timeout", "1")
         .env_remove("RUST_BACKTRACE")
         .output()
         .expect("`timeout` (coreutils) starts");
@@ -70,6 +73,7 @@ fn a_panic_ends_the_job() {
         let line = format!("rank {} of {ranks}: panicked at", ranks - 1);
         assert!(stderr.contains(&line), "{stderr}");
         assert!(stderr.contains("this rank was told to panic"), "{stderr}");
-        assert!(elapsed < Duration::from_secs(5), "{elapsed:?}");
+        // Two seconds are mpirun's own; the rest is its start on a busy machine.
+        assert!(elapsed < Duration::from_secs(20), "{elapsed:?}");
     }
 }

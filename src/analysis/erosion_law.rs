@@ -23,7 +23,7 @@ pub use fit::{
 pub use hole::{
     HoleFaces, WallShear, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
 };
-pub use rate::{RateWindow, WindowOptions, erosion_windows, mean_jump};
+pub use rate::{RateWindow, WindowOptions, erosion_windows, mean_jump, run_point};
 pub use record::{
     BondBreak, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, RemovedGrain, Row, read_rows,
     write_rows,

@@ -7,11 +7,16 @@
 //! | file | holds |
 //! |---|---|
 //! | `erosion_law.csv` | one row per cohesion: tau_c and k_d with intervals, or the bound |
-//! | `erosion_points.csv` | one row per window: stress three ways, rate, errors |
+//! | `erosion_points.csv` | one row per window and one per whole run: stress three ways, rate, errors |
+//! | `erosion_readings.csv` | the law by each reading: runs or windows, stress by gradient, balance or traction |
 //! | `figure4.csv`, `.svg` | M_e / M_0 against time for each pressure |
 //! | `figure5.csv`, `.svg` | rate against stress with the fitted line, its band, error bars |
 //! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows |
 //! | `erosion_law.json` | the report |
+//!
+//! The law is fitted to one point per run and the stress from the velocity gradient, as in the paper's figure 5; where fewer than
+//! three runs are there, to the windows of the runs. The other readings stand beside it: how far they differ is what the
+//! reading costs.
 //!
 //! Figures 4 and 5 without a suffix are those of the paper's C/d = 0.506 N/m, or else of the cohesion with the most
 //! runs; those of the others end in `_C<value>`.
@@ -19,7 +24,7 @@
 use super::erosion_law::{
     CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, Interval, Law, LinearLaw, RatePoint,
     RateWindow, RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump,
-    read_rows,
+    read_rows, run_point,
 };
 use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use crate::error::Error;
@@ -55,6 +60,8 @@ pub struct RunReport {
     pub eroded_grains: u64,
     /// The windows.
     pub windows: Vec<RateWindow>,
+    /// The run as one hole erosion test.
+    pub whole: Option<RateWindow>,
     #[serde(skip)]
     records: Vec<ErosionRecord>,
 }
@@ -66,7 +73,44 @@ pub struct CohesionReport {
     pub cohesion: f64,
     /// Its runs, by pressure.
     pub runs: Vec<RunReport>,
-    /// The law; `None` where no run has a window.
+    /// What the law is fitted to.
+    pub points: Points,
+    /// The law; `None` where no run has a point.
+    pub law: Option<Law>,
+    /// All readings, the law's own among them.
+    pub readings: Vec<Reading>,
+}
+
+/// What counts as a point of the law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Points {
+    /// Each run as a whole.
+    Runs,
+    /// Each window of each run.
+    Windows,
+}
+
+/// How the stress is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stress {
+    /// From the gradient of the velocity at the faces (the paper's equation 10).
+    Gradient,
+    /// From the balance of forces on the hole.
+    Balance,
+    /// From the summed traction on the grains of the faces.
+    Traction,
+}
+
+/// The law by one choice of points and stress.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Reading {
+    /// The points.
+    pub points: Points,
+    /// The stress.
+    pub stress: Stress,
+    /// The law; `None` without points.
     pub law: Option<Law>,
 }
 
@@ -110,12 +154,30 @@ pub fn run(runs: &[PathBuf], output: &Path) -> Result<Report, Error> {
             _ => cohesions.push(CohesionReport {
                 cohesion: report.cohesion,
                 runs: vec![report],
+                points: Points::Windows,
                 law: None,
+                readings: Vec::new(),
             }),
         }
     }
     for cohesion in &mut cohesions {
-        cohesion.law = fit_law(&points(cohesion), FitOptions::default());
+        let tests = cohesion.runs.iter().filter(|run| run.whole.is_some());
+        if tests.count() >= 3 {
+            cohesion.points = Points::Runs;
+        }
+        for points in [Points::Runs, Points::Windows] {
+            for stress in [Stress::Gradient, Stress::Balance, Stress::Traction] {
+                let law = fit_law(&points_of(cohesion, points, stress), FitOptions::default());
+                if points == cohesion.points && stress == Stress::Gradient {
+                    cohesion.law.clone_from(&law);
+                }
+                cohesion.readings.push(Reading {
+                    points,
+                    stress,
+                    law,
+                });
+            }
+        }
     }
     let laws: Vec<(f64, Law)> = cohesions
         .iter()
@@ -136,13 +198,32 @@ fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
+/// The points that the law is fitted to.
 fn points(cohesion: &CohesionReport) -> Vec<RatePoint> {
-    cohesion
-        .runs
-        .iter()
-        .enumerate()
-        .flat_map(|(index, run)| run.windows.iter().map(move |w| RatePoint::new(index, w)))
-        .collect()
+    points_of(cohesion, cohesion.points, Stress::Gradient)
+}
+
+/// The windows, or the whole, of a run.
+fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
+    match points {
+        Points::Runs => run.whole.into_iter().collect(),
+        Points::Windows => run.windows.clone(),
+    }
+}
+
+fn points_of(cohesion: &CohesionReport, points: Points, stress: Stress) -> Vec<RatePoint> {
+    let mut all = Vec::new();
+    for (index, run) in cohesion.runs.iter().enumerate() {
+        for mut window in measured(run, points) {
+            window.shear = match stress {
+                Stress::Gradient => window.shear,
+                Stress::Balance => window.shear_balance,
+                Stress::Traction => window.shear_traction,
+            };
+            all.push(RatePoint::new(index, &window));
+        }
+    }
+    all
 }
 
 fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Error> {
@@ -181,6 +262,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     // Without a grain gone, the mean grain is unknown; one ten-thousandth of the sample stands in.
     let jump = mean_jump(&removed, &records).unwrap_or(1e-4 * about.initial_mass);
     let windows = erosion_windows(&records, jump, about.ramp_end, options);
+    let whole = run_point(&records, jump, about.ramp_end, options);
     if windows.is_empty() {
         warnings.push(format!(
             "{}: too short for a window: fewer than two records after {} s",
@@ -198,6 +280,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         eroded_fraction: last.map_or(0.0, |record| record.eroded_fraction),
         eroded_grains: last.map_or(0, |record| record.eroded_grains),
         windows,
+        whole,
         records,
     })
 }
@@ -281,6 +364,10 @@ fn write_all(report: &mut Report, output: &Path) -> Result<(), Error> {
         (
             "erosion_points.csv".to_owned(),
             points_table(&report.cohesions),
+        ),
+        (
+            "erosion_readings.csv".to_owned(),
+            readings_table(&report.cohesions),
         ),
         ("figure4.csv".to_owned(), series_table(&report.cohesions)),
         ("figure5.csv".to_owned(), line_table(&report.cohesions)),
@@ -366,18 +453,58 @@ fn law_table(cohesions: &[CohesionReport]) -> String {
     text
 }
 
+fn readings_table(cohesions: &[CohesionReport]) -> String {
+    let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high [Pa],\
+                    coefficient [s/m],coefficient_low [s/m],coefficient_high [s/m],r_squared [1]\n"
+        .to_owned();
+    for cohesion in cohesions {
+        for reading in &cohesion.readings {
+            let name = |value: &dyn fmt::Debug| format!("{value:?}").to_lowercase();
+            let head = format!(
+                "{},{},{}",
+                cohesion.cohesion,
+                name(&reading.points),
+                name(&reading.stress)
+            );
+            // Writing to a string cannot fail.
+            let _ = match &reading.law {
+                Some(Law::Fitted(fit)) => writeln!(
+                    text,
+                    "{head},fitted,{:e},{:e},{:e},{:e},{:e},{:e},{}",
+                    fit.critical_shear,
+                    fit.critical_shear_interval.low,
+                    fit.critical_shear_interval.high,
+                    fit.coefficient,
+                    fit.coefficient_interval.low,
+                    fit.coefficient_interval.high,
+                    fit.r_squared,
+                ),
+                Some(Law::LowerBound { at_least }) => {
+                    writeln!(text, "{head},lower_bound,,{at_least:e},,,,,")
+                }
+                Some(Law::Bracketed { above, below }) => {
+                    writeln!(text, "{head},bracketed,,{above:e},{below:e},,,,")
+                }
+                None => writeln!(text, "{head},none,,,,,,,"),
+            };
+        }
+    }
+    text
+}
+
 fn points_table(cohesions: &[CohesionReport]) -> String {
-    let mut text = "cohesion [N/m],pressure_difference [Pa],start [s],end [s],grains [1],eroding,\
+    let mut text = "points,cohesion [N/m],pressure_difference [Pa],start [s],end [s],grains [1],eroding,\
                     shear_gradient [Pa],shear_spread [Pa],shear_balance [Pa],shear_traction [Pa],hole_width [m],\
                     hole_length [m],rate [kg/(m^2 s)],rate_error [kg/(m^2 s)],rate_median [kg/(m^2 s)]\n"
         .to_owned();
     for cohesion in cohesions {
         for run in &cohesion.runs {
-            for w in &run.windows {
+            let windows = run.windows.iter().map(|w| ("window", w));
+            for (kind, w) in windows.chain(run.whole.iter().map(|w| ("run", w))) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     text,
-                    "{},{},{},{},{},{},{:e},{:e},{:e},{:e},{:e},{:e},{:e},{:e},{:e}",
+                    "{kind},{},{},{},{},{},{},{:e},{:e},{:e},{:e},{:e},{:e},{:e},{:e},{:e}",
                     cohesion.cohesion,
                     run.pressure_difference,
                     w.start,
@@ -443,7 +570,7 @@ fn line_table(cohesions: &[CohesionReport]) -> String {
         .to_owned();
     for cohesion in cohesions {
         for run in &cohesion.runs {
-            for w in &run.windows {
+            for w in measured(run, cohesion.points) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     text,
@@ -596,7 +723,7 @@ fn figure5(cohesion: &CohesionReport) -> Figure {
         let marks: Vec<Mark> = cohesion
             .runs
             .iter()
-            .flat_map(|run| &run.windows)
+            .flat_map(|run| measured(run, cohesion.points))
             .filter(|w| w.eroding == eroding)
             .map(|w| Mark {
                 x: w.shear,
@@ -737,10 +864,10 @@ impl fmt::Display for Report {
         writeln!(
             f,
             "{:>10}  {:>4}  {:>8}  {:>32}  {:>26}  {:>6}",
-            "C/d (N/m)", "runs", "windows", "tau_c (Pa)", "k_d (s/m)", "R2"
+            "C/d (N/m)", "runs", "points", "tau_c (Pa)", "k_d (s/m)", "R2"
         )?;
         for cohesion in &self.cohesions {
-            let windows: usize = cohesion.runs.iter().map(|run| run.windows.len()).sum();
+            let windows = points(cohesion).len();
             let (threshold, slope, fit) = match &cohesion.law {
                 Some(Law::Fitted(fit)) => (
                     with_interval(fit.critical_shear, fit.critical_shear_interval),
@@ -757,7 +884,7 @@ impl fmt::Display for Report {
                     "one stress erodes".to_owned(),
                     String::new(),
                 ),
-                None => ("no window".to_owned(), String::new(), String::new()),
+                None => ("no point".to_owned(), String::new(), String::new()),
             };
             writeln!(
                 f,

@@ -11,6 +11,8 @@ pub enum Contact {
     Linear(Linear),
     /// Linear springs with friction and brittle cohesion (A-17 … A-21).
     CohesiveFrictional(CohesiveFrictional),
+    /// The linear law with bonds of given tensile and shear strength (C-03, C-04).
+    ContactBond(ContactBond),
 }
 
 /// A quantity of a contact, fixed or proportional to the mean diameter d of the two grains (that of the grain at a
@@ -78,6 +80,71 @@ pub struct Linear {
     /// collision rebounds a little faster than the damping ratio says.
     #[serde(default)]
     pub attraction: bool,
+    /// Resistance to rolling; none without it.
+    #[serde(default)]
+    pub rolling: Option<Rolling>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+/// Resistance to rolling as an elastic-plastic spring-dashpot: type C of Ai, Chen, Rotter and Ooi (2011).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rolling {
+    /// Coefficient of rolling friction: the moment is at most this times the rolling radius times the normal force.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub friction: f64,
+    /// Dashpot in parallel with the rolling spring, as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub damping_ratio: f64,
+}
+
+/// Bonded: F_n = k_n δ down to minus the tensile strength, |F_s| up to the shear strength, no sliding and no moment.
+/// A bond that fails is gone for good; without one the law is the linear one (C-03, C-04).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactBond {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ of contacts without a bond [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Force that pulls a bond apart [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: f64,
+    /// Force that shears a bond off [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: f64,
+    /// `bond_at_start` bonds all whose surfaces are at most so far apart [m]; 0: only those that touch.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub bonding_gap: f64,
+    /// Whether a bond made across a gap starts without a force. Else it pulls at once with k_n times the gap, and
+    /// fails at once where that is above its strength.
+    #[serde(default)]
+    pub unstressed: bool,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Resistance to rolling; none without it.
+    #[serde(default)]
+    pub rolling: Option<Rolling>,
     /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -145,6 +212,14 @@ pub struct Pair {
     /// Cohesion [N]; per diameter [N/m]; only in the cohesive law.
     #[serde(default)]
     pub cohesion: Option<Scaled>,
+    /// Tensile strength of a bond [N]; only in the contact-bond law.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: Option<f64>,
+    /// Shear strength of a bond [N]; only in the contact-bond law.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: Option<f64>,
     /// Normal dashpot as a fraction of critical damping.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 9] = [
+pub const EXAMPLES: [Example; 10] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -57,6 +57,11 @@ pub const EXAMPLES: [Example; 9] = [
         name: "seepage",
         summary: "water seeps through a pile of spheres to an opening in the floor",
         text: include_str!("examples/seepage.json"),
+    },
+    Example {
+        name: "rain",
+        summary: "bonded spheres rain into a V of polygons, and the floor gives way",
+        text: include_str!("examples/rain.json"),
     },
 ];
 

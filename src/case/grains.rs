@@ -32,6 +32,8 @@ pub struct Grains {
 pub enum GrainSource {
     /// A loose random cloud whose radii grow until the sample is compacted.
     Growth(Growth),
+    /// A loose random cloud that falls onto the walls and settles (C-08).
+    Rain(Rain),
     /// A sample saved before.
     File {
         /// CSV with the columns of `save`; relative to the case.
@@ -56,14 +58,6 @@ pub struct Growth {
     /// The box that is filled [m]; the whole domain without it.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
-    /// Radii at the start as a fraction of the final ones.
-    #[serde(default = "default_start")]
-    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
-    pub start_scale: f64,
-    /// Solid steps over which the radii grow.
-    #[serde(default = "default_steps")]
-    #[schemars(range(min = 1))]
-    pub steps: u32,
     /// Friction angle while growing [degrees]; a small one makes a dense sample. Without it that of the contact law.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
@@ -73,12 +67,95 @@ pub struct Growth {
     pub stop: Stop,
 }
 
-fn default_start() -> f64 {
-    0.3
+/// Preparation by rain (C-06, C-08), without cohesion and without fluid: a cloud without contacts in a box, which falls, settles on
+/// `walls` and `box_walls`, and is trimmed. The same sample for a seed on any number of ranks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rain {
+    /// How many grains fall.
+    #[schemars(range(min = 1))]
+    pub number: u32,
+    /// Their sizes.
+    pub grading: Grading,
+    /// The box of the cloud [m]: at most 0.3 of it is filled (2-D: 0.45).
+    #[serde(rename = "box")]
+    pub region: Extent,
+    /// Seed of the random numbers.
+    #[serde(default)]
+    pub seed: u64,
+    /// Grains whose centre is higher than this coordinate of the axis of gravity are taken away once settled [m].
+    #[serde(default)]
+    pub trim_above: Option<f64>,
+    /// Normal stiffness while falling [N/m], softer than that of the contact law, for larger steps; the sample then rests at ten
+    /// times it and so on until that of the law.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub falling_stiffness: Option<f64>,
+    /// Friction angle meanwhile [degrees]; without it that of the contact law.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Local damping while falling; at least 0.7 once landed.
+    #[serde(default = "default_rain_damping")]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// When the sample counts as settled.
+    #[serde(default)]
+    pub stop: Settled,
 }
 
-fn default_steps() -> u32 {
-    4000
+fn default_rain_damping() -> f64 {
+    0.2
+}
+
+/// When rain has settled: both hold.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settled {
+    /// Mean kinetic energy over m g d of the mean grain, without unit.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub kinetic_energy: f64,
+    /// Mean resultant force on a grain over the mean contact force, without unit.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub unbalanced_force: f64,
+    /// Solid steps per rest at most; the sample is used as it then is, and the report says so.
+    #[schemars(range(min = 1))]
+    pub at_most_steps: u32,
+}
+
+impl Default for Settled {
+    fn default() -> Self {
+        Self {
+            kinetic_energy: 1e-4,
+            unbalanced_force: 0.01,
+            at_most_steps: 400_000,
+        }
+    }
+}
+
+/// Classes of sizes, and what their parts are parts of; the parts add up to 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Grading {
+    /// Parts of the number of grains.
+    ByCount(Vec<SizeClass>),
+    /// Parts of their mass.
+    ByMass(Vec<SizeClass>),
+}
+
+/// A range of radii, equally likely.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SizeClass {
+    /// Smallest radius [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub min: f64,
+    /// Largest radius [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub max: f64,
+    /// Its part of the grains.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub part: f64,
 }
 
 /// How many grains grow.
@@ -145,10 +222,11 @@ pub struct Stop {
     /// Mean resultant force on a grain over the mean contact force, without unit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// The growth ends early when the mean overlap reaches this fraction of the mean diameter.
+    /// Mean overlap of the contacts over the mean diameter, to which the jammed sample is released. For bonded grains
+    /// well below the opening at which a bond breaks (strength over stiffness), or cutting the sample breaks bonds.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mean_overlap: f64,
-    /// Solid steps after the growth at most; the sample is used as it then is, with a warning.
+    /// Solid steps of the whole preparation at most; a sample that is not ready by then is an error.
     pub at_most_steps: u32,
 }
 
@@ -156,8 +234,8 @@ impl Default for Stop {
     fn default() -> Self {
         Self {
             unbalanced_force: 0.01,
-            mean_overlap: 1e-3,
-            at_most_steps: 40_000,
+            mean_overlap: 1e-6,
+            at_most_steps: 5_000_000,
         }
     }
 }

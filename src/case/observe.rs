@@ -212,6 +212,11 @@ pub struct ErosionLaw {
     /// The region whose removals count as eroded; without it all regions that remove.
     #[serde(default)]
     pub outlet: Option<String>,
+    /// The run is done when this part of the mass of the grains has left, even before `time.end`: what is left is a bare
+    /// channel, whose flow only grows faster. Without it the run goes on.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub end_at_eroded_fraction: Option<f64>,
 }
 
 fn along_x() -> Axis {

@@ -1,19 +1,56 @@
 //! Solids other than grains: walls and bodies.
 
-use super::geometry::{Rotation, Vector};
+use super::geometry::{Extent, Rotation, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
-/// A plane wall that grains touch; the fluid does not see it.
+/// A wall that grains touch; the fluid does not see it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
     /// Name in tables.
     pub name: String,
-    /// Where it is.
-    pub plane: Plane,
+    /// What it looks like, and where it is.
+    pub shape: WallShape,
     /// Its material.
     pub material: String,
+    /// Velocity [m/s]: along the wall it drags, across it the wall moves; at rest without it.
+    #[serde(default)]
+    pub velocity: Option<Vector>,
+}
+
+/// The shape of a wall. All but the plane are touched from both sides, and are for 3-D.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum WallShape {
+    /// A plane without end.
+    Plane(Plane),
+    /// A plane convex polygon: its corners in order [m].
+    Polygon(Vec<Vector>),
+    /// The faces of a box [m].
+    Box(Extent),
+    /// A surface of triangles.
+    Mesh(Mesh),
+}
+
+/// A triangulated surface from a file. Triangles whose corners fall together are neighbours, without bumps between them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mesh {
+    /// STL file, as text or binary; relative to the case.
+    pub path: PathBuf,
+    /// Metres in a unit of the file: 0.001 where it is in mm.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub scale: f64,
+    /// Where the origin of the file lies [m]; at that of the domain without it.
+    #[serde(default)]
+    pub origin: Option<Vector>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// A plane: grains are on the side to which the normal points.

@@ -84,6 +84,8 @@ pub struct BodyMap {
     changes: Vec<([i32; 3], u32)>,
     again: Vec<u32>,
     relink: Vec<bool>,
+    /// Cells found by the last look at a body.
+    found: Vec<[i32; 3]>,
 }
 
 #[expect(
@@ -128,6 +130,7 @@ impl BodyMap {
             changes: Vec::new(),
             again: Vec::new(),
             relink: Vec::new(),
+            found: Vec::new(),
         };
         let range = |a: usize| -ghosts(a)..local[a] + ghosts(a);
         for z in range(2) {
@@ -271,7 +274,14 @@ impl BodyMap {
             )]
             let resized = now.radius != body.radius;
             if body.slack < 0.0 || moved >= body.slack * body.slack || resized {
-                self.again.push(u32::try_from(k).unwrap_or(u32::MAX));
+                // Most bodies that moved by their slack still hold the same cells.
+                let alone = body.slack >= 0.0 && !body.shares;
+                let slack = self.look(k);
+                if alone && self.found == self.bodies[k].cells && self.all_mine(k) {
+                    self.keep(k, slack);
+                } else {
+                    self.again.push(u32::try_from(k).unwrap_or(u32::MAX));
+                }
             }
         }
         if self.again.is_empty() && self.changes.is_empty() {
@@ -375,70 +385,108 @@ impl BodyMap {
         })
     }
 
-    fn set(&mut self, k: usize) {
-        let rigid = self.motion[k];
-        let mine = tag(self.bodies[k].id);
+    /// Finds the cells of a body by geometry alone, in `found`, and its slack.
+    fn look(&mut self, k: usize) -> f64 {
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
+        let slack = match self.dimension {
+            2 => self.look_in::<2>(k, &mut found),
+            _ => self.look_in::<3>(k, &mut found),
+        };
+        self.found = found;
+        slack
+    }
+
+    fn look_in<const D: usize>(&self, k: usize, found: &mut Vec<[i32; 3]>) -> f64 {
+        let rigid = &self.motion[k];
         let frame = self.frame(self.bodies[k].shift);
         let reach = rigid.radius + 1.5;
         let mut low = [0; 3];
         let mut high = [0; 3];
-        for a in 0..self.dimension {
+        for a in 0..D {
             low[a] = floor(rigid.position[a] - reach).max(-GHOSTS - frame[a]);
             high[a] = floor(rigid.position[a] + reach).min(self.local[a] + GHOSTS - 1 - frame[a]);
         }
-        let mut cells = std::mem::take(&mut self.bodies[k].cells);
-        let mut shares = false;
         let radius2 = rigid.radius * rigid.radius;
+        let square = |cell: i32, a: usize| {
+            let d = f64::from(cell) + 0.5 - rigid.position[a];
+            d * d
+        };
         // The smallest |distance - radius|, by way of squares: |d² - R²| / (d + R) with d + R at most 2 R + reach.
         let mut slack2 = f64::INFINITY;
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
+                let mut beside = square(y, 1);
+                if D == 3 {
+                    beside += square(z, 2);
+                }
                 for x in low[0]..=high[0] {
-                    let raw = [x, y, z];
-                    let mut d2 = 0.0;
-                    for a in 0..self.dimension {
-                        let d = f64::from(raw[a]) + 0.5 - rigid.position[a];
-                        d2 += d * d;
+                    let beyond = square(x, 0) + beside - radius2;
+                    slack2 = slack2.min(beyond.abs());
+                    if beyond < 0.0 {
+                        found.push([x + frame[0], y + frame[1], z + frame[2]]);
                     }
-                    slack2 = slack2.min((d2 - radius2).abs());
-                    if d2 >= radius2 {
-                        continue;
-                    }
-                    let cell = std::array::from_fn(|a| raw[a] + frame[a]);
-                    let position = self.at(cell);
-                    let there = self.owner[position];
-                    if there == OUTSIDE {
-                        continue;
-                    }
-                    if there != FLUID && there != mine {
-                        shares = true;
-                        if let Some(others) = self.entries.get(&there) {
-                            for &other in others {
-                                self.bodies[other as usize].shares = true;
-                            }
-                        }
-                        if there < mine {
-                            continue;
-                        }
-                    }
-                    self.note(cell, position);
-                    self.owner[position] = mine;
-                    cells.push(cell);
                 }
             }
         }
-        let body = &mut self.bodies[k];
-        body.cells = cells;
-        body.shares |= shares;
-        body.centre = rigid.position;
-        body.radius = rigid.radius;
         // A little below the true slack, so that rounding cannot matter; beyond the searched box it is at least half a cell.
-        body.slack = if slack2.is_finite() {
+        if slack2.is_finite() {
             (slack2 / (2.0 * rigid.radius + 2.5) * (1.0 - 1e-6) - 1e-9).clamp(0.0, 0.4)
         } else {
             // The body does not reach this slab: it may come closer by its whole distance, but look again soon.
             0.4
-        };
+        }
+    }
+
+    /// Whether every cell that was found is this body's already, or outside.
+    fn all_mine(&self, k: usize) -> bool {
+        let mine = tag(self.bodies[k].id);
+        self.found.iter().all(|&cell| {
+            let there = self.owner[self.at(cell)];
+            there == mine || there == OUTSIDE
+        })
+    }
+
+    /// Notes where a body was looked at.
+    fn keep(&mut self, k: usize, slack: f64) {
+        let rigid = &self.motion[k];
+        let body = &mut self.bodies[k];
+        body.centre = rigid.position;
+        body.radius = rigid.radius;
+        body.slack = slack;
+    }
+
+    fn set(&mut self, k: usize) {
+        let mine = tag(self.bodies[k].id);
+        let slack = self.look(k);
+        let found = std::mem::take(&mut self.found);
+        let mut shares = false;
+        for &cell in &found {
+            let position = self.at(cell);
+            let there = self.owner[position];
+            if there == OUTSIDE {
+                continue;
+            }
+            if there != FLUID && there != mine {
+                shares = true;
+                if let Some(others) = self.entries.get(&there) {
+                    for &other in others {
+                        self.bodies[other as usize].shares = true;
+                    }
+                }
+                if there < mine {
+                    continue;
+                }
+            }
+            self.note(cell, position);
+            self.owner[position] = mine;
+        }
+        // All of them, also those of a body of lower id or outside: the cells of the same shape are the same list.
+        self.bodies[k].cells.clear();
+        self.bodies[k].cells.extend_from_slice(&found);
+        self.found = found;
+        self.bodies[k].shares |= shares;
+        self.keep(k, slack);
     }
 
     /// Loads from covered and uncovered cells, and new links for every body near a change.

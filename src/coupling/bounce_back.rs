@@ -276,7 +276,12 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         for (at, _) in self.fluid.populations().interior() {
             cells += u64::from(self.map.body_at(at).is_none());
         }
-        let cells = crate::plan::steps_number(communicator.all_reduce_sum_u64(cells));
+        let cells = number(communicator.all_reduce_sum_u64(cells));
         self.fluid.last_force().map(|f| f * cells)
     }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "no lattice has 2^53 cells")]
+fn number(cells: u64) -> f64 {
+    cells as f64
 }

@@ -333,7 +333,7 @@ impl Pressure {
                     Equations::Paper => permeability[cell] * mobility / porosity[cell],
                 };
                 let k = if self.conducts[cell] { k } else { 0.0 };
-                bad |= !(k >= 0.0 && k < f64::MAX);
+                bad |= !(0.0..f64::MAX).contains(&k);
                 self.conductivity[at] = k;
             }
         }

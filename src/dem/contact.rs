@@ -8,7 +8,9 @@
 //! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
 pub mod cohesive_frictional;
+pub mod contact_bond;
 pub mod linear;
+pub mod rolling;
 
 use std::fmt::Debug;
 
@@ -50,6 +52,36 @@ impl<P: Clone> PairTable<P> {
         self.rows.iter()
     }
 
+    /// The same table of something made from each row.
+    #[must_use]
+    pub fn map<Q>(&self, make: impl FnMut(&P) -> Q) -> PairTable<Q> {
+        PairTable {
+            materials: self.materials,
+            rows: self.rows.iter().map(make).collect(),
+        }
+    }
+
+    /// Calls `visit` with every pair of materials, each once.
+    pub(super) fn for_each_pair(&self, mut visit: impl FnMut(u32, u32, &P)) {
+        for a in 0..self.materials {
+            for b in a..self.materials {
+                visit(a, b, self.get(a, b));
+            }
+        }
+    }
+
+    /// The place of a pair in the table, to be looked up by [`Self::at`].
+    #[expect(clippy::cast_possible_truncation, reason = "a few materials, squared")]
+    pub(super) fn place(&self, a: u32, b: u32) -> u32 {
+        self.row(a, b) as u32
+    }
+
+    /// The parameters at a place.
+    #[inline(always)]
+    pub(super) fn at(&self, place: u32) -> &P {
+        &self.rows[place as usize]
+    }
+
     fn row(&self, a: u32, b: u32) -> usize {
         let last = self.materials - 1;
         a.min(last) as usize * self.materials as usize + b.min(last) as usize
@@ -65,6 +97,10 @@ pub struct Partners {
     pub diameter: f64,
     /// Effective mass (kg): `m1 m2 / (m1 + m2)`, the grain's own against a wall or a grain that forces do not move.
     pub mass: f64,
+    /// `r1 r2 / (r1 + r2)` (m), the grain's radius against a wall.
+    pub rolling_radius: f64,
+    /// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point, the grain's own as for the mass.
+    pub rolling_inertia: f64,
 }
 
 /// How two bodies touch now.
@@ -78,6 +114,8 @@ pub struct Touch<S: Space> {
     pub separation_rate: f64,
     /// Sliding velocity of the second relative to the first at the contact point (m/s).
     pub slip: S::Tangent,
+    /// Spin of the second relative to the first (rad/s).
+    pub roll: S::Spin,
     /// Time step (s) over which the history advances.
     pub time_step: f64,
 }
@@ -99,26 +137,50 @@ pub struct Reply<S: Space> {
     pub normal: f64,
     /// Across it (N).
     pub tangent: S::Tangent,
+    /// Rolling moment (N m); only where the law is one that rolls: [`ContactLaw::ROLLS`].
+    pub moment: S::Spin,
     /// The bond failed in this step.
     pub failure: Option<Failure>,
 }
 
 /// A contact law, compiled into the pair loop.
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
-    /// What is computed once per pair.
+    /// What is computed once per pair of materials.
+    type Row: Copy + Debug + Send + Sync;
+    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists has one.
+    type Scale: Copy + Debug + Send + Sync;
+    /// What the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
     /// What is remembered; its default is a contact just born.
     type Memory: Copy + Debug + Default + PartialEq + Send + Sync;
 
-    /// The constants of a pair.
-    fn constants(&self, partners: &Partners) -> Self::Constants;
+    /// How many materials, and the row of every ordered pair of them.
+    fn table(&self) -> PairTable<Self::Row>;
+    /// The scale of a pair.
+    fn scale(row: &Self::Row, partners: &Partners) -> Self::Scale;
+    /// The constants of a pair of mean diameter `diameter` (m), by multiplications alone.
+    fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
+    /// The constants of two partners.
+    fn between(row: &Self::Row, partners: &Partners) -> Self::Constants {
+        Self::constants(row, &Self::scale(row, partners), partners.diameter)
+    }
     /// The force, and the memory after this step. Called where the surfaces overlap or the pair is bonded; where they do not
     /// overlap and the pair is not bonded the memory is dropped instead.
     fn reply(constants: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S>;
+    /// Whether replies hold a rolling moment.
+    const ROLLS: bool = false;
     /// Whether the memory holds a bond.
     fn bonded(memory: &Self::Memory) -> bool;
-    /// Bonds a pair; false where its materials do not bond.
-    fn bond(constants: &Self::Constants, memory: &mut Self::Memory) -> bool;
+    /// The widest gap (m) across which a pair is bonded.
+    fn bonding_gap(_: &Self::Constants) -> f64 {
+        0.0
+    }
+    /// Bonds a pair of this overlap (m), negative for a gap; false where its materials do not bond.
+    fn bond(constants: &Self::Constants, memory: &mut Self::Memory, overlap: f64) -> bool;
+    /// Force of the normal spring (N) at an overlap (m), positive in compression.
+    fn normal_spring(constants: &Self::Constants, _: &Self::Memory, overlap: f64) -> f64 {
+        Self::stiffness(constants)[0] * overlap
+    }
     /// Takes the bond away.
     fn unbond(memory: &mut Self::Memory);
     /// The widest gap (m) over which a bonded pair still acts, for mean diameters (m) between the two.
@@ -140,6 +202,12 @@ pub enum Law {
     Linear(linear::Linear),
     /// Springs, cohesion and friction: [`cohesive_frictional`].
     CohesiveFrictional(cohesive_frictional::CohesiveFrictional),
+    /// The linear law with bonds of given strengths: [`contact_bond`].
+    ContactBond(contact_bond::ContactBond),
+    /// The linear law with resistance to rolling: [`rolling`].
+    RollingLinear(rolling::Rolling<linear::Linear>),
+    /// Contact bonds with resistance to rolling: [`rolling`].
+    RollingContactBond(rolling::Rolling<contact_bond::ContactBond>),
 }
 
 /// A length of a tangent cut down to `limit`, its direction kept.

@@ -6,18 +6,19 @@
 //! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
 //! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
 
-use super::contact::{ContactLaw, Failure, Partners, Touch};
+use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
 use super::ghosts::{self, Region};
 use super::integrate::{self, Kick};
 use super::neighbors::Search;
-use super::particles::{Load, Motion, Particles};
+use super::particles::{Body, Load, Motion, Particles};
 use super::ranks::{Ranks, Reader, Writer, agree};
 use super::space::{Components, Space};
+use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
 
-/// A listed pair: the lower id first.
+/// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
 struct Pair<C, M> {
     first: u32,
@@ -26,8 +27,19 @@ struct Pair<C, M> {
     reach: f64,
     /// Radius of the first (m).
     radius: f64,
-    constants: C,
+    /// Place in the table of material pairs.
+    row: u32,
+    /// Place in the table of separations to add.
+    offset: u32,
+    scale: C,
     memory: M,
+}
+
+impl<C, M> Pair<C, M> {
+    #[inline(always)]
+    fn ends(&self) -> (usize, usize) {
+        (self.first as usize, self.second as usize)
+    }
 }
 
 /// A listed pair of a wall and an owned grain.
@@ -38,6 +50,105 @@ struct WallPair<C, M> {
     radius: f64,
     constants: C,
     memory: M,
+}
+
+/// An owned grain and a wall of facets that it is close to.
+#[derive(Clone, Copy, Debug)]
+struct SurfacePair<C> {
+    wall: u32,
+    grain: u32,
+    radius: f64,
+    /// The widest gap (m) over which a bond acts.
+    opening: f64,
+    /// Facets within reach: a part of `Facets::near`.
+    near: (u32, u32),
+    /// Contacts: a part of `Facets::held`.
+    held: (u32, u32),
+    constants: C,
+}
+
+/// The memory of a contact with a facet.
+#[derive(Clone, Copy, Debug)]
+struct Held<M> {
+    facet: u32,
+    memory: M,
+}
+
+/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
+/// take over the memory of the same facet, or else of a facet beside it: shear survives an interior edge.
+#[derive(Debug)]
+struct Facets<C, M> {
+    pairs: Vec<SurfacePair<C>>,
+    near: Vec<u32>,
+    held: Vec<Held<M>>,
+    next: Vec<Held<M>>,
+    /// Pairs to look at until the next look at all gaps.
+    active: Vec<u32>,
+    found: Vec<Nearest>,
+    taken: Vec<bool>,
+    close: Vec<[u32; 3]>,
+}
+
+impl<C, M> Default for Facets<C, M> {
+    fn default() -> Self {
+        Self {
+            pairs: Vec::new(),
+            near: Vec::new(),
+            held: Vec::new(),
+            next: Vec::new(),
+            active: Vec::new(),
+            found: Vec::new(),
+            taken: Vec::new(),
+            close: Vec::new(),
+        }
+    }
+}
+
+impl<C, M: Copy + Default> Facets<C, M> {
+    /// Facets near a pair's grain.
+    fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
+        &self.near[pair.near.0 as usize..pair.near.1 as usize]
+    }
+
+    /// The contacts of a pair.
+    fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
+        &self.held[pair.held.0 as usize..pair.held.1 as usize]
+    }
+}
+
+/// The memory among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+fn memory_of<M: Copy + Default>(
+    surface: &Surface,
+    held: &[Held<M>],
+    taken: &mut [bool],
+    found: &[Nearest],
+    facet: u32,
+) -> M {
+    let own = held.iter().position(|old| old.facet == facet);
+    let at = own.or_else(|| {
+        held.iter().zip(&*taken).position(|(old, taken)| {
+            !taken
+                && surface.adjacent(old.facet, facet)
+                && found.iter().all(|other| other.facet != old.facet)
+        })
+    });
+    at.map_or(M::default(), |at| {
+        taken[at] = true;
+        held[at].memory
+    })
+}
+
+/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+pub(super) type WallKey = (u64, u32, u32);
+
+/// A bond at a wall that failed.
+#[derive(Clone, Copy, Debug)]
+struct WallFailure<S: Space> {
+    grain: u32,
+    wall: u32,
+    /// From the grain's centre to the contact (m).
+    arm: S::Vector,
+    mode: Failure,
 }
 
 /// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
@@ -73,6 +184,7 @@ impl<S: Space> Default for Action<S> {
 #[derive(Debug)]
 pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     pub(super) law: L,
+    rows: PairTable<L::Row>,
     pub(super) settings: Settings<S>,
     pub(super) walls: Vec<Wall<S>>,
     pub(super) steps: u64,
@@ -82,16 +194,18 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     listed: bool,
     total: Option<u64>,
     search: Search,
-    pairs: Vec<Pair<L::Constants, L::Memory>>,
-    /// Per pair, only with periodic axes: what to add to the separation (m).
+    pairs: Vec<Pair<L::Scale, L::Memory>>,
+    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
     offsets: Vec<S::Vector>,
+    offset_shifts: Vec<[i32; 3]>,
     active: Vec<u32>,
     wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
+    facets: Facets<L::Constants, L::Memory>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
     pub(super) memories: Vec<(Key, L::Memory)>,
-    pub(super) wall_memories: Vec<((u64, u32), L::Memory)>,
+    pub(super) wall_memories: Vec<(WallKey, L::Memory)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
     /// The active pairs hold up to this path (m), and since this step.
@@ -106,7 +220,7 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     incident_start: Vec<u32>,
     cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
-    wall_failures: Vec<(u32, Failure)>,
+    wall_failures: Vec<WallFailure<S>>,
 }
 
 /// Own grains per thread from which threads pay.
@@ -115,6 +229,7 @@ const PER_THREAD: usize = 3000;
 impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
         Self {
+            rows: law.table(),
             law,
             settings,
             walls,
@@ -127,8 +242,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             search: Search::default(),
             pairs: Vec::new(),
             offsets: Vec::new(),
+            offset_shifts: Vec::new(),
             active: Vec::new(),
             wall_pairs: Vec::new(),
+            facets: Facets::default(),
             names: Vec::new(),
             named_owned: 0,
             memories: Vec::new(),
@@ -185,7 +302,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let mut speed = fastest.speed_squared.sqrt();
             for wall in &mut self.walls {
                 wall.point += wall.velocity * dt;
-                speed = speed.max(wall.normal.scalar(&wall.velocity).abs());
+                speed = speed.max(match wall.surface {
+                    None => wall.normal.scalar(&wall.velocity).abs(),
+                    Some(_) => wall.velocity.length(),
+                });
             }
             // Longer than the true path by more than any rounding.
             let path = self.path + speed * dt * (1.0 + 1e-9);
@@ -286,12 +406,23 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
         for pair in &self.wall_pairs {
             if pair.memory != L::Memory::default() {
-                self.wall_memories
-                    .push(((self.names[pair.grain as usize].0, pair.wall), pair.memory));
+                let id = self.names[pair.grain as usize].0;
+                self.wall_memories.push(((id, pair.wall, 0), pair.memory));
+            }
+        }
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            for held in self.facets.held(pair) {
+                if held.memory != L::Memory::default() {
+                    self.wall_memories
+                        .push(((id, pair.wall, held.facet), held.memory));
+                }
             }
         }
         self.pairs.clear();
         self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
         self.names.clear();
         self.put_memories_in_order();
     }
@@ -331,7 +462,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     .iter()
                     .filter(|(key, _)| leaves(key.first) || leaves(key.second))
             };
-            let walls = || self.wall_memories.iter().filter(|((id, _), _)| leaves(*id));
+            let walls = || self.wall_memories.iter().filter(|(key, _)| leaves(key.0));
             writer.integer(grains().count() as u64);
             for (key, memory) in grains() {
                 writer.integer(key.first);
@@ -342,9 +473,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 pack_memory::<S, L>(memory, &mut numbers, &mut writer);
             }
             writer.integer(walls().count() as u64);
-            for ((id, wall), memory) in walls() {
+            for ((id, wall, facet), memory) in walls() {
                 writer.integer(*id);
                 writer.integer(u64::from(*wall));
+                writer.integer(u64::from(*facet));
                 pack_memory::<S, L>(memory, &mut numbers, &mut writer);
             }
             messages.push((target, writer.0));
@@ -370,10 +502,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             }
             for _ in 0..reader.integer()? {
                 let id = reader.integer()?;
-                let wall = u32::try_from(reader.integer()?)
-                    .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))?;
+                let mut small = || {
+                    u32::try_from(reader.integer()?)
+                        .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
+                };
+                let (wall, facet) = (small()?, small()?);
                 let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.wall_memories.push(((id, wall), memory));
+                self.wall_memories.push(((id, wall, facet), memory));
             }
         }
         self.put_memories_in_order();
@@ -392,19 +527,34 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         );
         self.named_owned = particles.owned();
         self.offsets.clear();
+        self.offset_shifts.clear();
+        self.offsets.push(S::Vector::default());
+        self.offset_shifts.push([0; 3]);
         let mut search = std::mem::take(&mut self.search);
         search.pairs(particles, gap, |i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
             let key = key(self.names[i], self.names[j]);
-            let mut offset = S::Vector::default();
-            for axis in 0..S::DIMENSION {
-                offset.set(axis, f64::from(key.shift[axis]) * particles.lengths[axis]);
-            }
+            // The last ones are the likely ones.
+            let shift = if periodic { key.shift } else { [0; 3] };
+            let known = self.offset_shifts.iter().rposition(|known| *known == shift);
+            let place = known.unwrap_or_else(|| {
+                let mut offset = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    offset.set(axis, f64::from(shift[axis]) * particles.lengths[axis]);
+                }
+                self.offset_shifts.push(shift);
+                self.offsets.push(offset);
+                self.offsets.len() - 1
+            });
+            let offset = self.offsets[place];
             let partners = Partners {
                 materials: [a.material, b.material],
                 diameter: a.radius + b.radius,
                 mass: effective_mass(particles, i, j),
+                rolling_radius: a.radius * b.radius / (a.radius + b.radius),
+                rolling_inertia: rolling_inertia(particles, i, j),
             };
+            let row = self.rows.place(a.material, b.material);
             let reach = a.radius + b.radius;
             let squared = separation(&particles.motion, (i, j), &offset, periodic).1;
             let held = self
@@ -417,17 +567,20 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 second: ghosts::index(j),
                 reach,
                 radius: a.radius,
-                constants: self.law.constants(&partners),
+                row,
+                offset: ghosts::index(place),
+                scale: L::scale(self.rows.at(row), &partners),
                 memory: if lives { held } else { L::Memory::default() },
             });
-            if periodic {
-                self.offsets.push(offset);
-            }
         });
+        self.list_facets(particles, gap, &search);
         self.search = search;
         for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
             let (body, motion) = (&particles.body[k], &particles.motion[k]);
             for (w, wall) in self.walls.iter().enumerate() {
+                if wall.surface.is_some() {
+                    continue;
+                }
                 let distance = wall.distance(&motion.position);
                 if distance > body.radius + gap {
                     continue;
@@ -435,19 +588,15 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 let wall_index = ghosts::index(w);
                 let held = self
                     .wall_memories
-                    .binary_search_by_key(&(body.id, wall_index), |(key, _)| *key)
+                    .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
                     .map_or(L::Memory::default(), |at| self.wall_memories[at].1);
                 let lives = distance < body.radius || L::bonded(&held);
-                let partners = Partners {
-                    materials: [wall.material, body.material],
-                    diameter: 2.0 * body.radius,
-                    mass: body.mass,
-                };
+                let partners = at_wall(wall.material, body);
                 self.wall_pairs.push(WallPair {
                     wall: wall_index,
                     grain: ghosts::index(k),
                     radius: body.radius,
-                    constants: self.law.constants(&partners),
+                    constants: self.at_wall(&partners),
                     memory: if lives { held } else { L::Memory::default() },
                 });
             }
@@ -458,6 +607,79 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= PER_THREAD * threads;
         self.activate(particles);
+    }
+
+    fn at_wall(&self, partners: &Partners) -> L::Constants {
+        let [wall, grain] = partners.materials;
+        L::between(self.rows.get(wall, grain), partners)
+    }
+
+    /// Lists the facets that owned grains are close to, by grain, wall and facet.
+    fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
+        let facets = &mut self.facets;
+        facets.close.clear();
+        for (w, wall) in (0..).zip(&self.walls) {
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            for facet in 0..surface.len() {
+                let (mut low, mut high) = (None::<S::Vector>, None::<S::Vector>);
+                for corner in surface.corners(facet) {
+                    let corner = S::from_volume(&corner) + wall.point;
+                    low = Some(low.map_or(corner, |low| low.combine(&corner, f64::min)));
+                    high = Some(high.map_or(corner, |high| high.combine(&corner, f64::max)));
+                }
+                let (Some(low), Some(high)) = (low, high) else {
+                    continue;
+                };
+                search.near::<S>(&low, &high, gap, |k| {
+                    if k < particles.owned()
+                        && particles.mobility[k].free > 0.0
+                        && surface.distance(facet, &wall.local(&particles.motion[k].position))
+                            <= particles.body[k].radius + gap
+                    {
+                        facets
+                            .close
+                            .push([ghosts::index(k), w, ghosts::index(facet)]);
+                    }
+                });
+            }
+        }
+        facets.close.sort_unstable();
+        facets.near.clear();
+        facets.active.clear();
+        for group in facets.close.chunk_by(|a, b| a[..2] == b[..2]) {
+            let [grain, w, _] = group[0];
+            let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
+            let near = ghosts::index(facets.near.len());
+            facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
+            let held = ghosts::index(facets.held.len());
+            let from = self
+                .wall_memories
+                .partition_point(|(key, _)| *key < (body.id, w, 0));
+            let remembered = self.wall_memories[from..]
+                .iter()
+                .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
+            facets
+                .held
+                .extend(remembered.map(|((_, _, facet), memory)| Held {
+                    facet: *facet,
+                    memory: *memory,
+                }));
+            let diameter = 2.0 * body.radius;
+            facets.pairs.push(SurfacePair {
+                wall: w,
+                grain,
+                radius: body.radius,
+                opening: self.law.widest_opening([diameter, diameter]),
+                near: (near, ghosts::index(facets.near.len())),
+                held: (held, ghosts::index(facets.held.len())),
+                constants: L::between(
+                    self.rows.get(wall.material, body.material),
+                    &at_wall(wall.material, body),
+                ),
+            });
+        }
     }
 
     /// Chooses the pairs to test until grains have moved by another look's distance.
@@ -474,19 +696,34 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let periodic = self.settings.region.any_periodic();
         self.active.clear();
         for (k, pair) in (0..).zip(&mut self.pairs) {
-            let ends = (pair.first as usize, pair.second as usize);
-            let offset = if periodic {
-                self.offsets[k as usize]
-            } else {
-                S::Vector::default()
-            };
-            let squared = separation(&particles.motion, ends, &offset, periodic).1;
+            let offset = &self.offsets[pair.offset as usize];
+            let squared = separation(&particles.motion, pair.ends(), offset, periodic).1;
             // The slack is far above the rounding of a separation, far below any gap that costs.
             let far = pair.reach * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
             if squared <= far * far || L::bonded(&pair.memory) {
                 self.active.push(k);
             } else {
                 pair.memory = L::Memory::default();
+            }
+        }
+        let facets = &mut self.facets;
+        facets.active.clear();
+        for (k, pair) in (0..).zip(&mut facets.pairs) {
+            let wall = &self.walls[pair.wall as usize];
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
+            let closes = || {
+                wall.surface.as_ref().is_some_and(|surface| {
+                    let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+                    near.iter()
+                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
+                })
+            };
+            if pair.held.0 < pair.held.1 || closes() {
+                facets.active.push(k);
+            } else {
+                // It is not looked at again before it is active, and others come and go meanwhile.
+                pair.held = (0, 0);
             }
         }
         if self.parallel {
@@ -497,8 +734,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     fn note_incidence(&mut self, owned: usize) {
         self.incident_start.clear();
         self.incident_start.resize(owned + 1, 0);
-        let ends =
-            |pair: &Pair<L::Constants, L::Memory>| [pair.first as usize, pair.second as usize];
+        let ends = |pair: &Pair<L::Scale, L::Memory>| [pair.first as usize, pair.second as usize];
         for &k in &self.active {
             for end in ends(&self.pairs[k as usize])
                 .into_iter()
@@ -536,6 +772,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
         }
         self.wall_forces(particles, dt);
+        self.facet_forces(particles, dt);
         if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
             self.report_failures(particles);
         }
@@ -551,7 +788,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
             for (&k, span) in block.iter().zip(spans.iter()) {
                 let pair = &mut self.pairs[k as usize];
-                let Some(action) = act::<S, L>(pair, motion, span, dt) else {
+                let Some(action) = act::<S, L>(&self.rows, pair, motion, span, dt) else {
                     continue;
                 };
                 let first = &mut contact[pair.first as usize];
@@ -581,6 +818,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.actions.resize(self.active.len(), Action::default());
         let failed = act_on_pieces::<S, L, PERIODIC>(
             (&self.active, 0),
+            &self.rows,
             &mut self.pairs,
             &self.offsets,
             &mut self.actions,
@@ -618,7 +856,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let Particles {
             motion, contact, ..
         } = particles;
-        for (k, pair) in (0..).zip(&mut self.wall_pairs) {
+        for pair in &mut self.wall_pairs {
             let (wall, grain) = (
                 &self.walls[pair.wall as usize],
                 &motion[pair.grain as usize],
@@ -628,24 +866,85 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 pair.memory = L::Memory::default();
                 continue;
             }
-            let overlap = pair.radius - distance;
-            let arm = pair.radius - 0.5 * overlap;
-            let velocity = grain.velocity - wall.velocity;
-            let touch = Touch {
-                overlap,
-                normal: wall.normal,
-                separation_rate: wall.normal.scalar(&velocity),
-                slip: S::slip(&wall.normal, &velocity, &(grain.spin * arm)),
-                time_step: dt,
-            };
-            let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
             let load = &mut contact[pair.grain as usize];
-            load.force += wall.normal * reply.normal + S::embed(&reply.tangent, &wall.normal);
-            load.torque += S::tangent_moment(&reply.tangent, &wall.normal) * -arm;
-            if let Some(failure) = reply.failure {
-                self.wall_failures.push((k, failure));
+            let failure = act_at_wall::<S, L>(
+                (&pair.constants, &mut pair.memory),
+                (pair.radius, distance, &wall.normal),
+                (grain, &wall.velocity),
+                load,
+                dt,
+            );
+            if let Some(mode) = failure {
+                self.wall_failures.push(WallFailure {
+                    grain: pair.grain,
+                    wall: pair.wall,
+                    arm: wall.normal * -distance,
+                    mode,
+                });
             }
         }
+    }
+
+    /// Contacts with facets: found anew, each with the memory it had.
+    fn facet_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let Particles {
+            motion, contact, ..
+        } = particles;
+        let facets = &mut self.facets;
+        facets.next.clear();
+        for &k in &facets.active {
+            let pair = &mut facets.pairs[k as usize];
+            let wall = &self.walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let grain = &motion[pair.grain as usize];
+            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+            let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
+                pair.radius + pair.opening
+            } else {
+                pair.radius
+            };
+            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+            surface.contacts(near, &wall.local(&grain.position), reach, &mut facets.found);
+            facets.taken.clear();
+            facets.taken.resize(held.len(), false);
+            let start = ghosts::index(facets.next.len());
+            for one in &facets.found {
+                let mut memory =
+                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if one.distance >= pair.radius && !L::bonded(&memory) {
+                    continue;
+                }
+                let normal = S::from_volume(&one.normal);
+                let failure = act_at_wall::<S, L>(
+                    (&pair.constants, &mut memory),
+                    (pair.radius, one.distance, &normal),
+                    (grain, &wall.velocity),
+                    &mut contact[pair.grain as usize],
+                    dt,
+                );
+                if let Some(mode) = failure {
+                    self.wall_failures.push(WallFailure {
+                        grain: pair.grain,
+                        wall: pair.wall,
+                        arm: normal * -one.distance,
+                        mode,
+                    });
+                }
+                // A fresh memory is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&memory))
+                    && memory != L::Memory::default()
+                {
+                    facets.next.push(Held {
+                        facet: one.facet,
+                        memory,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
     }
 
     /// Writes each failed bond into the ledger once: at the owner of the lower id, or of the grain at a wall.
@@ -656,12 +955,11 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let pair = &self.pairs[k as usize];
             let (first, second) = (pair.first as usize, pair.second as usize);
             if first < particles.owned() {
-                let offset = self.offsets.get(k as usize).copied().unwrap_or_default();
                 let (between, squared) = separation(
                     &particles.motion,
-                    (first, second),
-                    &offset,
-                    !self.offsets.is_empty(),
+                    pair.ends(),
+                    &self.offsets[pair.offset as usize],
+                    self.settings.region.any_periodic(),
                 );
                 let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
                 self.breaks.push(BondBreak {
@@ -676,18 +974,16 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 });
             }
         }
-        for &(k, mode) in &self.wall_failures {
-            let pair = &self.wall_pairs[k as usize];
-            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
-            let at = particles.location(grain);
+        for failure in &self.wall_failures {
+            let grain = failure.grain as usize;
             self.breaks.push(BondBreak {
                 step: self.steps,
                 time,
                 grain: particles.body[grain].id,
                 other: None,
-                wall: Some(pair.wall),
-                position: at - wall.normal * wall.distance(&particles.motion[grain].position),
-                mode,
+                wall: Some(failure.wall),
+                position: particles.location(grain) + failure.arm,
+                mode: failure.mode,
                 fluid_force: particles.fluid[grain].force.length(),
             });
         }
@@ -706,12 +1002,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
         let mut bonds = 0;
         let periodic = self.settings.region.any_periodic();
-        for (k, pair) in self.pairs.iter_mut().enumerate() {
-            let offset = self.offsets.get(k).copied().unwrap_or_default();
-            let ends = (pair.first as usize, pair.second as usize);
-            let squared = separation(&particles.motion, ends, &offset, periodic).1;
-            if squared < pair.reach * pair.reach
-                && L::bond(&pair.constants, &mut pair.memory)
+        for pair in &mut self.pairs {
+            let offset = &self.offsets[pair.offset as usize];
+            let ends = pair.ends();
+            let squared = separation(&particles.motion, ends, offset, periodic).1;
+            let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+            let far = pair.reach + L::bonding_gap(&constants);
+            if squared < far * far
+                && L::bond(&constants, &mut pair.memory, pair.reach - squared.sqrt())
                 && ends.0 < particles.owned()
             {
                 bonds += 1;
@@ -720,10 +1018,48 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         for pair in &mut self.wall_pairs {
             let distance = self.walls[pair.wall as usize]
                 .distance(&particles.motion[pair.grain as usize].position);
-            if distance < pair.radius && L::bond(&pair.constants, &mut pair.memory) {
+            if distance < pair.radius + L::bonding_gap(&pair.constants)
+                && L::bond(&pair.constants, &mut pair.memory, pair.radius - distance)
+            {
                 bonds += 1;
             }
         }
+        let facets = &mut self.facets;
+        facets.next.clear();
+        for pair in &mut facets.pairs {
+            let wall = &self.walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+            let reach = pair.radius + L::bonding_gap(&pair.constants);
+            surface.contacts(near, &at, reach, &mut facets.found);
+            facets.taken.clear();
+            facets.taken.resize(held.len(), false);
+            let start = ghosts::index(facets.next.len());
+            for one in &facets.found {
+                let mut memory =
+                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if L::bond(&pair.constants, &mut memory, pair.radius - one.distance) {
+                    bonds += 1;
+                }
+                // A fresh memory is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&memory))
+                    && memory != L::Memory::default()
+                {
+                    facets.next.push(Held {
+                        facet: one.facet,
+                        memory,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
+        // Bonds across gaps act from now on.
+        self.activate(particles);
         bonds
     }
 
@@ -735,6 +1071,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         for pair in &mut self.wall_pairs {
             L::unbond(&mut pair.memory);
         }
+        for held in &mut self.facets.held {
+            L::unbond(&mut held.memory);
+        }
     }
 
     /// Every contact this rank reports: `(entries, overlap, normal, position, bonded)`, walls as `Err(wall)`.
@@ -744,19 +1083,20 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         mut visit: impl FnMut(super::Contact<S>),
     ) {
         let periodic = self.settings.region.any_periodic();
-        for (k, pair) in self.pairs.iter().enumerate() {
-            let (first, second) = (pair.first as usize, pair.second as usize);
+        for pair in &self.pairs {
+            let (first, second) = pair.ends();
             if first >= particles.owned() {
                 continue;
             }
-            let offset = self.offsets.get(k).copied().unwrap_or_default();
+            let offset = &self.offsets[pair.offset as usize];
             let (between, squared) =
-                separation(&particles.motion, (first, second), &offset, periodic);
+                separation(&particles.motion, (first, second), offset, periodic);
             let bonded = L::bonded(&pair.memory);
             if squared < pair.reach * pair.reach || bonded {
                 let distance = squared.sqrt();
                 let overlap = pair.reach - distance;
                 let normal = between * (1.0 / distance);
+                let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
                 visit(super::Contact {
                     grain: first,
                     other: Some(second),
@@ -764,7 +1104,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     overlap,
                     normal,
                     position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    normal_force: L::normal_spring(&constants, &pair.memory, overlap),
                     bonded,
                 });
             }
@@ -783,9 +1123,40 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                     normal: wall.normal,
                     position: particles.location(grain)
                         - wall.normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::stiffness(&pair.constants)[0] * overlap,
+                    normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
                     bonded,
                 });
+            }
+        }
+        let (mut found, mut taken) = (Vec::new(), Vec::new());
+        for pair in &self.facets.pairs {
+            let (held, near) = (self.facets.held(pair), self.facets.near(pair));
+            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let at = wall.local(&particles.motion[grain].position);
+            surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
+            taken.clear();
+            taken.resize(held.len(), false);
+            for one in &found {
+                let memory = memory_of(surface, held, &mut taken, &found, one.facet);
+                let bonded = L::bonded(&memory);
+                if one.distance < pair.radius || bonded {
+                    let overlap = pair.radius - one.distance;
+                    let normal = S::from_volume(&one.normal);
+                    visit(super::Contact {
+                        grain,
+                        other: None,
+                        wall: Some(pair.wall),
+                        overlap,
+                        normal,
+                        position: particles.location(grain)
+                            - normal * (pair.radius - 0.5 * overlap),
+                        normal_force: L::normal_spring(&pair.constants, &memory, overlap),
+                        bonded,
+                    });
+                }
             }
         }
     }
@@ -795,7 +1166,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let mut now = Statistics {
             owned: particles.owned() as u64,
             ghosts: (particles.len() - particles.owned()) as u64,
-            listed: (self.pairs.len() + self.wall_pairs.len()) as u64,
+            listed: (self.pairs.len() + self.wall_pairs.len() + self.facets.pairs.len()) as u64,
             active: self.active.len() as u64,
             rebuilds: self.rebuilds,
             tested: self.tested,
@@ -819,7 +1190,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
 
     /// The memories of all contacts this rank reports, grains then walls, by rising key.
     #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
-    pub(super) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<((u64, u32), L::Memory)>) {
+    pub(super) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
         let fresh = L::Memory::default();
         let mut grains: Vec<_> = self
             .pairs
@@ -840,8 +1211,19 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             .wall_pairs
             .iter()
             .filter(|pair| pair.memory != fresh)
-            .map(|pair| ((self.names[pair.grain as usize].0, pair.wall), pair.memory))
+            .map(|pair| {
+                let id = self.names[pair.grain as usize].0;
+                ((id, pair.wall, 0), pair.memory)
+            })
             .collect();
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            let held = self.facets.held(pair).iter();
+            walls.extend(
+                held.filter(|held| held.memory != fresh)
+                    .map(|held| ((id, pair.wall, held.facet), held.memory)),
+            );
+        }
         walls.sort_unstable_by_key(|(key, _)| *key);
         (grains, walls)
     }
@@ -850,11 +1232,13 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
     pub(super) fn restore(
         &mut self,
         grains: Vec<(Key, L::Memory)>,
-        walls: Vec<((u64, u32), L::Memory)>,
+        walls: Vec<(WallKey, L::Memory)>,
         steps: u64,
     ) {
         self.pairs.clear();
         self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
         self.memories = grains;
         self.wall_memories = walls;
         self.put_memories_in_order();
@@ -879,6 +1263,61 @@ fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64
         [false, true] => masses[1],
         _ => masses[0] * masses[1] / (masses[0] + masses[1]),
     }
+}
+
+/// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+fn rolling_inertia<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+    let about = [i, j].map(|k| rolled(&particles.body[k]));
+    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+        [true, false] => about[0],
+        [false, true] => about[1],
+        _ => about[0] * about[1] / (about[0] + about[1]),
+    }
+}
+
+/// Moment of inertia about a point of the surface (kg m²).
+fn rolled(body: &Body) -> f64 {
+    body.inertia + body.mass * body.radius * body.radius
+}
+
+/// A grain at a wall.
+fn at_wall(material: u32, body: &Body) -> Partners {
+    Partners {
+        materials: [material, body.material],
+        diameter: 2.0 * body.radius,
+        mass: body.mass,
+        rolling_radius: body.radius,
+        rolling_inertia: rolled(body),
+    }
+}
+
+/// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
+#[inline(always)]
+fn act_at_wall<S: Space, L: ContactLaw<S>>(
+    (constants, memory): (&L::Constants, &mut L::Memory),
+    (radius, distance, normal): (f64, f64, &S::Vector),
+    (grain, moves): (&Motion<S>, &S::Vector),
+    load: &mut Load<S>,
+    dt: f64,
+) -> Option<Failure> {
+    let overlap = radius - distance;
+    let arm = radius - 0.5 * overlap;
+    let velocity = grain.velocity - *moves;
+    let touch = Touch {
+        overlap,
+        normal: *normal,
+        separation_rate: normal.scalar(&velocity),
+        slip: S::slip(normal, &velocity, &(grain.spin * arm)),
+        roll: grain.spin,
+        time_step: dt,
+    };
+    let reply = L::reply(constants, memory, &touch);
+    load.force += *normal * reply.normal + S::embed(&reply.tangent, normal);
+    load.torque += S::tangent_moment(&reply.tangent, normal) * -arm;
+    if L::ROLLS {
+        load.torque += reply.moment;
+    }
+    reply.failure
 }
 
 /// From the first centre to the second, and the square of its length: the one place where it is computed.
@@ -925,7 +1364,7 @@ impl<S: Space> Spans<S> {
     fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
         &mut self,
         block: &[u32],
-        pairs: &[Pair<L::Constants, L::Memory>],
+        pairs: &[Pair<L::Scale, L::Memory>],
         base: usize,
         motion: &[Motion<S>],
         offsets: &[S::Vector],
@@ -934,12 +1373,11 @@ impl<S: Space> Spans<S> {
         for (&k, (between, squared)) in block.iter().zip(slots) {
             let pair = &pairs[k as usize - base];
             let offset = if PERIODIC {
-                offsets[k as usize]
+                offsets[pair.offset as usize]
             } else {
                 S::Vector::default()
             };
-            let ends = (pair.first as usize, pair.second as usize);
-            (*between, *squared) = separation(motion, ends, &offset, PERIODIC);
+            (*between, *squared) = separation(motion, pair.ends(), &offset, PERIODIC);
         }
         // The whole block, filled or not, so that the loop has a fixed length.
         for k in 0..BLOCK {
@@ -960,7 +1398,8 @@ impl<S: Space> Spans<S> {
 /// The action of one pair, or none where it neither touches nor is bonded.
 #[inline(always)]
 fn act<S: Space, L: ContactLaw<S>>(
-    pair: &mut Pair<L::Constants, L::Memory>,
+    rows: &PairTable<L::Row>,
+    pair: &mut Pair<L::Scale, L::Memory>,
     motion: &[Motion<S>],
     (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     dt: f64,
@@ -981,16 +1420,23 @@ fn act<S: Space, L: ContactLaw<S>>(
         normal,
         separation_rate: normal.scalar(&velocity),
         slip: S::slip(&normal, &velocity, &rolling),
+        roll: second.spin - first.spin,
         time_step: dt,
     };
-    let reply = L::reply(&pair.constants, &mut pair.memory, &touch);
+    let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
+    let reply = L::reply(&constants, &mut pair.memory, &touch);
     let moment = S::tangent_moment(&reply.tangent, &normal);
-    Some(Action {
+    let mut action = Action {
         force: normal * reply.normal + S::embed(&reply.tangent, &normal),
         on_first: moment * -first_arm,
         on_second: moment * -second_arm,
         failure: reply.failure,
-    })
+    };
+    if L::ROLLS {
+        action.on_first -= reply.moment;
+        action.on_second += reply.moment;
+    }
+    Some(action)
 }
 
 /// Pairs per piece of parallel work.
@@ -999,7 +1445,8 @@ const PIECE: usize = 2048;
 /// [`act`] on all active pairs, by threads; true where a bond failed. `active` counts from `base` in `pairs`.
 fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
     (active, base): (&[u32], usize),
-    pairs: &mut [Pair<L::Constants, L::Memory>],
+    rows: &PairTable<L::Row>,
+    pairs: &mut [Pair<L::Scale, L::Memory>],
     offsets: &[S::Vector],
     actions: &mut [Action<S>],
     motion: &[Motion<S>],
@@ -1012,7 +1459,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
             spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
             for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
                 let pair = &mut pairs[k as usize - base];
-                *action = act::<S, L>(pair, motion, span, dt).unwrap_or_default();
+                *action = act::<S, L>(rows, pair, motion, span, dt).unwrap_or_default();
                 failed |= action.failure.is_some();
             }
         }
@@ -1027,6 +1474,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
         || {
             act_on_pieces::<S, L, PERIODIC>(
                 (left, base),
+                rows,
                 left_pairs,
                 offsets,
                 left_actions,
@@ -1037,6 +1485,7 @@ fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
         || {
             act_on_pieces::<S, L, PERIODIC>(
                 (right, cut),
+                rows,
                 right_pairs,
                 offsets,
                 right_actions,

@@ -13,6 +13,8 @@ use super::space::{Components, Space};
 pub(super) struct Search {
     classes: Vec<Class>,
     class_of: Vec<u8>,
+    places: Vec<[f64; 3]>,
+    cell_of: Vec<u32>,
     found: Vec<[u32; 2]>,
     order: Vec<u32>,
     place: Vec<u32>,
@@ -23,12 +25,15 @@ pub(super) struct Search {
 #[derive(Debug, Default)]
 struct Class {
     largest: f64,
-    origin: [f64; 3],
+    members: usize,
+    low: [f64; 3],
+    high: [f64; 3],
     inverse: f64,
     counts: [usize; 3],
     start: Vec<u32>,
     entries: Vec<u32>,
-    cell_of: Vec<u32>,
+    /// Place and radius of each entry, so that cells are read in one piece.
+    points: Vec<[f64; 4]>,
 }
 
 const CLASSES: usize = 24;
@@ -52,6 +57,24 @@ impl Search {
         }
     }
 
+    /// Calls `visit` with every entry of the last [`Self::pairs`] whose surface may be within `gap` (m) of the box between two
+    /// corners, and with some others.
+    pub(super) fn near<S: Space>(
+        &self,
+        low: &S::Vector,
+        high: &S::Vector,
+        gap: f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        for class in self
+            .classes
+            .iter()
+            .filter(|class| !class.entries.is_empty())
+        {
+            class.visit::<S>(low, high, class.largest + gap, |m, _| visit(m));
+        }
+    }
+
     fn sort_into_classes<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
         let count = particles.len();
         let largest = particles
@@ -67,40 +90,81 @@ impl Search {
                 .map(|body| class(largest, body.radius)),
         );
         self.classes.resize_with(CLASSES, Class::default);
-        for (level, class) in self.classes.iter_mut().enumerate() {
+        self.places.clear();
+        self.places
+            .extend((0..count).map(|k| particles.location(k)).map(|at| {
+                std::array::from_fn(|axis| {
+                    if axis < S::DIMENSION {
+                        at.get(axis)
+                    } else {
+                        0.0
+                    }
+                })
+            }));
+        for class in &mut self.classes {
             class.entries.clear();
             class.largest = 0.0;
-            let mut low = [f64::INFINITY; 3];
-            let mut high = [f64::NEG_INFINITY; 3];
-            let mut members = 0_usize;
-            for k in (0..count).filter(|&k| usize::from(self.class_of[k]) == level) {
-                members += 1;
-                class.largest = class.largest.max(particles.body[k].radius);
-                let at = particles.location(k);
-                for axis in 0..S::DIMENSION {
-                    low[axis] = low[axis].min(at.get(axis));
-                    high[axis] = high[axis].max(at.get(axis));
-                }
+            class.low = [f64::INFINITY; 3];
+            class.high = [f64::NEG_INFINITY; 3];
+            class.members = 0;
+        }
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            class.members += 1;
+            class.largest = class.largest.max(particles.body[k].radius);
+            for (axis, at) in self.places[k].into_iter().enumerate() {
+                class.low[axis] = class.low[axis].min(at);
+                class.high[axis] = class.high[axis].max(at);
             }
-            if members == 0 {
-                continue;
-            }
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
             let mut size = 2.0 * class.largest + gap;
             // Never many more cells than members, however far they are spread.
             loop {
                 class.counts = [1; 3];
                 for axis in 0..S::DIMENSION {
-                    class.counts[axis] = cells((high[axis] - low[axis]) / size);
+                    class.counts[axis] = cells((class.high[axis] - class.low[axis]) / size);
                 }
-                if class.counts.iter().fold(1.0, |n, &c| n * real(c)) <= 4.0 * real(members) + 64.0
+                if class.counts.iter().fold(1.0, |n, &c| n * real(c))
+                    <= 4.0 * real(class.members) + 64.0
                 {
                     break;
                 }
                 size *= 1.25;
             }
-            class.origin = low;
             class.inverse = 1.0 / size;
-            class.fill(particles, &self.class_of, level);
+            let total = class.counts.iter().product::<usize>();
+            class.start.clear();
+            class.start.resize(total + 1, 0);
+            class.entries.resize(class.members, 0);
+            class.points.resize(class.members, [0.0; 4]);
+        }
+        self.cell_of.clear();
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            let cell = class.cell_of(&self.places[k]);
+            class.start[cell + 1] += 1;
+            self.cell_of.push(super::ghosts::index(cell));
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
+            for cell in 1..class.start.len() {
+                class.start[cell] += class.start[cell - 1];
+            }
+        }
+        for k in 0..count {
+            let class = &mut self.classes[usize::from(self.class_of[k])];
+            // `start` runs ahead while filling and is set back below.
+            let slot = &mut class.start[self.cell_of[k] as usize];
+            class.entries[*slot as usize] = super::ghosts::index(k);
+            let [x, y, z] = self.places[k];
+            class.points[*slot as usize] = [x, y, z, particles.body[k].radius];
+            *slot += 1;
+        }
+        for class in self.classes.iter_mut().filter(|class| class.members > 0) {
+            for cell in (1..class.start.len()).rev() {
+                class.start[cell] = class.start[cell - 1];
+            }
+            class.start[0] = 0;
         }
     }
 
@@ -117,14 +181,18 @@ impl Search {
                     continue;
                 }
                 let reach = radius + class.largest + gap;
-                class.visit::<S>(&at, reach, |m| {
+                class.visit::<S>(&at, &at, reach, |m, point| {
                     let twice = other == level && m <= k;
-                    if twice || (k >= owned && m >= owned) || !(moves(k) || moves(m)) {
+                    if twice || (k >= owned && m >= owned) {
                         return;
                     }
-                    let between = particles.location(m) - at;
-                    let reach = radius + particles.body[m].radius + gap;
-                    if between.scalar(&between) <= reach * reach {
+                    let mut squared = 0.0;
+                    for axis in 0..S::DIMENSION {
+                        let d = point[axis] - at.get(axis);
+                        squared += d * d;
+                    }
+                    let reach = radius + point[3] + gap;
+                    if squared <= reach * reach && (moves(k) || moves(m)) {
                         self.found
                             .push([super::ghosts::index(k), super::ghosts::index(m)]);
                     }
@@ -172,60 +240,39 @@ impl Search {
 }
 
 impl Class {
-    fn cell(&self, at: f64, axis: usize) -> usize {
-        cells_clamped((at - self.origin[axis]) * self.inverse, self.counts[axis])
-    }
-
-    fn fill<S: Space>(&mut self, particles: &Particles<S>, class_of: &[u8], level: usize) {
-        let total = self.counts.iter().product::<usize>();
-        self.start.clear();
-        self.start.resize(total + 1, 0);
-        self.cell_of.clear();
-        for (k, class) in class_of.iter().enumerate() {
-            let mut cell = 0;
-            if usize::from(*class) == level {
-                let at = particles.location(k);
-                for axis in (0..S::DIMENSION).rev() {
-                    cell = cell * self.counts[axis] + self.cell(at.get(axis), axis);
-                }
-                self.start[cell + 1] += 1;
-            }
-            self.cell_of.push(super::ghosts::index(cell));
-        }
-        for cell in 0..total {
-            self.start[cell + 1] += self.start[cell];
-        }
-        self.entries.resize(self.start[total] as usize, 0);
-        for (k, _) in class_of
-            .iter()
-            .enumerate()
-            .filter(|(_, class)| usize::from(**class) == level)
-        {
-            let slot = &mut self.start[self.cell_of[k] as usize];
-            self.entries[*slot as usize] = super::ghosts::index(k);
-            *slot += 1;
-        }
-        for cell in (1..=total).rev() {
-            self.start[cell] = self.start[cell - 1];
-        }
-        self.start[0] = 0;
-    }
-
-    /// Calls `visit` with every member in a cell within `reach` of `at`.
     #[inline]
-    fn visit<S: Space>(&self, at: &S::Vector, reach: f64, mut visit: impl FnMut(usize)) {
+    fn cell(&self, at: f64, axis: usize) -> usize {
+        cells_clamped((at - self.low[axis]) * self.inverse, self.counts[axis])
+    }
+
+    fn cell_of(&self, at: &[f64; 3]) -> usize {
+        let [x, y, z] = std::array::from_fn(|axis| self.cell(at[axis], axis));
+        (z * self.counts[1] + y) * self.counts[0] + x
+    }
+
+    /// Calls `visit` with every member in a cell within `reach` of the box between two corners.
+    #[inline]
+    fn visit<S: Space>(
+        &self,
+        low: &S::Vector,
+        high: &S::Vector,
+        reach: f64,
+        mut visit: impl FnMut(usize, &[f64; 4]),
+    ) {
         let mut spans = [(0, 0); 3];
         for (axis, span) in spans.iter_mut().enumerate().take(S::DIMENSION) {
-            let x = at.get(axis);
-            *span = (self.cell(x - reach, axis), self.cell(x + reach, axis));
+            *span = (
+                self.cell(low.get(axis) - reach, axis),
+                self.cell(high.get(axis) + reach, axis),
+            );
         }
         for z in spans[2].0..=spans[2].1 {
             for y in spans[1].0..=spans[1].1 {
                 let row = (z * self.counts[1] + y) * self.counts[0];
                 let from = self.start[row + spans[0].0] as usize;
                 let to = self.start[row + spans[0].1 + 1] as usize;
-                for &m in &self.entries[from..to] {
-                    visit(m as usize);
+                for (&m, point) in self.entries[from..to].iter().zip(&self.points[from..to]) {
+                    visit(m as usize, point);
                 }
             }
         }

@@ -137,6 +137,41 @@ pub(super) struct GhostPlan {
     pattern: Option<Box<dyn Pattern>>,
     outgoing: Vec<Vec<u8>>,
     incoming: Vec<Vec<u8>>,
+    back: Option<Back>,
+}
+
+/// The way back, from ghosts to owners: messages and buffers for rows of some length.
+struct Back {
+    /// Numbers in a row.
+    row: usize,
+    pattern: Box<dyn Pattern>,
+    outgoing: Vec<Vec<u8>>,
+    incoming: Vec<Vec<u8>>,
+}
+
+impl Back {
+    fn new(
+        row: usize,
+        sends: &[(usize, Vec<u32>)],
+        receives: &[(usize, std::ops::Range<usize>)],
+        ranks: &dyn Ranks,
+    ) -> Result<Self, Error> {
+        let bytes = |rows: usize| rows * row * size_of::<i128>();
+        let out: Vec<_> = receives
+            .iter()
+            .map(|(rank, range)| (*rank, bytes(range.len())))
+            .collect();
+        let back: Vec<_> = sends
+            .iter()
+            .map(|(rank, entries)| (*rank, bytes(entries.len())))
+            .collect();
+        Ok(Self {
+            row,
+            pattern: ranks.pattern(&out, &back)?,
+            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
+            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
+        })
+    }
 }
 
 impl std::fmt::Debug for GhostPlan {
@@ -279,10 +314,13 @@ impl<S: Space> Particles<S> {
         &mut self,
         mut leaves: impl FnMut(&Self, usize) -> bool,
     ) -> Vec<(Body, Motion<S>)> {
-        let gone: Vec<bool> = (0..self.owned).map(|k| leaves(self, k)).collect();
-        if !gone.contains(&true) {
+        // Most often nobody leaves: then nothing is allocated.
+        let Some(first) = (0..self.owned).find(|&k| leaves(self, k)) else {
             return Vec::new();
-        }
+        };
+        let gone: Vec<bool> = (0..self.owned)
+            .map(|k| k == first || (k > first && leaves(self, k)))
+            .collect();
         self.drop_ghosts();
         let mut taken = Vec::new();
         for (k, _) in gone.iter().enumerate().filter(|(_, gone)| **gone) {
@@ -470,7 +508,7 @@ impl<S: Space> Particles<S> {
     /// # Errors
     /// Where `values` has another length than the entries, or a message failed.
     pub fn reduce_to_owners<const N: usize>(
-        &self,
+        &mut self,
         values: &mut [[i128; N]],
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
@@ -481,39 +519,30 @@ impl<S: Space> Particles<S> {
                 self.len()
             )));
         }
-        for &(own, ghost) in &self.plan.images {
+        let plan = &mut self.plan;
+        for &(own, ghost) in &plan.images {
             let row = values[ghost as usize];
             add_row(&mut values[own as usize], &row);
         }
         if ranks.size() == 1 {
             return Ok(());
         }
-        let messages = self
-            .plan
-            .receives
-            .iter()
-            .map(|(rank, range)| {
-                let mut bytes = Vec::with_capacity(range.len() * N * 16);
-                for value in values[range.clone()].iter().flatten() {
-                    bytes.extend_from_slice(&value.to_le_bytes());
-                }
-                (*rank, bytes)
-            })
-            .collect();
-        for (source, bytes) in ranks.exchange(messages)? {
-            let (rows, rest) = bytes.as_chunks::<16>();
-            let entries = self
-                .plan
-                .sends
-                .iter()
-                .find(|(rank, _)| *rank == source)
-                .map_or(&[][..], |(_, entries)| entries);
-            if rows.len() != entries.len() * N || !rest.is_empty() {
-                return Err(Error::Internal(format!(
-                    "rank {source} reduced other grains than it holds"
-                )));
+        if plan.back.as_ref().is_none_or(|back| back.row != N) {
+            plan.back = Some(Back::new(N, &plan.sends, &plan.receives, ranks)?);
+        }
+        let Some(back) = &mut plan.back else {
+            return Ok(());
+        };
+        for ((_, range), buffer) in plan.receives.iter().zip(&mut back.outgoing) {
+            buffer.clear();
+            for value in values[range.clone()].iter().flatten() {
+                buffer.extend_from_slice(&value.to_le_bytes());
             }
-            for (&k, row) in entries.iter().zip(rows.chunks_exact(N.max(1))) {
+        }
+        back.pattern.run(&back.outgoing, &mut back.incoming)?;
+        for ((_, entries), bytes) in plan.sends.iter().zip(&back.incoming) {
+            let rows = bytes.as_chunks::<16>().0.chunks_exact(N.max(1));
+            for (&k, row) in entries.iter().zip(rows) {
                 for (sum, value) in values[k as usize].iter_mut().zip(row) {
                     *sum = sum.wrapping_add(i128::from_le_bytes(*value));
                 }

@@ -124,6 +124,14 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn embed(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Vector;
     /// Moment `normal x tangent`.
     fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin;
+    /// The part of a spin across the normal: rolling without twisting.
+    fn rolling(spin: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
+    /// A rolling moment carried along with the contact frame, as [`Self::turn`].
+    fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
+    /// As a point of space: the plane is z = 0.
+    fn to_volume(vector: &Self::Vector) -> Vector3<f64>;
+    /// Back from space; the plane drops z.
+    fn from_volume(vector: &Vector3<f64>) -> Self::Vector;
 }
 
 /// The plane: discs of unit depth.
@@ -170,6 +178,22 @@ impl Space for Plane {
     fn tangent_moment(tangent: &f64, _: &Self::Vector) -> f64 {
         *tangent
     }
+    #[inline(always)]
+    fn rolling(spin: &f64, _: &Self::Vector) -> f64 {
+        *spin
+    }
+    #[inline(always)]
+    fn turn_moment(moment: &f64, _: &Self::Vector) -> f64 {
+        *moment
+    }
+    #[inline(always)]
+    fn to_volume(vector: &Self::Vector) -> Vector3<f64> {
+        Vector3::new(vector[0], vector[1], 0.0)
+    }
+    #[inline(always)]
+    fn from_volume(vector: &Vector3<f64>) -> Self::Vector {
+        SVector::<f64, 2>::new(vector[0], vector[1])
+    }
 }
 
 impl Space for Volume {
@@ -213,6 +237,22 @@ impl Space for Volume {
     #[inline(always)]
     fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin {
         normal.cross(tangent)
+    }
+    #[inline(always)]
+    fn rolling(spin: &Self::Spin, normal: &Self::Vector) -> Self::Spin {
+        spin - normal * normal.scalar(spin)
+    }
+    #[inline(always)]
+    fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin {
+        Self::turn(moment, normal)
+    }
+    #[inline(always)]
+    fn to_volume(vector: &Self::Vector) -> Vector3<f64> {
+        *vector
+    }
+    #[inline(always)]
+    fn from_volume(vector: &Vector3<f64>) -> Self::Vector {
+        *vector
     }
 }
 

@@ -9,7 +9,6 @@ use super::contact::ContactLaw;
 use super::engine::{Engine, Key};
 use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
 use super::space::{Components, Space};
-use super::walls::Wall;
 use super::{Dem, Inner};
 use crate::error::Error;
 
@@ -131,7 +130,7 @@ impl Table {
         }
     }
 
-    fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
+    pub(super) fn get_whole(&self, name: &str) -> Result<&[u64], Error> {
         match self.find(name)? {
             Values::Whole(values) => Ok(values),
             Values::Real(_) => Err(Error::Io(format!(
@@ -322,6 +321,9 @@ impl<S: Space> Dem<S> {
         match &self.inner {
             Inner::Linear(engine) => save(engine),
             Inner::CohesiveFrictional(engine) => save(engine),
+            Inner::ContactBond(engine) => save(engine),
+            Inner::RollingLinear(engine) => save(engine),
+            Inner::RollingContactBond(engine) => save(engine),
         }
     }
 
@@ -334,6 +336,9 @@ impl<S: Space> Dem<S> {
         match &mut self.inner {
             Inner::Linear(engine) => restore(engine, contacts),
             Inner::CohesiveFrictional(engine) => restore(engine, contacts),
+            Inner::ContactBond(engine) => restore(engine, contacts),
+            Inner::RollingLinear(engine) => restore(engine, contacts),
+            Inner::RollingContactBond(engine) => restore(engine, contacts),
         }
     }
 }
@@ -377,11 +382,9 @@ fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
     let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
     memory_columns::<S, L>(&mut grains, &memories);
     let mut walls = Table::default();
-    walls.whole("grain", at_walls.iter().map(|((grain, _), _)| *grain));
-    walls.whole(
-        "wall",
-        at_walls.iter().map(|((_, wall), _)| u64::from(*wall)),
-    );
+    walls.whole("grain", at_walls.iter().map(|(key, _)| key.0));
+    walls.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
+    walls.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
     let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
     memory_columns::<S, L>(&mut walls, &memories);
     let mut faces = Table::default();
@@ -428,16 +431,12 @@ fn restore<S: Space, L: ContactLaw<S>>(
     let normals = read_components::<S::Vector>(faces, "normal")?;
     let velocities = read_components::<S::Vector>(faces, "velocity")?;
     let materials = faces.get_whole("material")?;
-    engine.walls = (0..faces.rows())
-        .map(|k| {
-            Ok(Wall {
-                point: points[k],
-                normal: normals[k],
-                velocity: velocities[k],
-                material: small(materials[k])?,
-            })
-        })
-        .collect::<Result<_, Error>>()?;
+    for (k, wall) in engine.walls.iter_mut().enumerate() {
+        wall.point = points[k];
+        wall.normal = normals[k];
+        wall.velocity = velocities[k];
+        wall.material = small(materials[k])?;
+    }
     let (first, second) = (grains.get_whole("first")?, grains.get_whole("second")?);
     let mut shifts = vec![[0; 3]; grains.rows()];
     for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
@@ -463,10 +462,11 @@ fn restore<S: Space, L: ContactLaw<S>>(
         })
         .collect();
     let (grain, wall) = (walls.get_whole("grain")?, walls.get_whole("wall")?);
+    let facet = walls.get_whole("facet")?;
     let at_walls = read_memories::<S, L>(walls)?
         .into_iter()
         .enumerate()
-        .map(|(k, memory)| Ok(((grain[k], small(wall[k])?), memory)))
+        .map(|(k, memory)| Ok(((grain[k], small(wall[k])?, small(facet[k])?), memory)))
         .collect::<Result<_, Error>>()?;
     engine.restore(pairs, at_walls, contacts.steps);
     Ok(())

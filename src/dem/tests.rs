@@ -1,7 +1,10 @@
 //! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
 
+mod bonds;
 mod laws;
 mod same_bits;
+mod spheres;
+mod wall_shapes;
 
 use super::contact::cohesive_frictional::{self, CohesiveFrictional};
 use super::contact::linear::{self, Linear};

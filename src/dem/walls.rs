@@ -1,18 +1,25 @@
-//! Plane walls: infinite, with a material, at rest or moving.
+//! Walls with a material, at rest or moving: infinite planes, and surfaces of convex facets ([`super::surface`]).
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
 
 use super::space::{Components, Space};
+use super::surface::Surface;
 
-/// A half-space that grains cannot enter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A half-space that grains cannot enter, or a surface that they touch from either side.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Wall<S: Space> {
-    /// A point of its face (m), now.
+    /// A point of the plane (m), now; of a surface, how far it has moved.
     pub point: S::Vector,
-    /// Unit normal, into the grains.
+    /// Unit normal of the plane, into the grains; zero for a surface.
     pub normal: S::Vector,
     /// Velocity (m/s): along the face it drags, across it the face moves.
     pub velocity: S::Vector,
     /// Row in the table of contact parameters.
     pub material: u32,
+    /// The facets; none for a plane.
+    pub surface: Option<Arc<Surface>>,
 }
 
 impl<S: Space> Wall<S> {
@@ -25,10 +32,29 @@ impl<S: Space> Wall<S> {
             normal: normal * (1.0 / length),
             velocity: S::Vector::default(),
             material,
+            surface: None,
         }
     }
 
-    /// Distance (m) of a point from the face, positive on the grains' side.
+    /// A wall of facets at rest.
+    #[must_use]
+    pub fn of_surface(surface: Arc<Surface>, material: u32) -> Self {
+        Self {
+            point: S::Vector::default(),
+            normal: S::Vector::default(),
+            velocity: S::Vector::default(),
+            material,
+            surface: Some(surface),
+        }
+    }
+
+    /// A point (m) as the facets see it.
+    #[inline]
+    pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
+        S::to_volume(&(*point - self.point))
+    }
+
+    /// Distance (m) of a point from the plane, positive on the grains' side.
     #[must_use]
     #[inline(always)]
     pub fn distance(&self, point: &S::Vector) -> f64 {

@@ -249,6 +249,7 @@ impl Boundaries {
                         });
                     }
                     Condition::Pressure(_) => {
+                        let axis = all.patches[patch].axis;
                         match &mut pressure_cell {
                             Some((_, n)) => *n += 1,
                             None => pressure_cell = Some((all.pressure_links.len(), 1)),
@@ -257,8 +258,9 @@ impl Boundaries {
                             link,
                             patch,
                             direction: i,
+                            mirror: free_slip::Mirror::new(populations, cell, i, outside, patch),
+                            axis,
                             weight,
-                            c: c.map(f64::from),
                         });
                     }
                     Condition::Outflow => {
@@ -328,7 +330,15 @@ impl Boundaries {
     /// the boundary links.
     #[must_use]
     pub fn fluxes<S: Stored>(&self, populations: &Populations<S>) -> Vec<Flux> {
-        let mut fluxes = vec![Flux::default(); self.patches.len()];
+        let mut fluxes = Vec::new();
+        self.fluxes_into(populations, &mut fluxes);
+        fluxes
+    }
+
+    /// As [`Self::fluxes`], into a list that is used again.
+    pub fn fluxes_into<S: Stored>(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
+        fluxes.clear();
+        fluxes.resize(self.patches.len(), Flux::default());
         let parity = populations.parity();
         let numbers = populations.numbers();
         let velocities = populations.velocities();
@@ -379,7 +389,6 @@ impl Boundaries {
             let (from, to) = m.ends(parity);
             add(m.patch, from, to, m.leaves, m.enters);
         }
-        fluxes
     }
 
     /// Whether any rule needs the cell behind the first (outflow), so that a slab at a face must be two planes thick.

@@ -347,6 +347,11 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.fluxes(&self.populations)
     }
 
+    /// As [`Self::fluxes`], into a list that is used again.
+    pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
+        self.boundaries.fluxes_into(&self.populations, fluxes);
+    }
+
     /// The patches by name, in the order of [`Fluid::fluxes`].
     #[must_use]
     pub fn boundaries(&self) -> &Boundaries {

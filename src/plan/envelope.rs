@@ -417,6 +417,7 @@ fn resolution(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings)
     {
         let path = match &grains.source {
             GrainSource::Growth { .. } => "grains.initial.growth.radii",
+            GrainSource::Rain { .. } => "grains.initial.rain.grading",
             _ => "grains.initial",
         };
         diameters.push((path.into(), 2.0 * smallest * factor));

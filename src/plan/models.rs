@@ -121,9 +121,14 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             let model = match table.law {
                 Law::Linear { .. } => "linear with friction",
                 Law::CohesiveFrictional => "linear, cohesive-frictional",
+                Law::ContactBond { .. } => "linear with contact bonds",
+            };
+            let model = match table.rolling {
+                Some(_) => format!("{model}, resistance to rolling"),
+                None => model.into(),
             };
             let reason = format!("asked for; {kind}, without orientation");
-            choose("contact law", model.into(), reason);
+            choose("contact law", model, reason);
             choose(
                 "solid steps",
                 format!("{} per fluid step", clock.solid_steps_per_step),

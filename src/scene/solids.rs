@@ -3,23 +3,33 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
-use super::{material, sample, unique};
+use super::{material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
-use crate::case::grains::{Amount, GrainSource as Written, Growth, Radii};
-use crate::case::solids::{Motion as WrittenMotion, Shape};
+use crate::case::grains::{
+    Amount, Grading, GrainSource as Written, Growth, Radii, Rain as WrittenRain, SizeClass,
+};
+use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape};
+use crate::dem::Surface;
+use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// A plane that grains touch.
+/// A plane or surface that grains touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Wall {
     /// Name in tables.
     pub name: String,
-    /// A point of it [m].
+    /// A point of the plane [m].
     pub point: [f64; 3],
-    /// Unit normal towards the grains.
+    /// Unit normal of the plane towards the grains.
     pub normal: [f64; 3],
+    /// The facets, if it is not a plane.
+    #[serde(skip)]
+    pub surface: Option<Arc<Surface>>,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
     /// The face of the domain it lies on, if it is a box wall.
@@ -88,6 +98,15 @@ pub enum GrainSource {
         /// The rest as written.
         growth: Growth,
     },
+    /// A cloud that falls from a box.
+    Rain {
+        /// The box.
+        block: Block,
+        /// Sizes.
+        grading: rain::Grading,
+        /// The rest as written.
+        rain: WrittenRain,
+    },
     /// A saved sample, read already.
     File {
         /// The file.
@@ -126,31 +145,36 @@ pub(crate) fn walls(
     for (n, wall) in case.walls.iter().enumerate() {
         let path = format!("walls[{n}]");
         unique(&mut known, &wall.name, &format!("{path}.name"), findings);
-        let point = Block::vector(
-            grid,
-            &wall.plane.point,
-            &format!("{path}.plane.point"),
-            findings,
-        );
-        let normal = Block::vector(
-            grid,
-            &wall.plane.normal,
-            &format!("{path}.plane.normal"),
-            findings,
-        );
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-        if !(length > 0.0 && length.is_finite()) {
-            findings.error(
-                &format!("{path}.plane.normal"),
-                "a normal needs a direction",
-                "write for example [0, 1]",
-            );
+        let mut plane = ([0.0; 3], [0.0; 3]);
+        let mut surface = None;
+        match &wall.shape {
+            WallShape::Plane(written) => {
+                let path = format!("{path}.shape.plane");
+                let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+                let path = format!("{path}.normal");
+                let normal = Block::vector(grid, &written.normal, &path, findings);
+                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+                if !(length > 0.0 && length.is_finite()) {
+                    findings.error(
+                        &path,
+                        "a normal needs a direction",
+                        "write for example [0, 1]",
+                    );
+                }
+                plane = (point, normal.map(|n| n / length));
+            }
+            shape => surface = facets(case, grid, shape, &format!("{path}.shape"), findings),
         }
+        let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
+            Block::vector(grid, v, &format!("{path}.velocity"), findings)
+        });
         let index = material(names, &wall.material, &format!("{path}.material"), findings);
         walls.push(Wall {
             name: wall.name.clone(),
-            point,
-            normal: normal.map(|n| n / length),
+            point: plane.0,
+            normal: plane.1,
+            surface: surface.map(Arc::new),
+            velocity,
             material: index.unwrap_or(0),
             face: None,
         });
@@ -196,11 +220,94 @@ pub(crate) fn walls(
             name: face.name().into(),
             point,
             normal: face.inward(),
+            surface: None,
+            velocity: [0.0; 3],
             material: index.unwrap_or(0),
             face: Some(*face),
         });
     }
     walls
+}
+
+/// The facets of a wall that is not a plane, or findings.
+fn facets(
+    case: &Case,
+    grid: &Grid,
+    shape: &WallShape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Surface> {
+    if grid.dimension == 2 {
+        findings.error(
+            path,
+            "in 2-D a wall is a plane",
+            "write {\"plane\": {\"point\": .., \"normal\": ..}}",
+        );
+        return None;
+    }
+    if grid.periodic.contains(&true) {
+        findings.error(
+            path,
+            "a wall of facets cannot stand in a domain with a periodic axis",
+            "use planes, or take out `domain.periodic`",
+        );
+    }
+    let (path, made, remedy) = match shape {
+        WallShape::Plane(_) => return None,
+        WallShape::Polygon(corners) => {
+            let path = format!("{path}.polygon");
+            let vertices: Vec<Vector3<f64>> = corners
+                .iter()
+                .enumerate()
+                .map(|(n, at)| Block::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+                .collect();
+            let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
+            let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
+            (
+                path,
+                made,
+                "give the corners of a plane convex polygon in order",
+            )
+        }
+        WallShape::Box(extent) => {
+            let path = format!("{path}.box");
+            let from = Block::vector(grid, &extent.from, &format!("{path}.from"), findings);
+            let to = Block::vector(grid, &extent.to, &format!("{path}.to"), findings);
+            let made = if (0..3).all(|a| from[a] < to[a]) {
+                Surface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+            } else {
+                Err("the box has no volume".into())
+            };
+            (
+                path,
+                made,
+                "give the corners with the smallest and the largest coordinates",
+            )
+        }
+        WallShape::Mesh(mesh) => {
+            let path = format!("{path}.mesh");
+            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
+                Block::vector(grid, at, &format!("{path}.origin"), findings)
+            });
+            let file = case.directory.join(&mesh.path);
+            let made = std::fs::read(&file)
+                .map_err(|e| format!("cannot read {}: {e}", file.display()))
+                .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
+                .map_err(|e| format!("{}: {e}", mesh.path.display()));
+            (
+                format!("{path}.path"),
+                made,
+                "correct the path (relative to the case) or the file",
+            )
+        }
+    };
+    match made {
+        Ok(surface) => Some(surface),
+        Err(reason) => {
+            findings.error(&path, reason, remedy);
+            None
+        }
+    }
 }
 
 pub(crate) fn bodies(
@@ -354,6 +461,7 @@ pub(crate) fn grains(
         .collect();
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
+        Written::Rain(written) => falls(case, written, grid, findings)?,
         Written::File { path } => sample(
             &case.directory.join(path),
             path,
@@ -496,6 +604,96 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
+/// Rain that can fall, or findings.
+fn falls(
+    case: &Case,
+    written: &WrittenRain,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<Source> {
+    let path = "grains.initial.rain";
+    let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+    let classes = |list: &[SizeClass]| {
+        let class = |c: &SizeClass| rain::Class {
+            min: c.min,
+            max: c.max,
+            part: c.part,
+        };
+        list.iter().map(class).collect()
+    };
+    let (grading, name) = match &written.grading {
+        Grading::ByCount(list) => (rain::Grading::ByCount(classes(list)), "by_count"),
+        Grading::ByMass(list) => (rain::Grading::ByMass(classes(list)), "by_mass"),
+    };
+    let number_of = written.number as usize;
+    let measure = match grading.measure(number_of, grid.dimension) {
+        Ok(measure) => measure,
+        Err(reason) => {
+            findings.error(
+                &format!("{path}.grading.{name}"),
+                reason,
+                "correct the classes, or let more grains fall",
+            );
+            return None;
+        }
+    };
+    let widest = 2.0 * grading.bounds().1;
+    let narrowest = (0..grid.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    if widest > narrowest {
+        findings.error(
+            &format!("{path}.grading.{name}"),
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(widest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+        return None;
+    }
+    let most = rain::densest_cloud(grid.dimension);
+    let fraction = measure / block.measure();
+    if fraction > most {
+        findings.error(
+            &format!("{path}.number"),
+            format!(
+                "these grains would fill {} of the cloud's box; a loose cloud fills at most {most}",
+                number(fraction)
+            ),
+            format!(
+                "use a box {} times as high, or fewer or smaller grains",
+                number(fraction / most)
+            ),
+        );
+    }
+    let along = (0..grid.dimension)
+        .filter(|&a| {
+            case.gravity
+                .as_ref()
+                .is_some_and(|g| g.to_array()[a].abs() > 0.0)
+        })
+        .count();
+    if along != 1 {
+        findings.error(
+            "gravity",
+            "rain needs gravity along one axis",
+            "write for example [0, 0, -9.81]",
+        );
+    }
+    let bounds = grading.bounds();
+    Some((
+        GrainSource::Rain {
+            block,
+            grading,
+            rain: written.clone(),
+        },
+        Some(bounds),
+        number_of,
+    ))
+}
+
 fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {
     let path = "grains.initial.growth";
     let block = growth.region.as_ref().map_or(
@@ -616,10 +814,15 @@ pub(crate) fn overlaps(
     }
     for (_, position, radius, path) in &solids {
         for wall in walls {
-            let depth = radius
-                - (0..3)
-                    .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
-                    .sum::<f64>();
+            let distance = wall.surface.as_ref().map_or_else(
+                || {
+                    (0..3)
+                        .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
+                        .sum::<f64>()
+                },
+                |surface| surface.clearance(&Vector3::from(*position)),
+            );
+            let depth = radius - distance;
             if depth > ALLOWED * radius {
                 findings.error(
                     path,

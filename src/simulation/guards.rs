@@ -11,10 +11,11 @@ use crate::coupling::bounce_back::BounceBack;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use crate::lbm::boundary::from_quanta;
+use crate::lbm::boundary::{Flux, from_quanta};
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use decomposition::{Communicator, Domain, ExactSum};
+use serde_json::{Value, json};
 
 /// Steps between balances; each costs about one fluid step.
 const BALANCE_EVERY: u64 = 1000;
@@ -27,6 +28,7 @@ pub struct Guards {
     mass_error: f64,
     momentum_error: f64,
     mach: f64,
+    fluxes: Vec<Flux>,
 }
 
 impl Guards {
@@ -37,6 +39,18 @@ impl Guards {
             every: u64::from(plan.scene.guards.check_every_steps).max(1),
             ..Self::default()
         }
+    }
+
+    /// What a checkpoint keeps of the meters: tables print them, and go on after a restart as if there had been none.
+    #[must_use]
+    pub fn state(&self) -> Value {
+        json!([self.mass_error, self.momentum_error, self.mach])
+    }
+
+    /// Takes back what [`Self::state`] gave; numbers that are missing count as 0.
+    pub fn restore(&mut self, state: &Value) {
+        let number = |n: usize| state[n].as_f64().unwrap_or(0.0);
+        (self.mass_error, self.momentum_error, self.mach) = (number(0), number(1), number(2));
     }
 
     /// Largest relative error of the mass balance of any step looked at.
@@ -84,7 +98,8 @@ impl Guards {
         let communicator = domain.communicator();
         let after = totals(flow, communicator);
         let mut crossed = [0_i128; 4];
-        for flux in flow.fluid().fluxes() {
+        flow.fluid().fluxes_into(&mut self.fluxes);
+        for flux in &self.fluxes {
             crossed[0] += flux.mass;
             for a in 0..3 {
                 crossed[a + 1] += flux.force[a];
@@ -160,16 +175,15 @@ impl Guards {
                 ));
             }
         }
-        let first = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
-        if communicator.all_reduce_min_u64(first) == u64::MAX {
+        // One reduction, on every rank: then the rank with the first of all bad cells speaks for all.
+        let mine = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
+        let first = communicator.all_reduce_min_u64(mine);
+        if first == u64::MAX {
             return Ok(());
         }
-        let mine = match &worst {
-            Some((n, text)) if *n == communicator.all_reduce_min_u64(first) => Err(text.clone()),
-            Some(_) | None => {
-                let _ = communicator.all_reduce_min_u64(first);
-                Ok(())
-            }
+        let mine = match worst {
+            Some((n, text)) if n == first => Err(text),
+            _ => Ok(()),
         };
         match communicator.agree(mine) {
             Ok(()) => Ok(()),

@@ -2,20 +2,23 @@
 //!
 //! Growth runs on the first rank alone, so that the sample depends on the seed only. Cutting follows, then bonds where
 //! contacts are, then rest under damping without the fluid: what breaks here broke before any water moved, and is said.
+//! Everything stands still meanwhile, driven bodies too; then each grain and body has the velocity of the case.
 
-use crate::case::grains::{Amount, Growth, Radii};
+use crate::case::contact::Scaled;
+use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Relaxation};
+use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::scene::block::Block;
 use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
-use crate::scene::sample;
 use crate::scene::solids::{Grain, GrainSource};
+use crate::scene::{rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// What the preparation came to, for the report and the summary.
@@ -70,6 +73,40 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
+        GrainSource::Rain {
+            block,
+            grading,
+            rain,
+        } => {
+            let (grains, report) = falling::<S>(plan, block, grading, rain).fall()?;
+            let last = report.convergence.last().copied().unwrap_or_default();
+            prepared.line = format!(
+                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {:.1e}",
+                report.grains,
+                report.fallen,
+                last.steps,
+                if report.settled {
+                    "settled"
+                } else {
+                    "NOT settled within the steps allowed"
+                },
+                report.coordination,
+                report.largest_overlap,
+                last.kinetic_energy,
+                last.unbalanced
+            );
+            prepared.report = json!({ "rain": report });
+            grains
+                .iter()
+                .map(|(position, radius)| Grain {
+                    position: components(position),
+                    radius: *radius,
+                    velocity: [0.0; 3],
+                    angular_velocity: [0.0; 3],
+                    material: scene.material,
+                })
+                .collect()
+        }
         GrainSource::Growth {
             block,
             number,
@@ -92,13 +129,7 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
                 .grains
                 .iter()
                 .map(|g| Grain {
-                    position: std::array::from_fn(|a| {
-                        if a < S::DIMENSION {
-                            g.position.get(a)
-                        } else {
-                            0.0
-                        }
-                    }),
+                    position: components(&g.position),
                     radius: g.radius,
                     velocity: [0.0; 3],
                     angular_velocity: [0.0; 3],
@@ -107,6 +138,17 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
                 .collect()
         }
     };
+    if let GrainSource::Rain { rain, .. } = &scene.source
+        && let Some(level) = rain.trim_above
+        && let Some(top) = prepared.report["rain"]["top"].as_f64()
+        && top < level
+    {
+        prepared.line = format!(
+            "{}; the surface stays {:.3e} m below the level of trimming: let more grains fall",
+            prepared.line,
+            level - top
+        );
+    }
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
         io::atomic::write(&folder.join(path), text.as_bytes())
@@ -129,6 +171,70 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
     }
     prepared.grains = all;
     Ok(prepared)
+}
+
+/// Three components; those that are not there are zero.
+fn components<C: Components>(vector: &C) -> [f64; 3] {
+    std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
+}
+
+fn falling<S: Space>(
+    plan: &Plan,
+    block: &Block,
+    grading: &rain::Grading,
+    written: &WrittenRain,
+) -> rain::Rain<S> {
+    let scene = &plan.scene;
+    let material = scene.grains.as_ref().map_or(0, |g| g.material);
+    let mut laws = Vec::new();
+    let with = |stiffness: Option<f64>| {
+        let mut table = scene.contact.clone();
+        for pair in table.iter_mut().flat_map(|table| &mut table.parameters) {
+            if let Some(stiffness) = stiffness {
+                pair.normal_stiffness = Scaled::Absolute(stiffness);
+            }
+            if let Some(angle) = written.friction_angle_degrees {
+                pair.friction_coefficient = angle.to_radians().tan();
+            }
+        }
+        super::setup::law_of(table.as_ref(), scene.materials.len())
+    };
+    if let (Some(soft), Some(table)) = (written.falling_stiffness, &scene.contact) {
+        let mean = grading.bounds().0 + grading.bounds().1;
+        let full = table.pair(material, material).normal_stiffness.at(mean);
+        let mut stiffness = soft;
+        while stiffness < full * (1.0 - 1e-9) {
+            laws.push(with(Some(stiffness)));
+            stiffness *= 10.0;
+        }
+    }
+    laws.push(with(None));
+    rain::Rain {
+        lower: super::setup::vector::<S>(block.from),
+        upper: super::setup::vector::<S>(block.to),
+        region: super::setup::region::<S>(plan),
+        // They move once the run begins.
+        walls: super::setup::walls::<S>(plan)
+            .into_iter()
+            .map(|wall| Wall {
+                velocity: S::Vector::default(),
+                ..wall
+            })
+            .collect(),
+        grading: grading.clone(),
+        number: written.number as usize,
+        seed: written.seed,
+        density: scene.materials[material].density.unwrap_or(1000.0),
+        material: super::setup::small(material),
+        laws,
+        materials: super::setup::small(scene.materials.len().max(1)),
+        gravity: super::setup::vector::<S>(scene.gravity),
+        local_damping: written.local_damping,
+        trim_above: written.trim_above,
+        kinetic_energy: written.stop.kinetic_energy,
+        unbalanced: written.stop.unbalanced_force,
+        limit: u64::from(written.stop.at_most_steps),
+    }
 }
 
 fn preparation<S: Space>(
@@ -188,6 +294,43 @@ fn preparation<S: Space>(
     }
 }
 
+/// Velocity and spin of whatever moves, by id, the same on all ranks: grains may change their rank before they are needed.
+/// Collective.
+fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> HashMap<u64, [f64; 6]> {
+    let mut mine = Vec::new();
+    for k in 0..particles.owned() {
+        let motion = &particles.motion[k];
+        let velocity: [f64; 6] = std::array::from_fn(|n| match n {
+            0..3 if n < S::DIMENSION => motion.velocity.get(n),
+            3.. if n - 3 < S::Spin::COUNT => motion.spin.get(n - 3),
+            _ => 0.0,
+        });
+        if velocity.iter().any(|v| v.to_bits() != 0) {
+            mine.extend(particles.body[k].id.to_le_bytes());
+            mine.extend(velocity.iter().flat_map(|v| v.to_le_bytes()));
+        }
+    }
+    let mut all = HashMap::new();
+    for message in domain.communicator().all_gather_bytes(&mine) {
+        let (words, _) = message.as_chunks::<8>();
+        let (entries, _) = words.as_chunks::<7>();
+        for [id, velocity @ ..] in entries {
+            all.insert(u64::from_le_bytes(*id), velocity.map(f64::from_le_bytes));
+        }
+    }
+    all
+}
+
+fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f64; 6]) {
+    let motion = &mut particles.motion[k];
+    for a in 0..S::DIMENSION {
+        motion.velocity.set(a, velocity[a]);
+    }
+    for a in 0..S::Spin::COUNT {
+        motion.spin.set(a, velocity[3 + a]);
+    }
+}
+
 /// Bonds the contacts and brings the grains to rest without the fluid. Collective; returns a line to print and what goes
 /// into the summary.
 ///
@@ -204,13 +347,16 @@ pub fn settle<S: Space>(
         return Ok((String::new(), Value::Null));
     }
     let communicator = domain.communicator();
+    let start = velocities(particles, domain);
+    for k in 0..particles.owned() {
+        set_velocity(particles, k, &[0.0; 6]);
+    }
     let bonds = communicator.all_reduce_sum_u64(dem.bond_existing_contacts(particles, domain)?);
     let still = dem.relax(particles, domain, &Relaxation::default())?;
     let broken = communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
     for k in 0..particles.owned() {
-        let zero = particles.motion[k].velocity * 0.0;
-        particles.motion[k].velocity = zero;
-        particles.motion[k].spin = particles.motion[k].spin * 0.0;
+        let velocity = start.get(&particles.body[k].id).unwrap_or(&[0.0; 6]);
+        set_velocity(particles, k, velocity);
     }
     let line = format!(
         "{bonds} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {broken} bonds broke on the way",

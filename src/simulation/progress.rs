@@ -1,6 +1,7 @@
 //! What a person sees while a run goes on: a bar on a terminal, plain lines in a batch log.
 
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// What there is to say about the present moment.
@@ -42,7 +43,7 @@ impl Progress {
     /// Begins at a step.
     #[must_use]
     pub fn new(speaks: bool, step: u64) -> Self {
-        let terminal = std::io::stdout().is_terminal();
+        let terminal = on_terminal();
         let now = Instant::now();
         Self {
             speaks,
@@ -112,6 +113,49 @@ impl Progress {
     }
 }
 
+/// Whether a person may be looking. Under `mpirun` the standard output of a rank is a terminal made by mpirun, wherever
+/// mpirun's own output goes: then that of mpirun decides.
+fn on_terminal() -> bool {
+    if !std::io::stdout().is_terminal() {
+        return false;
+    }
+    if std::env::var_os("OMPI_COMM_WORLD_SIZE").is_none() {
+        return true;
+    }
+    launcher_on_terminal(Path::new("/proc"), std::process::id())
+}
+
+/// Programs that start the ranks of Open MPI on their machine.
+const LAUNCHERS: [&str; 4] = ["mpirun", "mpiexec", "orterun", "prterun"];
+
+/// Whether the launcher above process `id` in a `/proc` writes to a terminal; no where it runs on another machine.
+fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
+    // A few shells and timers may stand between.
+    for _ in 0..8 {
+        let folder = proc.join(id.to_string());
+        let Ok(stat) = std::fs::read_to_string(folder.join("stat")) else {
+            return false;
+        };
+        // `id (name) state parent ...`, where the name may hold anything.
+        let Some((head, tail)) = stat.rsplit_once(')') else {
+            return false;
+        };
+        let name = head.split_once('(').map_or("", |(_, name)| name);
+        if LAUNCHERS.contains(&name) {
+            return std::fs::read_link(folder.join("fd/1")).is_ok_and(|target| {
+                let target = target.to_string_lossy();
+                target.starts_with("/dev/pts") || target.starts_with("/dev/tty")
+            });
+        }
+        let parent = tail.split_whitespace().nth(1).and_then(|p| p.parse().ok());
+        match parent {
+            Some(parent) if parent > 0 => id = parent,
+            _ => return false,
+        }
+    }
+    false
+}
+
 /// Seconds as h:mm:ss.
 #[must_use]
 pub fn clock(seconds: f64) -> String {
@@ -127,4 +171,54 @@ fn write(text: &str) {
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes());
     let _ = out.flush();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    /// A process in a made-up `/proc`.
+    fn process(proc: &Path, id: u32, name: &str, parent: u32, output: &str) {
+        let folder = proc.join(id.to_string());
+        std::fs::create_dir_all(folder.join("fd")).unwrap();
+        let stat = format!("{id} ({name}) S {parent} {id} {id} 0 -1");
+        std::fs::write(folder.join("stat"), stat).unwrap();
+        symlink(output, folder.join("fd/1")).unwrap();
+    }
+
+    #[test]
+    fn the_output_of_mpirun_decides() {
+        for (output, terminal) in [
+            ("/dev/pts/3", true),
+            ("/dev/tty1", true),
+            ("/tmp/log", false),
+            ("pipe:[77]", false),
+            ("/dev/null", false),
+        ] {
+            let proc = tempfile::tempdir().unwrap();
+            // The ranks see the terminal that mpirun made for them.
+            process(proc.path(), 40, "solver", 30, "/dev/pts/9");
+            process(proc.path(), 30, "a (b) c", 20, "/dev/pts/9");
+            process(proc.path(), 20, "mpirun", 10, output);
+            process(proc.path(), 10, "bash", 1, "/dev/pts/3");
+            assert_eq!(launcher_on_terminal(proc.path(), 40), terminal, "{output}");
+        }
+    }
+
+    #[test]
+    fn without_a_launcher_nobody_looks() {
+        let proc = tempfile::tempdir().unwrap();
+        process(proc.path(), 40, "solver", 30, "/dev/pts/9");
+        process(proc.path(), 30, "orted", 1, "/dev/pts/9");
+        process(proc.path(), 1, "init", 0, "/dev/pts/9");
+        assert!(!launcher_on_terminal(proc.path(), 40));
+        assert!(!launcher_on_terminal(proc.path(), 41));
+    }
+
+    #[test]
+    fn seconds_are_hours_minutes_seconds() {
+        assert_eq!(clock(3723.4), "1:02:03");
+        assert_eq!(clock(f64::NAN), "unknown");
+    }
 }

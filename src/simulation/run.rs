@@ -13,20 +13,20 @@ use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
-use crate::cli::RunOptions;
 use crate::coupling::Flow;
 use crate::coupling::bounce_back::BounceBack;
 use crate::coupling::water::Water;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::Error;
+use crate::error::{Error, Problem, Severity};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
-use decomposition::{Domain, Slabs, World};
+use crate::scene::grid::Grid;
+use decomposition::{Communicator, Domain, Slabs, World};
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -34,6 +34,19 @@ use std::time::{Duration, Instant};
 
 /// Steps between questions to the outside (signals, files, clocks).
 const ASK_EVERY: u64 = 10;
+
+/// What a run or restart is asked for beside its case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunOptions {
+    /// Folder for everything the run writes; none for a restart in the same folder.
+    pub output: Option<PathBuf>,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+    /// Wall-clock time after which the run is over.
+    pub max_walltime: Option<Duration>,
+    /// Tables as JSON.
+    pub json: bool,
+}
 
 /// Runs a plan from its start.
 ///
@@ -63,6 +76,24 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
 fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
     let world = World::start().map_err(|e| Error::Internal(e.to_string()))?;
     let communicator = world.communicator();
+    let result = on_world(plan, options, resume, &communicator);
+    if let Err(error) = &result
+        && !matches!(error, Error::Stopped(_))
+        && !communicator.all_arrive(PATIENCE)
+    {
+        // The others know nothing of it and wait for this rank: nobody is left hanging.
+        log::error!("rank {}: {error}", communicator.rank());
+        communicator.abort(error.exit_code());
+    }
+    result
+}
+
+fn on_world(
+    plan: Plan,
+    options: RunOptions,
+    resume: Option<bool>,
+    communicator: &Communicator,
+) -> Result<(), Error> {
     let threads = options.threads.unwrap_or_else(|| {
         let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
             .ok()
@@ -75,13 +106,7 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
         .build_global()
         .map_err(|e| Error::Internal(format!("{threads} threads: {e}")))?;
     let grid = &plan.scene.grid;
-    let axis = setup::axis(grid.split_axis);
-    let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
-    let slabs = match &grid.slab_bounds {
-        Some(bounds) => Slabs::from_bounds(axis, bounds.clone(), periodic)
-            .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))?,
-        None => Slabs::even(axis, planes, communicator.size(), periodic),
-    };
+    let slabs = slabs(grid, communicator.size())?;
     let domain =
         Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
     let storage = plan
@@ -99,22 +124,68 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
         threads,
         resume,
         json: options.json,
+        quiet: false,
     };
-    let result = match (grid.dimension, storage) {
+    match (grid.dimension, storage) {
         (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
         (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
         (_, Precision::F64) => Runner::<Volume, f64>::go(plan, domain, start),
         (_, Precision::F32) => Runner::<Volume, f32>::go(plan, domain, start),
-    };
-    if let Err(error) = &result
-        && !matches!(error, Error::Stopped(_))
-        && communicator.size() > 1
-    {
-        // Another rank may be waiting for this one: nobody is left hanging.
-        log::error!("rank {}: {error}", communicator.rank());
-        communicator.abort(error.exit_code());
     }
-    result
+}
+
+/// How long a rank with an error waits for the others to have one too, before it ends the job by itself.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The slabs of the case, or equal ones.
+fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
+    let axis = setup::axis(grid.split_axis);
+    let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
+    let Some(inner) = &grid.slab_bounds else {
+        return Ok(Slabs::even(axis, planes, ranks, periodic));
+    };
+    if inner.len() + 1 != ranks {
+        return Err(Error::Case(vec![Problem {
+            path: "domain.slab_bounds".into(),
+            value: format!("{inner:?}"),
+            reason: format!(
+                "this list makes {} slabs, but there are {ranks} ranks",
+                inner.len() + 1
+            ),
+            remedy: format!(
+                "start {} ranks, give {} numbers, or leave the list out",
+                inner.len() + 1,
+                ranks - 1
+            ),
+            severity: Severity::Error,
+        }]));
+    }
+    let mut bounds = Vec::with_capacity(ranks + 1);
+    bounds.push(0);
+    bounds.extend(inner);
+    bounds.push(planes);
+    Slabs::from_bounds(axis, bounds, periodic)
+        .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
+}
+
+/// A run before its first step on this process alone, without a word, for whoever steps it himself: tests and
+/// measurements. Outputs go to `folder`.
+///
+/// # Errors
+/// As [`run`].
+pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
+    let grid = &plan.scene.grid;
+    let (axis, periodic) = (setup::axis(grid.split_axis), grid.periodic[grid.split_axis]);
+    let domain = Domain::serial(axis, grid.cells[grid.split_axis], periodic);
+    let start = Start {
+        folder: folder.to_owned(),
+        limit: None,
+        threads: rayon::current_num_threads(),
+        resume: None,
+        json: false,
+        quiet: true,
+    };
+    Runner::begin(plan, domain, start).map(|runner| runner.simulation)
 }
 
 struct Start {
@@ -123,6 +194,7 @@ struct Start {
     threads: usize,
     resume: Option<bool>,
     json: bool,
+    quiet: bool,
 }
 
 struct Runner<Sp: Space, S: Saved> {
@@ -180,7 +252,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             None => None,
             Some(changed) => Some(find(&plan, &folder, &domain, changed)?),
         };
-        let mut progress = Progress::new(first, 0);
+        let speaks = first && !start.quiet;
+        let mut progress = Progress::new(speaks, 0);
         progress.note(&format!(
             "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
             communicator.size(),
@@ -220,7 +293,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
-        let (mut step, mut recorder_state) = (0, Value::Null);
+        let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
         let mut dem = None;
         let resumed = found.is_some();
         if let Some((found, path)) = &found {
@@ -237,6 +310,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             notes = attributes["notes"].clone();
             removal.restore(&attributes["removal"])?;
             recorder_state = attributes["recorder"].clone();
+            guards_state = attributes["guards"].clone();
             if solid {
                 let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
                 particles = Particles::from_table(&grains)?;
@@ -293,8 +367,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else {
             recorder.set_flow_age(flow_age);
         }
-        let guards = Guards::new(&plan);
-        progress = Progress::new(first, step);
+        let mut guards = Guards::new(&plan);
+        guards.restore(&guards_state);
+        progress = Progress::new(speaks, step);
         let mut runner = Self {
             simulation: Simulation {
                 now: Present {
@@ -364,6 +439,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
                 self.save()?;
             }
+            if self.eroded() {
+                break;
+            }
             if step.is_multiple_of(ASK_EVERY) {
                 self.tell();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
@@ -393,6 +471,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .flush(&self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
+    }
+
+    /// Whether so much has left that the case calls the run done; the same on every rank.
+    fn eroded(&self) -> bool {
+        let law = self.simulation.now.plan.scene.erosion_law.as_ref();
+        law.and_then(|law| law.end_at_eroded_fraction)
+            .is_some_and(|end| self.simulation.recorder.eroded_fraction() >= end)
     }
 
     fn tell(&mut self) {
@@ -448,6 +533,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "case_hash": simulation.now.plan.case_hash,
             "removal": simulation.removal.state()?,
             "recorder": recorder,
+            "guards": simulation.guards.state(),
             "notes": self.notes,
             "typical_radius": self.notes["typical_radius"],
             "version": env!("CARGO_PKG_VERSION"),
@@ -524,7 +610,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "case_hash": simulation.now.plan.case_hash,
             "state_hash": hash,
             "notes": self.notes,
-            "versions": versions(),
+            "versions": versions(communicator),
         });
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
@@ -723,7 +809,7 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
         ("ranks".to_owned(), domain.communicator().size().to_string()),
         ("threads".to_owned(), threads.to_string()),
     ];
-    if let Value::Object(versions) = versions() {
+    if let Value::Object(versions) = versions(domain.communicator()) {
         all.extend(
             versions
                 .into_iter()
@@ -733,12 +819,12 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
     all
 }
 
-fn versions() -> Value {
+fn versions(communicator: &Communicator) -> Value {
     json!({
         "solver": env!("CARGO_PKG_VERSION"),
         "commit": env!("SOLVER_COMMIT"),
         "lanes": Level::best().name(),
-        "mpi": decomposition::Communicator::serial().mpi_version(),
+        "mpi": communicator.mpi_version(),
     })
 }
 

@@ -7,7 +7,9 @@ use crate::coupling::bounce_back::Settings as CouplingSettings;
 use crate::coupling::drag::{self, DragLaw, Seepage};
 use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use crate::dem::contact::contact_bond::{self, ContactBond};
 use crate::dem::contact::linear::{self, Linear};
+use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
@@ -25,6 +27,7 @@ use crate::scene::grid::count;
 use crate::scene::solids::{Grain, Mobility};
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
+use std::sync::Arc;
 
 /// Axis by number.
 pub fn axis(n: usize) -> Axis {
@@ -364,25 +367,38 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     if scene.flow.is_some() {
         settings.ghost_margin = (f64::from(GHOSTS) + 0.5) * scene.grid.spacing + settings.skin;
     }
-    let walls = scene
-        .walls
-        .iter()
-        .map(|w| {
-            Wall::new(
+    Dem::new(law(plan), settings, walls(plan))
+}
+
+/// The walls of a plan.
+#[must_use]
+pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
+    let walls = plan.scene.walls.iter().map(|w| {
+        let mut wall = match &w.surface {
+            Some(surface) => Wall::of_surface(Arc::clone(surface), small(w.material)),
+            None => Wall::new(
                 vector::<S>(w.point),
                 vector::<S>(w.normal),
                 small(w.material),
-            )
-        })
-        .collect();
-    Dem::new(law(plan), settings, walls)
+            ),
+        };
+        wall.velocity = vector::<S>(w.velocity);
+        wall
+    });
+    walls.collect()
 }
 
 /// The contact law of a plan; one without forces where nothing can touch.
 #[must_use]
 pub fn law(plan: &Plan) -> Law {
-    let materials = small(plan.scene.materials.len().max(1));
-    let Some(table) = &plan.scene.contact else {
+    law_of(plan.scene.contact.as_ref(), plan.scene.materials.len())
+}
+
+/// The law of a table for so many materials; one without forces where there is no table.
+#[must_use]
+pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
+    let materials = small(materials.max(1));
+    let Some(table) = table else {
         let nothing = linear::Parameters {
             normal_stiffness: 0.0,
             stiffness_per_diameter: false,
@@ -396,24 +412,57 @@ pub fn law(plan: &Plan) -> Law {
             parameters: PairTable::uniform(materials, nothing),
         });
     };
+    let rolling = table.rolling.map(|r| {
+        let parameters = rolling::Parameters {
+            friction: r.friction,
+            damping: r.damping_ratio,
+        };
+        PairTable::uniform(materials, parameters)
+    });
     match table.law {
-        WrittenLaw::Linear { attraction } => Law::Linear(Linear {
-            parameters: pairs(table, |p| {
-                let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
-                linear::Parameters {
-                    normal_stiffness,
-                    stiffness_per_diameter,
-                    stiffness_ratio: p.shear_to_normal_stiffness,
-                    friction: p.friction_coefficient,
-                    normal_damping: p.normal_damping_ratio,
-                    shear_damping: p.shear_damping_ratio,
-                    attraction,
-                }
-            }),
-        }),
+        WrittenLaw::Linear { attraction } => {
+            let law = Linear {
+                parameters: pairs(table, |p| springs(p, attraction)),
+            };
+            match rolling {
+                Some(parameters) => Law::RollingLinear(Rolling { law, parameters }),
+                None => Law::Linear(law),
+            }
+        }
+        WrittenLaw::ContactBond {
+            bonding_gap,
+            unstressed,
+        } => {
+            let law = ContactBond {
+                parameters: pairs(table, |p| contact_bond::Parameters {
+                    linear: springs(p, false),
+                    tensile_strength: p.strengths[0],
+                    shear_strength: p.strengths[1],
+                    bonding_gap,
+                    unstressed,
+                }),
+            };
+            match rolling {
+                Some(parameters) => Law::RollingContactBond(Rolling { law, parameters }),
+                None => Law::ContactBond(law),
+            }
+        }
         WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
             parameters: pairs(table, cohesive),
         }),
+    }
+}
+
+fn springs(p: &PairParameters, attraction: bool) -> linear::Parameters {
+    let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
+    linear::Parameters {
+        normal_stiffness,
+        stiffness_per_diameter,
+        stiffness_ratio: p.shear_to_normal_stiffness,
+        friction: p.friction_coefficient,
+        normal_damping: p.normal_damping_ratio,
+        shear_damping: p.shear_damping_ratio,
+        attraction,
     }
 }
 
@@ -450,7 +499,7 @@ fn scaled(value: &crate::case::contact::Scaled) -> (f64, bool) {
     }
 }
 
-fn small(n: usize) -> u32 {
+pub(super) fn small(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 

@@ -3,7 +3,12 @@
 //! | request | answer |
 //! |---|---|
 //! | SIGTERM, SIGINT, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit 75 |
-//! | SIGUSR1 (Open MPI's mpirun does not forward it; send it to a rank) | checkpoint, go on |
+//! | SIGUSR1, SIGCONT | checkpoint, go on |
+//!
+//! Open MPI's mpirun passes SIGUSR1 and SIGUSR2 on and ends with the ranks' exit code. SIGTERM to mpirun itself is
+//! different: it sends SIGCONT, waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends
+//! SIGKILL, and ends with 1 whatever the ranks do. Hence the checkpoint at SIGCONT: it is the first word of what comes. The
+//! two waits come with every end other than success, an abort or 75 included, so a longer timeout has its price.
 //!
 //! All ranks agree on the answer in one reduction, so that they stop at the same step.
 
@@ -48,7 +53,7 @@ impl Watch {
         limit: Option<Duration>,
         every: Option<Duration>,
     ) -> Result<Self, Error> {
-        use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+        use signal_hook::consts::{SIGCONT, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
         let (stop, save) = (
             Arc::new(AtomicBool::new(false)),
             Arc::new(AtomicBool::new(false)),
@@ -58,6 +63,7 @@ impl Watch {
             (SIGINT, &stop),
             (SIGUSR2, &stop),
             (SIGUSR1, &save),
+            (SIGCONT, &save),
         ] {
             signal_hook::flag::register(signal, Arc::clone(flag))
                 .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;

@@ -1,5 +1,6 @@
 //! Broken cases: each is refused with exit code 3 in less than a second, with one sentence that names the path.
 
+use crate::ranks::alone;
 use assert_cmd::Command;
 use serde_json::Value;
 use solver::case::Document;
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A change that breaks a case.
-enum Break {
+pub(crate) enum Break {
     /// `--set` assignments.
     Set(&'static [&'static str]),
     /// A field taken out, by JSON pointer.
@@ -24,7 +25,7 @@ const LB: &str = "fluid.lattice_boltzmann";
 
 /// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
 /// Boltzmann part.
-const TABLE: &[(&str, &str, Break, &str)] = &[
+pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     // Text
     ("not JSON", "couette", Text("{", "["), "line 2"),
     (
@@ -474,9 +475,9 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         "wall without a direction",
         "piping",
         Set(&[
-            "walls=[{\"name\": \"w\", \"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}, \"material\": \"wall\"}]",
+            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \"wall\"}]",
         ]),
-        "walls[0].plane.normal",
+        "walls[0].shape.plane.normal",
     ),
     (
         "box wall on a periodic face",
@@ -491,6 +492,76 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
             "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"cohesion\": {\"absolute\": 1}}]",
         ]),
         "contact.linear.pairs[0].cohesion",
+    ),
+    (
+        "strength of a law without bonds",
+        "collision",
+        Set(&[
+            "contact.linear.pairs=[{\"materials\": [\"glass\", \"glass\"], \"tensile_strength\": 1}]",
+        ]),
+        "contact.linear.pairs[0].tensile_strength",
+    ),
+    (
+        "parts that are not the whole",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[0].part=0.7"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "a class without a grain",
+        "rain",
+        Set(&["grains.initial.rain.number=2"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "coarse grains wider than the cloud",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[1].max=0.01"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "more grains than the cloud holds",
+        "rain",
+        Set(&["grains.initial.rain.number=20000"]),
+        "grains.initial.rain.number",
+    ),
+    (
+        "rain without gravity",
+        "rain",
+        Set(&["gravity=[0, 0, 0]"]),
+        "gravity",
+    ),
+    (
+        "a polygon that is not plane",
+        "rain",
+        Set(&["walls[0].shape.polygon[2]=[0.005, 0.021, 0.06]"]),
+        "walls[0].shape.polygon",
+    ),
+    (
+        "facets in a periodic domain",
+        "rain",
+        Set(&["domain.periodic=[\"x\"]"]),
+        "walls[0].shape",
+    ),
+    (
+        "a mesh that is not there",
+        "rain",
+        Set(&["walls[0].shape={\"mesh\": {\"path\": \"no.stl\"}}"]),
+        "walls[0].shape.mesh.path",
+    ),
+    (
+        "a box without volume",
+        "rain",
+        Set(&["walls[0].shape={\"box\": {\"from\": [0, 0, 0], \"to\": [0, 1, 1]}}"]),
+        "walls[0].shape.box",
+    ),
+    (
+        "facets in the plane",
+        "collision",
+        Set(&[
+            "walls=[{\"name\": \"w\", \"shape\": {\"polygon\": [[0, 0], [1, 0], [1, 1]]}, \"material\": \"glass\"}]",
+        ]),
+        "walls[0].shape",
     ),
     (
         "coupling without fluid",
@@ -528,12 +599,6 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
         "cylinder",
         Set(&["probes[1].name=a/b"]),
         "probes[1].name",
-    ),
-    (
-        "end before the first output",
-        "couette",
-        Set(&["output.fluid.every=3"]),
-        "output.fluid.every",
     ),
     (
         "output of grains without grains",
@@ -638,7 +703,7 @@ const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
 ];
 
-fn expected(path: &str) -> String {
+pub(crate) fn expected(path: &str) -> String {
     if path.starts_with('.') {
         format!("{LB}{path}")
     } else {
@@ -647,7 +712,7 @@ fn expected(path: &str) -> String {
 }
 
 /// The text of the broken case, and what to set.
-fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
+pub(crate) fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
     let text = find(example).expect("an example").text;
     match how {
         Set(set) => (text.into(), set.iter().map(|s| (*s).to_string()).collect()),
@@ -700,6 +765,7 @@ fn broken_cases_are_refused_by_the_library() {
 
 #[test]
 fn broken_cases_are_refused_by_the_binary() {
+    let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("case.json");
     for (name, example, how, path) in TABLE {
@@ -736,6 +802,31 @@ fn broken_cases_are_refused_by_the_binary() {
 }
 
 #[test]
+fn a_run_made_shorter_than_an_interval_is_only_warned_of() {
+    let text = find("piping").unwrap().text;
+    let set = ["time.end=0.0015", "checkpoint.every=0.1"].map(String::from);
+    let plan = Document::read(text, &set, Path::new(""))
+        .and_then(Plan::prepare)
+        .unwrap();
+    for path in [
+        "output.fluid.every",
+        "output.grains.every",
+        "output.contacts.every",
+        "probes[0].every",
+        "checkpoint.every",
+        "analysis.erosion_law.every",
+    ] {
+        let problem = plan.warnings.iter().find(|p| p.path == path);
+        let problem = problem.unwrap_or_else(|| panic!("{path} in {:#?}", plan.warnings));
+        assert_eq!(problem.severity, Severity::Warning);
+        assert!(
+            problem.reason.contains("the run ends at 0.0015 s"),
+            "{problem}"
+        );
+    }
+}
+
+#[test]
 fn all_problems_come_at_once() {
     let text = find("piping").unwrap().text;
     let set = [
@@ -743,7 +834,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density=-1",
         "fluid.lattice_boltzmann.relaxation_time=0.4",
         "grains.cut[0].box.to=[1, 1]",
-        "output.fluid.every=9",
         "probes[0].at.plane.position=7",
     ];
     let problems = judge(text, &set.map(String::from));
@@ -752,7 +842,6 @@ fn all_problems_come_at_once() {
         "fluid.lattice_boltzmann.density",
         "fluid.lattice_boltzmann.relaxation_time",
         "grains.cut[0].box",
-        "output.fluid.every",
         "probes[0].at.plane.position",
     ] {
         assert!(

@@ -2,11 +2,18 @@
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
-    reason = "a test fails by panicking"
+    clippy::print_stdout,
+    reason = "a test fails by panicking and says what it could not do"
 )]
 
+mod architecture;
+mod broken_on_ranks;
 mod case_broken;
 mod case_commands;
 mod case_examples;
 mod case_mutants;
+mod ranks;
+mod same_bits;
 mod seepage;
+mod stopping;
+mod verification;

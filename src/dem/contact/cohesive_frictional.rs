@@ -54,6 +54,23 @@ pub struct CohesiveFrictional {
     pub parameters: PairTable<Parameters>,
 }
 
+/// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the root of
+/// mass times stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    normal: [f64; 2],
+    ratio: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    cohesion: [f64; 2],
+}
+
+#[inline(always)]
+fn at([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
+    constant + per_diameter * diameter
+}
+
 /// Per pair: stiffnesses (N/m), dashpots (N s/m), friction, and the cohesion of a new bond (N).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
@@ -73,24 +90,44 @@ pub struct Memory<S: Space> {
 }
 
 impl<S: Space> ContactLaw<S> for CohesiveFrictional {
+    type Row = Row;
+    type Scale = f64;
     type Constants = Constants;
     type Memory = Memory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
-    fn constants(&self, partners: &Partners) -> Constants {
-        let p = self
-            .parameters
-            .get(partners.materials[0], partners.materials[1]);
-        let scale = |per_diameter| if per_diameter { partners.diameter } else { 1.0 };
-        let normal = p.normal_stiffness * scale(p.stiffness_per_diameter);
-        let shear = normal * p.stiffness_ratio;
+    fn table(&self) -> PairTable<Row> {
+        let split = |value: f64, per_diameter| {
+            if per_diameter {
+                [0.0, value]
+            } else {
+                [value, 0.0]
+            }
+        };
+        self.parameters.map(|p| Row {
+            normal: split(p.normal_stiffness, p.stiffness_per_diameter),
+            ratio: p.stiffness_ratio,
+            normal_dashpot: 2.0 * p.normal_damping,
+            shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
+            friction: p.friction_angle.to_radians().tan(),
+            cohesion: split(p.cohesion, p.cohesion_per_diameter),
+        })
+    }
+
+    fn scale(row: &Row, partners: &Partners) -> f64 {
+        (partners.mass * at(row.normal, partners.diameter)).sqrt()
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        let normal = at(row.normal, diameter);
         Constants {
             normal,
-            shear,
-            normal_dashpot: 2.0 * p.normal_damping * (partners.mass * normal).sqrt(),
-            shear_dashpot: 2.0 * p.shear_damping * (partners.mass * shear).sqrt(),
-            friction: p.friction_angle.to_radians().tan(),
-            cohesion: p.cohesion * scale(p.cohesion_per_diameter),
+            shear: normal * row.ratio,
+            normal_dashpot: row.normal_dashpot * root,
+            shear_dashpot: row.shear_dashpot * root,
+            friction: row.friction,
+            cohesion: at(row.cohesion, diameter),
         }
     }
 
@@ -111,6 +148,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             return Reply {
                 normal: (normal - c.normal_dashpot * touch.separation_rate).max(least),
                 tangent: shear - touch.slip * c.shear_dashpot,
+                moment: S::Spin::default(),
                 failure: None,
             };
         }
@@ -134,6 +172,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         Reply {
             normal: (normal - dashpot * touch.separation_rate).max(0.0),
             tangent,
+            moment: S::Spin::default(),
             failure,
         }
     }
@@ -143,7 +182,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         memory.cohesion > 0.0
     }
 
-    fn bond(c: &Constants, memory: &mut Memory<S>) -> bool {
+    fn bond(c: &Constants, memory: &mut Memory<S>, _: f64) -> bool {
         memory.cohesion = c.cohesion;
         c.cohesion > 0.0
     }

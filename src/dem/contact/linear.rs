@@ -50,56 +50,118 @@ pub struct Linear {
 /// Per pair: stiffnesses (N/m), dashpots (N s/m), friction, and the least normal force (N).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
+    pub(super) normal: f64,
+    pub(super) shear: f64,
+    pub(super) normal_dashpot: f64,
+    pub(super) shear_dashpot: f64,
+    pub(super) friction: f64,
+    least: f64,
+}
+
+/// Per pair of materials: one of the two stiffnesses (N/m, N/m²) is zero; dashpots over the root of mass times stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
     normal: f64,
-    shear: f64,
+    per_diameter: f64,
+    ratio: f64,
     normal_dashpot: f64,
     shear_dashpot: f64,
     friction: f64,
     least: f64,
 }
 
+impl Parameters {
+    pub(super) fn row(&self) -> Row {
+        let (normal, per_diameter) = if self.stiffness_per_diameter {
+            (0.0, self.normal_stiffness)
+        } else {
+            (self.normal_stiffness, 0.0)
+        };
+        Row {
+            normal,
+            per_diameter,
+            ratio: self.stiffness_ratio,
+            normal_dashpot: 2.0 * self.normal_damping,
+            shear_dashpot: 2.0 * self.shear_damping * self.stiffness_ratio.sqrt(),
+            friction: self.friction,
+            least: if self.attraction {
+                f64::NEG_INFINITY
+            } else {
+                0.0
+            },
+        }
+    }
+}
+
+impl Row {
+    #[inline(always)]
+    fn normal(&self, diameter: f64) -> f64 {
+        self.normal + self.per_diameter * diameter
+    }
+
+    /// The root of mass times normal stiffness (N s/m).
+    pub(super) fn scale(&self, partners: &Partners) -> f64 {
+        (partners.mass * self.normal(partners.diameter)).sqrt()
+    }
+
+    #[inline(always)]
+    pub(super) fn constants(&self, root: f64, diameter: f64) -> Constants {
+        let normal = self.normal(diameter);
+        Constants {
+            normal,
+            shear: normal * self.ratio,
+            normal_dashpot: self.normal_dashpot * root,
+            shear_dashpot: self.shear_dashpot * root,
+            friction: self.friction,
+            least: self.least,
+        }
+    }
+}
+
+impl Constants {
+    /// The force of an unbonded contact; `shear` is the force of the shear spring (N).
+    #[inline(always)]
+    pub(super) fn slide<S: Space>(&self, shear: &mut S::Tangent, touch: &Touch<S>) -> Reply<S> {
+        let normal = (self.normal * touch.overlap - self.normal_dashpot * touch.separation_rate)
+            .max(self.least);
+        let spring = S::turn(shear, &touch.normal) - touch.slip * (self.shear * touch.time_step);
+        let dashpot = touch.slip * self.shear_dashpot;
+        let total = spring - dashpot;
+        let (length, limit) = (total.length(), self.friction * normal.max(0.0));
+        let tangent = cut_to(total, length, limit);
+        *shear = if length > limit { tangent } else { spring };
+        Reply {
+            normal,
+            tangent,
+            moment: S::Spin::default(),
+            failure: None,
+        }
+    }
+}
+
 impl<S: Space> ContactLaw<S> for Linear {
+    type Row = Row;
+    type Scale = f64;
     type Constants = Constants;
     type Memory = Memory<S>;
     const NUMBERS: usize = S::Tangent::COUNT;
 
-    fn constants(&self, partners: &Partners) -> Constants {
-        let p = self
-            .parameters
-            .get(partners.materials[0], partners.materials[1]);
-        let scale = if p.stiffness_per_diameter {
-            partners.diameter
-        } else {
-            1.0
-        };
-        let normal = p.normal_stiffness * scale;
-        let shear = normal * p.stiffness_ratio;
-        Constants {
-            normal,
-            shear,
-            normal_dashpot: 2.0 * p.normal_damping * (partners.mass * normal).sqrt(),
-            shear_dashpot: 2.0 * p.shear_damping * (partners.mass * shear).sqrt(),
-            friction: p.friction,
-            least: if p.attraction { f64::NEG_INFINITY } else { 0.0 },
-        }
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(Parameters::row)
+    }
+
+    fn scale(row: &Row, partners: &Partners) -> f64 {
+        row.scale(partners)
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        row.constants(*root, diameter)
     }
 
     #[inline(always)]
     fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        let normal =
-            (c.normal * touch.overlap - c.normal_dashpot * touch.separation_rate).max(c.least);
-        let spring =
-            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
-        let dashpot = touch.slip * c.shear_dashpot;
-        let total = spring - dashpot;
-        let (length, limit) = (total.length(), c.friction * normal.max(0.0));
-        let tangent = cut_to(total, length, limit);
-        memory.shear = if length > limit { tangent } else { spring };
-        Reply {
-            normal,
-            tangent,
-            failure: None,
-        }
+        c.slide(&mut memory.shear, touch)
     }
 
     #[inline(always)]
@@ -107,7 +169,7 @@ impl<S: Space> ContactLaw<S> for Linear {
         false
     }
 
-    fn bond(_: &Constants, _: &mut Memory<S>) -> bool {
+    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
         false
     }
 

@@ -17,8 +17,8 @@ use crate::random::Stream;
 type Mail = Vec<u8>;
 
 /// One rank among threads.
-struct Crew {
-    rank: usize,
+pub(super) struct Crew {
+    pub(super) rank: usize,
     axis: usize,
     bounds: Vec<i64>,
     to: Vec<Sender<Mail>>,
@@ -27,7 +27,7 @@ struct Crew {
 
 impl Crew {
     /// Slabs given by their bounds, along `axis`.
-    fn muster(axis: usize, bounds: &[i64]) -> Vec<Self> {
+    pub(super) fn muster(axis: usize, bounds: &[i64]) -> Vec<Self> {
         let size = bounds.len() - 1;
         let mut to: Vec<Vec<Sender<Mail>>> = vec![Vec::new(); size];
         let mut from: Vec<Vec<Arc<Mutex<Receiver<Mail>>>>> = vec![Vec::new(); size];
@@ -253,34 +253,40 @@ struct Saved {
     migrated: bool,
 }
 
+/// All bits of grains and contacts, by id.
+pub(super) fn bits(grains: &Table, contacts: &Contacts) -> BTreeMap<u64, Vec<u64>> {
+    let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
+    let column = |values: &state::Values| match values {
+        state::Values::Real(values) => values.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
+        state::Values::Whole(values) => values.clone(),
+    };
+    let ids = column(&grains.columns[0].1);
+    for (name, values) in &grains.columns {
+        assert_eq!(values.len(), ids.len(), "{name}");
+        for (id, bits) in ids.iter().zip(column(values)) {
+            rows.entry(*id).or_default().push(bits);
+        }
+    }
+    for table in [&contacts.grains, &contacts.walls] {
+        let columns: Vec<_> = table
+            .columns
+            .iter()
+            .map(|(_, values)| column(values))
+            .collect();
+        let mut keyed: Vec<Vec<u64>> = (0..table.rows())
+            .map(|row| columns.iter().map(|column| column[row]).collect())
+            .collect();
+        keyed.sort();
+        for row in keyed {
+            rows.entry(row[0]).or_default().extend(&row[1..]);
+        }
+    }
+    rows
+}
+
 impl Saved {
     fn state(&self) -> State {
-        let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
-        let column = |values: &state::Values| match values {
-            state::Values::Real(values) => values.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
-            state::Values::Whole(values) => values.clone(),
-        };
-        let ids = column(&self.grains.columns[0].1);
-        for (name, values) in &self.grains.columns {
-            assert_eq!(values.len(), ids.len(), "{name}");
-            for (id, bits) in ids.iter().zip(column(values)) {
-                rows.entry(*id).or_default().push(bits);
-            }
-        }
-        for table in [&self.contacts.grains, &self.contacts.walls] {
-            let columns: Vec<_> = table
-                .columns
-                .iter()
-                .map(|(_, values)| column(values))
-                .collect();
-            let mut keyed: Vec<Vec<u64>> = (0..table.rows())
-                .map(|row| columns.iter().map(|column| column[row]).collect())
-                .collect();
-            keyed.sort();
-            for row in keyed {
-                rows.entry(row[0]).or_default().extend(&row[1..]);
-            }
-        }
+        let rows = bits(&self.grains, &self.contacts);
         let mut breaks: Vec<_> = self
             .breaks
             .iter()

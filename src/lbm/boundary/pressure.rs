@@ -1,9 +1,17 @@
-//! Prescribed pressure by anti-bounce-back (Ginzburg, Verhaeghe and d'Humières 2008; A-08).
+//! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
 //!
-//! f_ī(x, t+1) = -f*_i(x, t) + 2 w_i ρ_w [1 + 9/2 (c_i·u)² - 3/2 u²]: the even part of the incoming population is the
-//! equilibrium at the wanted density, so the pressure holds half-way across the face. u is the velocity of the cell
-//! itself; it enters only squared. Needs no special corner nodes, in two or three dimensions.
+//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the population that
+//! crosses the face where f_j enters, with the same part along the face.
+//!
+//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by anti-bounce-back
+//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face; the half difference
+//! carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this velocity is zero there. Together
+//! they are the rule above. Anti-bounce-back of each link by itself would also reverse the shear stress in the half
+//! difference: flow between plates would then lose pressure where it enters and leaves, whatever the resolution. With no
+//! velocity along the face the half sum holds no viscous stress, and the rule is second order. u_n, the normal velocity of
+//! the cell, enters only squared. Needs no special corner nodes, in two or three dimensions.
 
+use super::free_slip::Mirror;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Populations};
 
@@ -21,8 +29,11 @@ pub(crate) struct PressureLink {
     pub(crate) link: Link,
     pub(crate) patch: usize,
     pub(crate) direction: usize,
+    /// Where the population that is returned lies.
+    pub(crate) mirror: Mirror,
+    /// Axis normal to the face.
+    pub(crate) axis: usize,
     pub(crate) weight: f64,
-    pub(crate) c: [f64; 3],
 }
 
 pub(super) fn apply<S: Stored>(
@@ -36,14 +47,14 @@ pub(super) fn apply<S: Stored>(
     for cell in cells {
         // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
         let (drho, momentum) = populations.outgoing_moments(cell.cell);
-        let u: [f64; 3] = std::array::from_fn(|a| (momentum[a] - half_force[a]) / (1.0 + drho));
-        let uu = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
         for link in &links[cell.first..cell.first + cell.count] {
+            let a = link.axis;
+            let normal = (momentum[a] - half_force[a]) / (1.0 + drho);
             let wanted = density(link.patch);
-            let cu = link.c[0] * u[0] + link.c[1] * u[1] + link.c[2] * u[2];
-            let even = wanted + (1.0 + wanted) * (4.5 * cu * cu - 1.5 * uu);
+            let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
+            let (from, _) = link.mirror.ends(parity);
             let numbers = populations.numbers_mut();
-            let value = 2.0 * link.weight * even - numbers[link.link.out(parity)].to_f64();
+            let value = 2.0 * link.weight * even - numbers[from].to_f64();
             numbers[link.link.incoming(parity)] = S::from_f64(value);
         }
     }

@@ -1,0 +1,161 @@
+//! Arithmetic as written in `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
+//!
+//! Numbers, names, `+ - * / ^`, brackets and the functions below; `^` binds to the right and before a sign. Angles are in
+//! radians. A condition is a number: `x > 1` is 1 or 0.
+
+/// The value of an expression; `lookup` gives the values of names.
+///
+/// # Errors
+/// What cannot be read, with the expression.
+pub(crate) fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
+    let mut reader = Reader {
+        rest: text.trim_start(),
+        lookup,
+    };
+    let value = reader.comparison().map_err(|e| format!("{text:?}: {e}"))?;
+    if reader.rest.is_empty() {
+        Ok(value)
+    } else {
+        Err(format!("{text:?}: unexpected {:?}", reader.rest))
+    }
+}
+
+struct Reader<'a> {
+    rest: &'a str,
+    lookup: &'a dyn Fn(&str) -> Option<f64>,
+}
+
+impl Reader<'_> {
+    fn eat(&mut self, symbol: char) -> bool {
+        let Some(rest) = self.rest.strip_prefix(symbol) else {
+            return false;
+        };
+        self.rest = rest.trim_start();
+        true
+    }
+
+    fn comparison(&mut self) -> Result<f64, String> {
+        let left = self.sum()?;
+        if self.eat('>') {
+            return Ok(f64::from(u8::from(left > self.sum()?)));
+        }
+        if self.eat('<') {
+            return Ok(f64::from(u8::from(left < self.sum()?)));
+        }
+        Ok(left)
+    }
+
+    fn sum(&mut self) -> Result<f64, String> {
+        let mut value = self.product()?;
+        loop {
+            if self.eat('+') {
+                value += self.product()?;
+            } else if self.eat('-') {
+                value -= self.product()?;
+            } else {
+                return Ok(value);
+            }
+        }
+    }
+
+    fn product(&mut self) -> Result<f64, String> {
+        let mut value = self.signed()?;
+        loop {
+            if self.eat('*') {
+                value *= self.signed()?;
+            } else if self.eat('/') {
+                value /= self.signed()?;
+            } else {
+                return Ok(value);
+            }
+        }
+    }
+
+    fn signed(&mut self) -> Result<f64, String> {
+        if self.eat('-') {
+            return Ok(-self.signed()?);
+        }
+        let base = self.atom()?;
+        if self.eat('^') {
+            return Ok(base.powf(self.signed()?));
+        }
+        Ok(base)
+    }
+
+    fn atom(&mut self) -> Result<f64, String> {
+        if self.eat('(') {
+            let value = self.comparison()?;
+            return if self.eat(')') {
+                Ok(value)
+            } else {
+                Err(format!("a bracket is not closed before {:?}", self.rest))
+            };
+        }
+        let length = self.word_length();
+        if length == 0 {
+            return Err(format!(
+                "a number or a name is missing before {:?}",
+                self.rest
+            ));
+        }
+        let (word, rest) = self.rest.split_at(length);
+        self.rest = rest.trim_start();
+        if word.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
+            return word
+                .parse()
+                .map_err(|_| format!("{word:?} is not a number"));
+        }
+        if self.eat('(') {
+            let argument = self.comparison()?;
+            let mut second = None;
+            if self.eat(',') {
+                second = Some(self.comparison()?);
+            }
+            if !self.eat(')') {
+                return Err(format!("a bracket is not closed before {:?}", self.rest));
+            }
+            return function(word, argument, second);
+        }
+        match word {
+            "pi" => Ok(std::f64::consts::PI),
+            _ => (self.lookup)(word).ok_or_else(|| format!("nothing is named {word:?}")),
+        }
+    }
+
+    /// Bytes of the number or name at the front; an exponent may have a sign.
+    fn word_length(&self) -> usize {
+        let bytes = self.rest.as_bytes();
+        let number = bytes
+            .first()
+            .is_some_and(|b| b.is_ascii_digit() || *b == b'.');
+        let mut length = 0;
+        while let Some(&byte) = bytes.get(length) {
+            let exponent = number
+                && matches!(byte, b'+' | b'-')
+                && matches!(bytes.get(length.wrapping_sub(1)), Some(b'e' | b'E'));
+            if !(byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_') || exponent) {
+                break;
+            }
+            length += 1;
+        }
+        length
+    }
+}
+
+fn function(name: &str, x: f64, second: Option<f64>) -> Result<f64, String> {
+    Ok(match (name, second) {
+        ("sin", None) => x.sin(),
+        ("cos", None) => x.cos(),
+        ("tan", None) => x.tan(),
+        ("asin", None) => x.asin(),
+        ("acos", None) => x.acos(),
+        ("exp", None) => x.exp(),
+        ("ln", None) => x.ln(),
+        ("sqrt", None) => x.sqrt(),
+        ("abs", None) => x.abs(),
+        ("atan2", Some(y)) => x.atan2(y),
+        ("min", Some(y)) => x.min(y),
+        ("max", Some(y)) => x.max(y),
+        _ => return Err(format!("no function {name:?} with these arguments")),
+    })
+}

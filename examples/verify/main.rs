@@ -1,0 +1,121 @@
+//! `verify short|long SOLVER WORK RESULTS [NAME…]`: the cases under `jobs/verification`, with a table of results.
+//!
+//! `RESULTS` gets one row per quantity; the status is 1 where one misses its reference. `jobs/verification/run.sh` calls
+//! this; the tests run the short forms through the same [`suite`].
+
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the table is what the program is for"
+)]
+
+mod expression;
+mod suite;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use suite::Outcome;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [form, solver, work, results, names @ ..] = &arguments[..] else {
+        eprintln!("verify short|long SOLVER WORK RESULTS [NAME...]");
+        return ExitCode::from(2);
+    };
+    let paths = [solver, work, results].map(Path::new);
+    match verify(form, paths, names) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn verify(
+    form: &str,
+    [solver, work, results]: [&Path; 3],
+    names: &[String],
+) -> Result<bool, String> {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("jobs/verification");
+    let mut text = String::from(
+        "case,quantity,reference,result,error,tolerance,pass,seconds,commit,machine\n",
+    );
+    let (commit, machine) = (commit(), machine());
+    let mut good = true;
+    let mut done = 0;
+    for folder in suite::cases(&root)? {
+        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        if !names.is_empty() && !name.is_some_and(|name| names.contains(&name)) {
+            continue;
+        }
+        match suite::check(&folder, form, solver, work) {
+            Ok(outcomes) => {
+                for outcome in outcomes {
+                    println!("{outcome}");
+                    good &= outcome.pass;
+                    done += 1;
+                    row(&mut text, &outcome, &commit, &machine);
+                }
+            }
+            Err(error) => {
+                eprintln!("FAIL {error}");
+                good = false;
+            }
+        }
+        // After every case: a long run that is stopped leaves what it had.
+        std::fs::write(results, &text).map_err(|e| format!("{}: {e}", results.display()))?;
+    }
+    println!(
+        "{done} quantities, {}",
+        if good {
+            "all within tolerance"
+        } else {
+            "some outside"
+        }
+    );
+    Ok(good && done > 0)
+}
+
+fn row(text: &mut String, o: &Outcome, commit: &str, machine: &str) {
+    let quantity = o.quantity.replace(',', ";");
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "{},{quantity},{:e},{:e},{:e},{:e},{},{:.1},{commit},{machine}",
+        o.case, o.reference, o.result, o.error, o.tolerance, o.pass, o.seconds
+    );
+}
+
+/// The commit of the sources, with a mark where they differ from it.
+fn commit() -> String {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git")
+            .args(arguments)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        output.status.success().then_some(text)
+    };
+    let Some(commit) = git(&["rev-parse", "--short", "HEAD"]) else {
+        return "unknown".into();
+    };
+    let changed = git(&["status", "--porcelain", "--", "src", "decomposition", "io"]);
+    match changed {
+        Some(changed) if changed.is_empty() => commit,
+        _ => commit + "+",
+    }
+}
+
+/// The name of the processor.
+fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    let name = model.map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
+    name.replace(',', " ")
+}

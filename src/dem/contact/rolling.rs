@@ -1,0 +1,166 @@
+//! Resistance to rolling on top of another law: the elastic-plastic spring-dashpot model, type C of Ai et al. (C-04).
+//!
+//! ```text
+//! M_k = cut(M_k' - k_r roll dt)          cut to length M_m = mu_r R_r max(F_n, 0)
+//! M_d = -c_r roll                        where the spring is below M_m, else 0
+//! k_r = 2.25 k_n mu_r² R_r²,             c_r = eta 2 sqrt(I_r k_r)
+//! ```
+//!
+//! `roll` is the second partner's spin relative to the first's without its part along the normal, `R_r = r1 r2/(r1 + r2)`, and
+//! `I_r = (1/I1 + 1/I2)^-1` with the moments of inertia about the contact point. Against a wall `R_r` and `I_r` are the grain's.
+//! `M_k'` is the spring's moment of the last step, turned with the contact. Equal and opposite moments act on both
+//! partners: angular momentum is kept.
+//! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::space::{Components, Space};
+use super::{ContactLaw, PairTable, Partners, Reply, Touch};
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Coefficient of rolling friction mu_r: the tangent of the slope on which a grain just rolls.
+    pub friction: f64,
+    /// Rolling dashpot as a fraction of critical damping.
+    #[serde(default)]
+    pub damping: f64,
+}
+
+/// A law with resistance to rolling: see the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rolling<L> {
+    /// The law of normal and shear forces.
+    pub law: L,
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+/// Per pair: the law's, lever of the limit (m), and rolling dashpot (N m s).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale<C> {
+    law: C,
+    lever: f64,
+    dashpot: f64,
+}
+
+/// Per pair: the law's, rolling stiffness (N m), dashpot (N m s), and lever of the limit (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants<C> {
+    law: C,
+    stiffness: f64,
+    dashpot: f64,
+    lever: f64,
+}
+
+/// The law's, and the moment of the rolling spring (N m) on the second partner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory<M, S: Space> {
+    law: M,
+    moment: S::Spin,
+}
+
+impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
+    type Row = (L::Row, Parameters);
+    type Scale = Scale<L::Scale>;
+    type Constants = Constants<L::Constants>;
+    type Memory = Memory<L::Memory, S>;
+    const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
+    const ROLLS: bool = true;
+
+    fn table(&self) -> PairTable<Self::Row> {
+        // The place in the table is the place in both, where both have the same materials.
+        let laws = self.law.table();
+        let mut table = laws.map(|law| (*law, *self.parameters.get(0, 0)));
+        laws.for_each_pair(|a, b, law| table.set(a, b, (*law, *self.parameters.get(a, b))));
+        table
+    }
+
+    fn scale((row, p): &Self::Row, partners: &Partners) -> Scale<L::Scale> {
+        let scale = L::scale(row, partners);
+        let law = L::constants(row, &scale, partners.diameter);
+        let lever = p.friction * partners.rolling_radius;
+        let stiffness = 2.25 * L::stiffness(&law)[0] * lever * lever;
+        Scale {
+            law: scale,
+            lever,
+            dashpot: 2.0 * p.damping * (partners.rolling_inertia * stiffness).sqrt(),
+        }
+    }
+
+    #[inline(always)]
+    fn constants(row: &Self::Row, scale: &Scale<L::Scale>, diameter: f64) -> Self::Constants {
+        let law = L::constants(&row.0, &scale.law, diameter);
+        Constants {
+            law,
+            stiffness: 2.25 * L::stiffness(&law)[0] * scale.lever * scale.lever,
+            dashpot: scale.dashpot,
+            lever: scale.lever,
+        }
+    }
+
+    #[inline(always)]
+    fn reply(c: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S> {
+        let reply = L::reply(&c.law, &mut memory.law, touch);
+        let roll = S::rolling(&touch.roll, &touch.normal);
+        let spring =
+            S::turn_moment(&memory.moment, &touch.normal) - roll * (c.stiffness * touch.time_step);
+        let (length, limit) = (spring.length(), c.lever * reply.normal.max(0.0));
+        let moment = if length > limit {
+            memory.moment = spring * (limit / length);
+            memory.moment
+        } else {
+            memory.moment = spring;
+            spring - roll * c.dashpot
+        };
+        Reply { moment, ..reply }
+    }
+
+    #[inline(always)]
+    fn bonded(memory: &Self::Memory) -> bool {
+        L::bonded(&memory.law)
+    }
+
+    fn bonding_gap(c: &Self::Constants) -> f64 {
+        L::bonding_gap(&c.law)
+    }
+
+    fn bond(c: &Self::Constants, memory: &mut Self::Memory, overlap: f64) -> bool {
+        L::bond(&c.law, &mut memory.law, overlap)
+    }
+
+    fn unbond(memory: &mut Self::Memory) {
+        L::unbond(&mut memory.law);
+    }
+
+    fn normal_spring(c: &Self::Constants, memory: &Self::Memory, overlap: f64) -> f64 {
+        L::normal_spring(&c.law, &memory.law, overlap)
+    }
+
+    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
+        self.law.widest_opening(diameters)
+    }
+
+    fn stiffness(c: &Self::Constants) -> [f64; 2] {
+        L::stiffness(&c.law)
+    }
+
+    fn save(memory: &Self::Memory, numbers: &mut Vec<f64>) {
+        L::save(&memory.law, numbers);
+        for k in 0..S::Spin::COUNT {
+            numbers.push(memory.moment.get(k));
+        }
+    }
+
+    fn load(numbers: &[f64]) -> Self::Memory {
+        let mut moment = S::Spin::default();
+        for k in 0..S::Spin::COUNT {
+            moment.set(k, numbers.get(L::NUMBERS + k).copied().unwrap_or(0.0));
+        }
+        Memory {
+            law: L::load(numbers),
+            moment,
+        }
+    }
+}

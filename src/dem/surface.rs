@@ -1,0 +1,435 @@
+//! Walls of convex facets: polygons and triangulated surfaces, and where a sphere touches them.
+//!
+//! Facets share vertices, so that neighbours are known by their numbers. The closest point of a facet lies on its face,
+//! on one of its edges, or at a vertex. **A contact is a local minimum of the distance from the centre to the surface**: a closest
+//! point on a face always is one; one on an edge or at a vertex only where it is the closest point of *every* facet that has this
+//! edge or vertex. A sphere that touches a face is therefore never also pushed by the edges and vertices round it (no bumps on
+//! interior edges), an edge or vertex pushes once however many facets share it, and a concave corner pushes with its faces alone.
+//! Minima whose normals differ by less than 10 degrees count as one, the nearest: facets of a slightly bent surface, or
+//! a sphere exactly over an interior edge, do not push twice. Both sides of a facet push.
+//!
+//! The idea of discarding contacts with lower entities by the higher ones that they belong to: M. Santasusana, J. Irazábal,
+//! E. Oñate, J. M. Carbonell, Comput. Part. Mech. 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+
+use nalgebra::Vector3;
+
+use crate::error::Error;
+
+/// Convex facets with shared vertices, at rest; a wall carries them along.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    vertices: Vec<Vector3<f64>>,
+    /// Vertices of all facets, one facet after the other.
+    corners: Vec<u32>,
+    facets: Vec<Facet>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Facet {
+    first: u32,
+    end: u32,
+    normal: Vector3<f64>,
+    /// Greatest extent (m).
+    size: f64,
+}
+
+/// Where on a facet its closest point lies, by numbers of vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Feature {
+    Face,
+    Edge(u32, u32),
+    Vertex(u32),
+}
+
+/// A contact of a sphere with a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// The facet.
+    pub facet: u32,
+    /// Distance (m) of the centre.
+    pub distance: f64,
+    /// Unit normal from the surface to the centre.
+    pub normal: Vector3<f64>,
+    feature: Feature,
+}
+
+/// Closest points this near to the rim of a facet, over its size, lie on the rim.
+const RIM: f64 = 1e-9;
+/// Cosine of the angle between normals below which two minima are one.
+const SAME: f64 = 0.984_807_753_012_208;
+
+impl Surface {
+    /// Facets of at least three corners each, given by numbers of `vertices` (m).
+    ///
+    /// # Errors
+    /// A sentence where there is no facet, or one is flat to a line, not plane or not convex, or has no such vertex.
+    pub fn new(vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]) -> Result<Self, Error> {
+        let refuse = |k: usize, what: &str| Err(Error::Numerical(format!("facet {k} {what}")));
+        let mut surface = Self {
+            vertices,
+            corners: Vec::new(),
+            facets: Vec::new(),
+        };
+        if facets.is_empty() {
+            return Err(Error::Numerical("a surface without facets".into()));
+        }
+        for (k, corners) in facets.iter().enumerate() {
+            let points: Option<Vec<Vector3<f64>>> = corners
+                .iter()
+                .map(|&c| surface.vertices.get(c as usize).copied())
+                .collect();
+            let Some(points) = points else {
+                return refuse(k, "names a vertex that is not there");
+            };
+            if points.len() < 3 || points.iter().any(|p| !p.norm_squared().is_finite()) {
+                return refuse(k, "needs three corners or more, all finite");
+            }
+            // Newell's normal: twice the area, whatever the corners.
+            let mut area = Vector3::zeros();
+            let mut size = 0.0_f64;
+            for (n, a) in points.iter().enumerate() {
+                let b = &points[(n + 1) % points.len()];
+                area += (a - points[0]).cross(&(b - points[0]));
+                size = size.max((b - points[0]).norm());
+            }
+            let twice = area.norm();
+            if twice <= 1e-12 * size * size || size <= 0.0 {
+                return refuse(k, "has no area");
+            }
+            let normal = area / twice;
+            for (n, a) in points.iter().enumerate() {
+                let (b, c) = (
+                    &points[(n + 1) % points.len()],
+                    &points[(n + 2) % points.len()],
+                );
+                if normal.dot(&(a - points[0])).abs() > 1e-6 * size {
+                    return refuse(k, "is not plane");
+                }
+                if (b - a).cross(&(c - b)).dot(&normal) < -1e-9 * size * size {
+                    return refuse(k, "is not convex");
+                }
+            }
+            let first = super::ghosts::index(surface.corners.len());
+            surface.corners.extend_from_slice(corners);
+            surface.facets.push(Facet {
+                first,
+                end: super::ghosts::index(surface.corners.len()),
+                normal,
+                size,
+            });
+        }
+        Ok(surface)
+    }
+
+    /// The faces of a box between two corners (m).
+    ///
+    /// # Errors
+    /// Where the box has no volume.
+    pub fn of_box(lower: Vector3<f64>, upper: Vector3<f64>) -> Result<Self, Error> {
+        let vertices = (0..8)
+            .map(|k: usize| {
+                Vector3::from_fn(|axis, _| {
+                    if k >> axis & 1 == 0 {
+                        lower[axis]
+                    } else {
+                        upper[axis]
+                    }
+                })
+            })
+            .collect();
+        let faces = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        Self::new(vertices, &faces.map(|face| face.to_vec()))
+    }
+
+    /// How many facets.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// No facets: never.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.facets.is_empty()
+    }
+
+    /// Corners of a facet (m), in order.
+    pub fn corners(&self, facet: usize) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        self.numbers(facet)
+            .iter()
+            .map(|&v| self.vertices[v as usize])
+    }
+
+    fn numbers(&self, facet: usize) -> &[u32] {
+        let facet = &self.facets[facet];
+        &self.corners[facet.first as usize..facet.end as usize]
+    }
+
+    /// Distance (m) of a point from a facet.
+    #[must_use]
+    pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
+        self.nearest(facet, point, f64::INFINITY)
+            .map_or(f64::INFINITY, |near| near.distance)
+    }
+
+    /// Distance (m) of a point from the nearest facet.
+    #[must_use]
+    pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
+        (0..self.len())
+            .map(|facet| self.distance(facet, point))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether two facets share a vertex, or are the same.
+    #[must_use]
+    pub fn adjacent(&self, a: u32, b: u32) -> bool {
+        let others = self.numbers(b as usize);
+        self.numbers(a as usize).iter().any(|v| others.contains(v))
+    }
+
+    /// The closest point of a facet, where it is nearer than `reach`.
+    #[inline]
+    fn nearest(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> Option<Nearest> {
+        let Facet { normal, size, .. } = self.facets[facet];
+        let numbers = self.numbers(facet);
+        let vertex = |k: usize| self.vertices[numbers[k] as usize];
+        let height = normal.dot(&(point - vertex(0)));
+        if height.abs() >= reach {
+            return None;
+        }
+        let mut closest = (f64::INFINITY, Feature::Face, Vector3::zeros());
+        let mut inside = true;
+        let mut k = numbers.len() - 1;
+        for next in 0..numbers.len() {
+            let (a, b) = (vertex(k), vertex(next));
+            let edge = b - a;
+            // How far outside the edge, times its length.
+            if edge.cross(&normal).dot(&(point - a)) > -RIM * size * edge.norm() {
+                inside = false;
+                // The same bits whichever way the edge runs.
+                let low = numbers[k].min(numbers[next]);
+                let high = numbers[k].max(numbers[next]);
+                let (from, to) = (self.vertices[low as usize], self.vertices[high as usize]);
+                let edge = to - from;
+                let along = edge.dot(&(point - from)) / edge.norm_squared();
+                let (feature, foot) = if along <= RIM {
+                    (Feature::Vertex(low), from)
+                } else if along >= 1.0 - RIM {
+                    (Feature::Vertex(high), to)
+                } else {
+                    (Feature::Edge(low, high), from + edge * along)
+                };
+                let between = point - foot;
+                let squared = between.norm_squared();
+                if squared < closest.0 {
+                    closest = (squared, feature, between);
+                }
+            }
+            k = next;
+        }
+        let (distance, feature, normal) = if inside {
+            let side = if height < 0.0 { -1.0 } else { 1.0 };
+            (height.abs(), Feature::Face, normal * side)
+        } else {
+            let distance = closest.0.sqrt();
+            let away = if distance > 0.0 {
+                closest.2 / distance
+            } else {
+                normal
+            };
+            (distance, closest.1, away)
+        };
+        (distance < reach).then_some(Nearest {
+            facet: super::ghosts::index(facet),
+            distance,
+            normal,
+            feature,
+        })
+    }
+
+    /// The contacts nearer than `reach` (m) of a centre with the facets `near`, which hold all facets within reach: by rising
+    /// number of the facet. `found` is emptied first.
+    pub fn contacts(
+        &self,
+        near: &[u32],
+        centre: &Vector3<f64>,
+        reach: f64,
+        found: &mut Vec<Nearest>,
+    ) {
+        found.clear();
+        for &facet in near {
+            if let Some(nearest) = self.nearest(facet as usize, centre, reach) {
+                found.push(nearest);
+            }
+        }
+        if found.len() < 2 {
+            return;
+        }
+        found.sort_unstable_by(|a, b| {
+            a.distance
+                .total_cmp(&b.distance)
+                .then(a.facet.cmp(&b.facet))
+        });
+        // What is kept moves to the front, past what was looked at before.
+        let mut kept = 0;
+        for k in 0..found.len() {
+            let one = found[k];
+            let minimum = match one.feature {
+                Feature::Face => true,
+                Feature::Edge(a, b) => self.is_minimum(near, &one, centre, &[a, b]),
+                Feature::Vertex(a) => self.is_minimum(near, &one, centre, &[a]),
+            };
+            let known = found[..kept]
+                .iter()
+                .any(|other| other.normal.dot(&one.normal) > SAME);
+            if minimum && !known {
+                found[kept] = one;
+                kept += 1;
+            }
+        }
+        found.truncate(kept);
+        found.sort_unstable_by_key(|one| one.facet);
+    }
+
+    /// Whether all facets of `near` that have these vertices have this closest point.
+    fn is_minimum(
+        &self,
+        near: &[u32],
+        one: &Nearest,
+        centre: &Vector3<f64>,
+        vertices: &[u32],
+    ) -> bool {
+        near.iter().all(|&facet| {
+            let numbers = self.numbers(facet as usize);
+            !vertices.iter().all(|v| numbers.contains(v))
+                || self
+                    .nearest(facet as usize, centre, f64::INFINITY)
+                    .is_some_and(|other| other.feature == one.feature)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+    use approx::assert_relative_eq;
+
+    fn touch(surface: &Surface, at: [f64; 3], reach: f64) -> Vec<Nearest> {
+        let all: Vec<u32> = (0..u32::try_from(surface.len()).unwrap()).collect();
+        let mut found = Vec::new();
+        surface.contacts(&all, &Vector3::from(at), reach, &mut found);
+        found
+    }
+
+    /// A plane square of `n` by `n` squares of two triangles each.
+    fn flat(n: u32) -> Surface {
+        let vertices = (0..=n)
+            .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))
+            .collect();
+        let mut facets = Vec::new();
+        for y in 0..n {
+            for x in 0..n {
+                let a = y * (n + 1) + x;
+                facets.push(vec![a, a + 1, a + n + 2]);
+                facets.push(vec![a, a + n + 2, a + n + 1]);
+            }
+        }
+        Surface::new(vertices, &facets).unwrap()
+    }
+
+    #[test]
+    fn a_flat_mesh_is_one_plane_everywhere() {
+        let mesh = flat(6);
+        for k in 0..2000 {
+            let mut draw = Stream::new(4, k, 0);
+            // Every fourth exactly on grid lines, every eighth at vertices.
+            let mut place = || 1.0 + 4.0 * draw.uniform();
+            let (mut x, mut y) = (place(), place());
+            if k % 4 == 0 {
+                x = x.round();
+            }
+            if k % 8 == 0 {
+                y = y.round();
+            }
+            let found = touch(&mesh, [x, y, 0.7], 1.9);
+            assert_eq!(found.len(), 1, "at {x} {y}: {found:?}");
+            assert_relative_eq!(found[0].distance, 0.7, epsilon = 1e-12);
+            assert_relative_eq!(found[0].normal[2], 1.0, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_box_pushes_once_per_wall_edge_or_corner() {
+        let cube = Surface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();
+        // Inside: a corner is three faces, an edge two, no edge or vertex of its own.
+        assert_eq!(touch(&cube, [0.1, 0.1, 0.1], 0.2).len(), 3);
+        assert_eq!(touch(&cube, [0.1, 0.1, 0.5], 0.2).len(), 2);
+        assert_eq!(touch(&cube, [0.1, 0.5, 0.5], 0.2).len(), 1);
+        // Outside: one contact with the corner, the edge, the face.
+        for (at, distance) in [
+            ([-0.1, -0.1, -0.1], 0.03_f64.sqrt()),
+            ([-0.1, -0.1, 0.5], 0.02_f64.sqrt()),
+            ([-0.1, 0.5, 0.5], 0.1),
+            // Beside the edge: the face alone.
+            ([0.01, 0.5, 1.1], 0.1),
+        ] {
+            let found = touch(&cube, at, 0.3);
+            assert_eq!(found.len(), 1, "{at:?} {found:?}");
+            assert_relative_eq!(found[0].distance, distance, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn closest_points_are_those_of_brute_force() {
+        let corners = [
+            Vector3::new(0.1, 0.2, 0.3),
+            Vector3::new(1.2, 0.1, 0.0),
+            Vector3::new(0.4, 0.9, 0.5),
+        ];
+        let triangle = Surface::new(corners.to_vec(), &[vec![0, 1, 2]]).unwrap();
+        for k in 0..200 {
+            let mut draw = Stream::new(2, k, 0);
+            let point = Vector3::from_fn(|_, _| 2.0 * draw.uniform() - 0.5);
+            let mut best = f64::INFINITY;
+            let n = 400;
+            for i in 0..=n {
+                for j in 0..=n - i {
+                    let (a, b) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+                    let at = corners[0] * a + corners[1] * b + corners[2] * (1.0 - a - b);
+                    best = best.min((point - at).norm());
+                }
+            }
+            let found = triangle.distance(0, &point);
+            assert!(
+                found <= best + 1e-12 && found > best - 3e-3,
+                "{found} {best}"
+            );
+        }
+    }
+
+    #[test]
+    fn facets_that_are_none_are_refused() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| Vector3::new(x, y, 0.0))
+            .to_vec();
+        let refused = |vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]| {
+            Surface::new(vertices, facets).unwrap_err().to_string()
+        };
+        assert!(refused(square.clone(), &[]).contains("without facets"));
+        assert!(refused(square.clone(), &[vec![0, 1]]).contains("three corners"));
+        assert!(refused(square.clone(), &[vec![0, 1, 9]]).contains("not there"));
+        assert!(refused(square.clone(), &[vec![0, 1, 1]]).contains("no area"));
+        assert!(refused(square.clone(), &[vec![0, 2, 1, 3]]).contains("facet 0"));
+        let mut bent = square;
+        bent[2][2] = 0.5;
+        assert!(refused(bent, &[vec![0, 1, 2, 3]]).contains("not plane"));
+    }
+}

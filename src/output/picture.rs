@@ -1,0 +1,741 @@
+//! Pictures of a run: water and grains at some times side by side, as one SVG file that any browser shows: `solver picture`.
+//!
+//! In the plane the speed of the water (or another field) lies behind the grains; in space the grains are seen from one
+//! side without perspective, lit from the viewer's left shoulder. All panels share one scale of colours. The raster is a PNG inside
+//! the SVG, the text is text.
+
+use crate::error::Error;
+use base64::Engine as _;
+use clap::{Args, ValueEnum};
+use io::fields::{Values, inspect, read_column};
+use io::series::Moment;
+use io::{Alone, Series};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// What to draw of a run.
+#[derive(Clone, Debug, Args)]
+pub struct PictureOptions {
+    /// A time [s], the nearest output of it; may be given several times [default: four over the run].
+    #[arg(long = "time", value_name = "SECONDS")]
+    pub times: Vec<f64>,
+    /// Field of the water.
+    #[arg(long, default_value = "velocity")]
+    pub field: String,
+    /// Column that colours the grains [default: none in the plane, velocity in space].
+    #[arg(long, value_name = "COLUMN")]
+    pub colour: Option<String>,
+    /// From where a scene in space is seen.
+    #[arg(long, value_enum, default_value = "corner")]
+    pub view: View,
+    /// The picture [default: picture.svg in the folder of the run].
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// From where a scene in space is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum View {
+    /// Along -x: y to the right, z up.
+    X,
+    /// Along y: x to the right, z up.
+    Y,
+    /// From above: x to the right, y up.
+    Z,
+    /// From a corner above.
+    Corner,
+}
+
+/// Width of a panel [pixels].
+const WIDTH: usize = 720;
+const SAND: [f64; 3] = [214.0, 176.0, 120.0];
+const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
+
+/// Draws a run and returns a line that says where the picture is. Serial.
+///
+/// # Errors
+/// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
+pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
+    let open = |name: &str| {
+        Series::open(run, name, &Alone)
+            .ok()
+            .filter(|series| series.moments().next().is_some())
+    };
+    let (fluid, grains) = (open("fluid"), open("grains"));
+    let Some(clock) = grains.as_ref().or(fluid.as_ref()) else {
+        return Err(failed(
+            run,
+            "holds neither grains.xmf nor fluid.xmf with outputs",
+        ));
+    };
+    let moments: Vec<Moment> = clock.moments().collect();
+    let chosen = choose(&moments, &request.times);
+    let mut scenes = Vec::new();
+    for moment in &chosen {
+        scenes.push(Scene {
+            time: moment.time,
+            water: match &fluid {
+                Some(series) => nearest(series, moment.time)
+                    .map(|m| Water::read(&series.heavy(m.step), &request.field))
+                    .transpose()?,
+                None => None,
+            },
+            grains: match &grains {
+                Some(series) => Some(Grains::read(
+                    &series.heavy(moment.step),
+                    request.colour.as_deref(),
+                )?),
+                None => None,
+            },
+        });
+    }
+    let text = draw(&scenes, request)?;
+    let output = request
+        .output
+        .clone()
+        .unwrap_or_else(|| run.join("picture.svg"));
+    io::atomic::write(&output, text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
+    Ok(format!("wrote {}", output.display()))
+}
+
+fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
+    Error::Io(format!("{}: {reason}", path.display()))
+}
+
+fn nearest(series: &Series, time: f64) -> Option<Moment> {
+    series
+        .moments()
+        .min_by(|a, b| (a.time - time).abs().total_cmp(&(b.time - time).abs()))
+}
+
+/// The outputs nearest to the asked times; without any, up to four over the run.
+fn choose(moments: &[Moment], times: &[f64]) -> Vec<Moment> {
+    let last = moments.len().saturating_sub(1);
+    let mut chosen: Vec<Moment> = if times.is_empty() {
+        let panels = moments.len().min(4);
+        (0..panels)
+            .map(|k| moments[k * last / (panels - 1).max(1)])
+            .collect()
+    } else {
+        times
+            .iter()
+            .filter_map(|time| {
+                moments
+                    .iter()
+                    .min_by(|a, b| (a.time - time).abs().total_cmp(&(b.time - time).abs()))
+                    .copied()
+            })
+            .collect()
+    };
+    chosen.dedup_by_key(|moment| moment.step);
+    chosen
+}
+
+struct Scene {
+    time: f64,
+    water: Option<Water>,
+    grains: Option<Grains>,
+}
+
+/// A field on cells: magnitude of what was read.
+struct Water {
+    /// Cells along x, y, z.
+    cells: [usize; 3],
+    origin: [f64; 3],
+    spacing: f64,
+    values: Vec<f64>,
+    solid: Vec<bool>,
+    units: String,
+}
+
+impl Water {
+    fn read(path: &Path, field: &str) -> Result<Self, Error> {
+        let wrong = |e: io::Error| Error::Io(e.to_string());
+        let info = inspect(path).map_err(wrong)?;
+        let numbers = |name: &str| -> Option<Vec<f64>> {
+            info.attribute("/VTKHDF", name)?
+                .as_array()?
+                .iter()
+                .map(serde_json::Value::as_f64)
+                .collect()
+        };
+        let (Some(origin), Some(spacing)) = (numbers("Origin"), numbers("Spacing")) else {
+            return Err(failed(path, "is no image with origin and spacing"));
+        };
+        let column = read_column(path, field).map_err(wrong)?;
+        let [z, y, x] = column.shape[..3.min(column.shape.len())] else {
+            return Err(failed(path, format!("{field} is no field on cells")));
+        };
+        let values = magnitudes(&column, z * y * x);
+        let solid = read_column(path, "solid")
+            .map(|s| s.values.iter().map(|&v| v > 0.5).collect())
+            .unwrap_or_else(|_| vec![false; values.len()]);
+        Ok(Self {
+            cells: [x, y, z],
+            origin: std::array::from_fn(|a| origin.get(a).copied().unwrap_or(0.0)),
+            spacing: spacing.first().copied().unwrap_or(1.0),
+            values,
+            solid,
+            units: column.units.unwrap_or_default(),
+        })
+    }
+}
+
+struct Grains {
+    positions: Vec<[f64; 3]>,
+    radii: Vec<f64>,
+    /// What colours them, if anything.
+    values: Option<Vec<f64>>,
+    quantity: String,
+    units: String,
+    flat: bool,
+}
+
+impl Grains {
+    fn read(path: &Path, colour: Option<&str>) -> Result<Self, Error> {
+        let wrong = |e: io::Error| Error::Io(e.to_string());
+        let positions: Vec<[f64; 3]> = read_column(path, "position")
+            .map_err(wrong)?
+            .values
+            .chunks_exact(3)
+            .map(|p| [p[0], p[1], p[2]])
+            .collect();
+        let radii = read_column(path, "radius").map_err(wrong)?.values;
+        let flat = positions.iter().all(|p| p[2] == 0.0);
+        let quantity = colour.or((!flat).then_some("velocity"));
+        let column = quantity
+            .map(|name| read_column(path, name))
+            .transpose()
+            .map_err(wrong)?;
+        Ok(Self {
+            values: column.as_ref().map(|c| magnitudes(c, positions.len())),
+            quantity: quantity.unwrap_or_default().to_owned(),
+            units: column.and_then(|c| c.units).unwrap_or_default(),
+            positions,
+            radii,
+            flat,
+        })
+    }
+}
+
+/// Numbers as they are, vectors by their length.
+fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
+    if count == 0 {
+        return Vec::new();
+    }
+    let width = (column.values.len() / count).max(1);
+    column
+        .values
+        .chunks_exact(width)
+        .map(|v| match v {
+            [number] => *number,
+            _ => v.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        })
+        .collect()
+}
+
+/// Least and greatest of the finite values; nothing where there are none.
+fn range<'a>(values: impl Iterator<Item = &'a f64>) -> Option<[f64; 2]> {
+    values.filter(|v| v.is_finite()).fold(None, |range, &v| {
+        Some(range.map_or([v, v], |[low, high]: [f64; 2]| [low.min(v), high.max(v)]))
+    })
+}
+
+/// Colours along a few stops.
+fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
+    let share = if share.is_finite() {
+        share.clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let place = share * real(stops.len() - 1);
+    let below = floor(place).min(stops.len() - 2);
+    let t = place - real(below);
+    std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
+}
+
+/// White to deep blue.
+fn water_colour(share: f64) -> [f64; 3] {
+    const STOPS: [[f64; 3]; 5] = [
+        [247.0, 251.0, 255.0],
+        [198.0, 219.0, 239.0],
+        [107.0, 174.0, 214.0],
+        [33.0, 113.0, 181.0],
+        [8.0, 48.0, 107.0],
+    ];
+    along(&STOPS, share)
+}
+
+/// Viridis (van der Walt and Smith, SciPy 2015).
+fn grain_colour(share: f64) -> [f64; 3] {
+    const STOPS: [[f64; 3]; 6] = [
+        [68.0, 1.0, 84.0],
+        [65.0, 68.0, 135.0],
+        [42.0, 120.0, 142.0],
+        [34.0, 168.0, 132.0],
+        [122.0, 209.0, 81.0],
+        [253.0, 231.0, 37.0],
+    ];
+    along(&STOPS, share)
+}
+
+/// The rectangle that a panel shows, and the directions of its axes.
+struct Frame {
+    right: [f64; 3],
+    up: [f64; 3],
+    /// Towards the viewer.
+    near: [f64; 3],
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Frame {
+    fn new(scenes: &[Scene], view: View) -> Self {
+        let flat = scenes.iter().all(|scene| {
+            scene.grains.as_ref().is_none_or(|g| g.flat)
+                && scene.water.as_ref().is_none_or(|w| w.cells[2] == 1)
+        });
+        let (right, up, near) = match view {
+            _ if flat => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
+            View::Z => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
+            View::Y => ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
+            View::X => ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
+            View::Corner => {
+                let (s, c) = (30.0_f64.to_radians().sin(), 30.0_f64.to_radians().cos());
+                let (t, d) = (25.0_f64.to_radians().sin(), 25.0_f64.to_radians().cos());
+                ([c, s, 0.0], [-t * s, t * c, d], [d * s, -d * c, t])
+            }
+        };
+        let mut frame = Self {
+            right,
+            up,
+            near,
+            low: [f64::INFINITY; 2],
+            high: [f64::NEG_INFINITY; 2],
+        };
+        for scene in scenes {
+            if let Some(water) = &scene.water {
+                for corner in 0..8 {
+                    let p = std::array::from_fn(|a| {
+                        let far = if corner >> a & 1 == 1 {
+                            real(water.cells[a])
+                        } else {
+                            0.0
+                        };
+                        water.origin[a] + far * water.spacing
+                    });
+                    frame.include(p, 0.0);
+                }
+            }
+            if let Some(grains) = &scene.grains
+                && scene.water.is_none()
+            {
+                for (&p, &r) in grains.positions.iter().zip(&grains.radii) {
+                    frame.include(p, r);
+                }
+            }
+        }
+        frame
+    }
+
+    fn place(&self, p: [f64; 3]) -> [f64; 2] {
+        [dot(p, self.right), dot(p, self.up)]
+    }
+
+    fn include(&mut self, p: [f64; 3], r: f64) {
+        let at = self.place(p);
+        for a in 0..2 {
+            self.low[a] = self.low[a].min(at[a] - r);
+            self.high[a] = self.high[a].max(at[a] + r);
+        }
+    }
+}
+
+/// Pixels of a panel.
+struct Raster {
+    width: usize,
+    height: usize,
+    colours: Vec<[f64; 3]>,
+    depth: Vec<f64>,
+    /// Metres of a pixel.
+    pixel: f64,
+}
+
+impl Raster {
+    fn new(frame: &Frame) -> Self {
+        let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
+        let pixel = (size[0] / real(WIDTH)).max(size[1] / (2.0 * real(WIDTH)));
+        let width = floor((size[0] / pixel).round()).clamp(1, WIDTH);
+        let height = floor((size[1] / pixel).round()).clamp(1, 2 * WIDTH);
+        Self {
+            width,
+            height,
+            colours: vec![PAPER; width * height],
+            depth: vec![f64::NEG_INFINITY; width * height],
+            pixel,
+        }
+    }
+
+    /// Where the middle of a pixel lies in the frame.
+    fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
+        [
+            frame.low[0] + (real(column) + 0.5) * self.pixel,
+            frame.high[1] - (real(row) + 0.5) * self.pixel,
+        ]
+    }
+
+    fn water(&mut self, frame: &Frame, water: &Water, scale: [f64; 2]) {
+        for row in 0..self.height {
+            for column in 0..self.width {
+                let at = self.middle(frame, column, row);
+                let cell = [0, 1].map(|a| {
+                    let k = ((at[a] - water.origin[a]) / water.spacing).floor().max(0.0);
+                    floor(k).min(water.cells[a] - 1)
+                });
+                let n = cell[1] * water.cells[0] + cell[0];
+                self.colours[row * self.width + column] = if water.solid[n] {
+                    [225.0, 225.0, 225.0]
+                } else {
+                    water_colour(share(water.values[n], scale))
+                };
+            }
+        }
+    }
+
+    fn grain(&mut self, frame: &Frame, p: [f64; 3], r: f64, colour: [f64; 3], flat: bool) {
+        let at = frame.place(p);
+        let away = dot(p, frame.near);
+        let span = |middle: f64, count: usize| {
+            let from = ((middle - r) / self.pixel - 0.5).floor().max(0.0);
+            let to = ((middle + r) / self.pixel + 0.5).ceil().max(0.0);
+            floor(from).min(count)..floor(to).min(count)
+        };
+        let columns = span(at[0] - frame.low[0], self.width);
+        for row in span(frame.high[1] - at[1], self.height) {
+            for column in columns.clone() {
+                let here = self.middle(frame, column, row);
+                let d = [here[0] - at[0], here[1] - at[1]];
+                let inside = r * r - d[0] * d[0] - d[1] * d[1];
+                if inside < 0.0 {
+                    continue;
+                }
+                let height = inside.sqrt();
+                let n = row * self.width + column;
+                if away + height <= self.depth[n] {
+                    continue;
+                }
+                self.depth[n] = away + height;
+                let light = if flat {
+                    // An outline of about a pixel.
+                    if height < (3.0 * r * self.pixel).sqrt() {
+                        0.7
+                    } else {
+                        1.0
+                    }
+                } else {
+                    let normal = [d[0] / r, d[1] / r, height / r];
+                    0.35 + 0.65 * dot(normal, [-0.4, 0.5, 0.768]).max(0.0)
+                };
+                self.colours[n] = colour.map(|c| c * light);
+            }
+        }
+    }
+
+    fn to_png(&self) -> Result<Vec<u8>, Error> {
+        let wrong = |e: png::EncodingError| Error::Internal(format!("picture: {e}"));
+        let mut bytes = Vec::new();
+        let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let mut encoder = png::Encoder::new(&mut bytes, side(self.width), side(self.height));
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        let mut writer = encoder.write_header().map_err(wrong)?;
+        let pixels: Vec<u8> = self.colours.iter().flat_map(|c| c.map(byte)).collect();
+        writer.write_image_data(&pixels).map_err(wrong)?;
+        writer.finish().map_err(wrong)?;
+        Ok(bytes)
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to a byte"
+)]
+fn byte(c: f64) -> u8 {
+    c.round().clamp(0.0, 255.0) as u8
+}
+
+/// Whole part of a number that is not negative.
+fn floor(x: f64) -> usize {
+    crate::scene::grid::whole(x)
+}
+
+fn real(n: usize) -> f64 {
+    crate::scene::grid::count(n)
+}
+
+fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
+    if high > low {
+        (value - low) / (high - low)
+    } else {
+        0.0
+    }
+}
+
+/// A round length of about a fifth of another.
+fn round_length(length: f64) -> f64 {
+    let rough = length / 5.0;
+    let power = 10.0_f64.powf(rough.log10().floor());
+    let lead = rough / power;
+    power
+        * if lead >= 5.0 {
+            5.0
+        } else if lead >= 2.0 {
+            2.0
+        } else {
+            1.0
+        }
+}
+
+fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
+    let frame = Frame::new(scenes, request.view);
+    if !(frame.high[0] > frame.low[0] && frame.high[1] > frame.low[1]) {
+        return Err(Error::Io("there is nothing to draw at these times".into()));
+    }
+    let plane = scenes
+        .iter()
+        .all(|s| s.water.as_ref().is_none_or(|w| w.cells[2] == 1));
+    let water = range(
+        scenes
+            .iter()
+            .filter_map(|s| s.water.as_ref())
+            .flat_map(|w| {
+                w.values
+                    .iter()
+                    .zip(&w.solid)
+                    .filter(|(_, solid)| !**solid)
+                    .map(|(v, _)| v)
+            }),
+    )
+    .filter(|_| plane);
+    let grains = range(
+        scenes
+            .iter()
+            .filter_map(|s| s.grains.as_ref()?.values.as_ref())
+            .flatten(),
+    );
+    let mut panels = Vec::new();
+    for scene in scenes {
+        let mut raster = Raster::new(&frame);
+        if let (Some(field), Some(scale)) = (&scene.water, water) {
+            raster.water(&frame, field, scale);
+        }
+        if let Some(all) = &scene.grains {
+            for (k, (&p, &r)) in all.positions.iter().zip(&all.radii).enumerate() {
+                let colour = match (&all.values, grains) {
+                    (Some(values), Some(scale)) => grain_colour(share(values[k], scale)),
+                    _ => SAND,
+                };
+                raster.grain(&frame, p, r, colour, all.flat);
+            }
+        }
+        panels.push((scene.time, raster));
+    }
+    let Some((_, first)) = panels.first() else {
+        return Err(Error::Io("there is nothing to draw".into()));
+    };
+    let (width, height, pixel) = (first.width, first.height, first.pixel);
+    // Wide panels one above the other, narrow ones side by side.
+    let columns = if 2 * height < width {
+        1
+    } else {
+        panels.len().min(2)
+    };
+    let rows = panels.len().div_ceil(columns);
+    const GAP: usize = 24;
+    const HEAD: usize = 22;
+    let total = [
+        columns * width + (columns + 1) * GAP,
+        rows * (height + HEAD + GAP) + 60,
+    ];
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+        total[0], total[1]
+    );
+    for (k, (time, raster)) in panels.iter().enumerate() {
+        let x = GAP + (k % columns) * (width + GAP);
+        let y = (k / columns) * (height + HEAD + GAP) + HEAD;
+        let data = base64::engine::general_purpose::STANDARD.encode(raster.to_png()?);
+        let _ = writeln!(
+            svg,
+            "<text x=\"{x}\" y=\"{}\">t = {time:.4} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
+            y - 6
+        );
+    }
+    let foot = rows * (height + HEAD + GAP) + 20;
+    let length = round_length(real(width) * pixel);
+    let _ = writeln!(
+        svg,
+        "<line x1=\"{GAP}\" y1=\"{foot}\" x2=\"{:.1}\" y2=\"{foot}\" stroke=\"black\" stroke-width=\"3\"/>\n<text x=\"{GAP}\" y=\"{}\">{length} m</text>",
+        real(GAP) + length / pixel,
+        foot + 20
+    );
+    let mut x = GAP + width / 3;
+    if let (Some(scale), Some(field)) = (water, scenes.iter().find_map(|s| s.water.as_ref())) {
+        bar(
+            &mut svg,
+            [x, foot],
+            &request.field,
+            &field.units,
+            scale,
+            water_colour,
+        );
+        x += width / 3;
+    }
+    if let (Some(scale), Some(all)) = (grains, scenes.iter().find_map(|s| s.grains.as_ref())) {
+        bar(
+            &mut svg,
+            [x, foot],
+            &all.quantity,
+            &all.units,
+            scale,
+            grain_colour,
+        );
+    }
+    svg.push_str("</svg>\n");
+    Ok(svg)
+}
+
+/// A bar of colours with its ends.
+fn bar(
+    svg: &mut String,
+    [x, y]: [usize; 2],
+    quantity: &str,
+    units: &str,
+    scale: [f64; 2],
+    colour: fn(f64) -> [f64; 3],
+) {
+    const STEPS: usize = 40;
+    const STEP: usize = 4;
+    for k in 0..STEPS {
+        let [r, g, b] = colour(real(k) / real(STEPS - 1)).map(byte);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{}\" y=\"{}\" width=\"{STEP}\" height=\"10\" fill=\"#{r:02x}{g:02x}{b:02x}\"/>",
+            x + k * STEP,
+            y - 8
+        );
+    }
+    let quantity = quantity.replace('_', " ");
+    let _ = writeln!(
+        svg,
+        "<text x=\"{x}\" y=\"{}\">{quantity} {:.3e} … {:.3e} {units}</text>",
+        y + 20,
+        scale[0],
+        scale[1]
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(times: &[f64]) -> Vec<Moment> {
+        (0..)
+            .zip(times)
+            .map(|(step, &time)| Moment { step, time })
+            .collect()
+    }
+
+    #[test]
+    fn times_are_the_nearest_or_spread_over_the_run() {
+        let all = moments(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let steps =
+            |times: &[f64]| -> Vec<u64> { choose(&all, times).iter().map(|m| m.step).collect() };
+        assert_eq!(steps(&[]), [0, 2, 4, 6]);
+        assert_eq!(steps(&[2.4, 2.6, 99.0]), [2, 3, 6]);
+        assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
+    }
+
+    #[test]
+    fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
+        let scene = |grains| Scene {
+            time: 0.0,
+            water: None,
+            grains: Some(grains),
+        };
+        let grains = Grains {
+            positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]],
+            radii: vec![2.0, 1.0],
+            values: Some(vec![0.0, 1.0]),
+            quantity: "speed".into(),
+            units: "m/s".into(),
+            flat: false,
+        };
+        let scenes = [scene(grains)];
+        let frame = Frame::new(&scenes, View::Z);
+        assert_eq!((frame.low, frame.high), ([-2.0; 2], [2.0; 2]));
+        let mut raster = Raster::new(&frame);
+        // The near one first: the far one must not paint over it.
+        raster.grain(&frame, [0.0, 0.0, 5.0], 1.0, [200.0, 0.0, 0.0], false);
+        raster.grain(&frame, [0.0, 0.0, 0.0], 2.0, [0.0, 200.0, 0.0], false);
+        let at = |x: f64, y: f64| {
+            let column = floor((x + 2.0) / raster.pixel);
+            let row = floor((2.0 - y) / raster.pixel);
+            raster.colours[row * raster.width + column]
+        };
+        assert!(at(0.0, 0.0)[0] > 100.0 && at(0.0, 0.0)[1] == 0.0);
+        assert!(at(1.5, 0.0)[1] > 50.0 && at(1.5, 0.0)[0] == 0.0);
+        assert_eq!(at(1.99, 1.99), PAPER);
+        let covered = raster.colours.iter().filter(|c| **c != PAPER).count();
+        let part = real(covered) / real(raster.colours.len());
+        assert!((part - std::f64::consts::PI / 4.0).abs() < 2e-3, "{part}");
+    }
+
+    #[test]
+    fn every_view_is_a_right_handed_frame() {
+        for view in [View::X, View::Y, View::Z, View::Corner] {
+            let ball = Grains {
+                positions: vec![[0.0, 0.0, 1.0]],
+                radii: vec![1.0],
+                values: None,
+                quantity: String::new(),
+                units: String::new(),
+                flat: false,
+            };
+            let f = Frame::new(
+                &[Scene {
+                    time: 0.0,
+                    water: None,
+                    grains: Some(ball),
+                }],
+                view,
+            );
+            for v in [f.right, f.up, f.near] {
+                assert!((dot(v, v) - 1.0).abs() < 1e-12, "{view:?}");
+            }
+            assert!(dot(f.right, f.up).abs() < 1e-12 && dot(f.up, f.near).abs() < 1e-12);
+            let cross = [
+                f.right[1] * f.up[2] - f.right[2] * f.up[1],
+                f.right[2] * f.up[0] - f.right[0] * f.up[2],
+                f.right[0] * f.up[1] - f.right[1] * f.up[0],
+            ];
+            assert!(
+                (dot(cross, f.near) - 1.0).abs() < 1e-12,
+                "{view:?} {cross:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_scale_bar_is_a_round_length() {
+        assert!((round_length(0.0084) - 0.001).abs() < 1e-12);
+        assert!((round_length(1.3) - 0.2).abs() < 1e-12);
+        assert!((round_length(30.0) - 5.0).abs() < 1e-12);
+    }
+}

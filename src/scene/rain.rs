@@ -1,0 +1,609 @@
+//! Rain: a loose random cloud that falls onto the walls, settles, and is trimmed to a level (C-06, C-08).
+//!
+//! Sizes come in classes, each a range of radii and a part of the grains by count or by mass. The cloud is placed by random
+//! sequential addition, the largest first, in a box above the walls; gravity then does the rest. Grains count as settled where
+//! their mean kinetic energy is a small part of m g d, and the mean resultant on a grain a small part of the mean contact force.
+//! Contacts may be softer while the grains fall: steps are larger then, and the stiffness is brought up to the case's in factors of
+//! ten, each with a rest. Grains above the level go last, and the rest settles once more. It runs on one rank and depends on
+//! the seed only. Sizes and places come from counter-based random numbers: [`crate::random`].
+
+use serde::{Deserialize, Serialize};
+
+use super::packing::curve_order;
+use crate::dem::{
+    Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
+};
+use crate::error::Error;
+use crate::random::Stream;
+
+/// A range of radii (m), equally likely, and its part of the grains.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Class {
+    /// Smallest radius (m).
+    pub min: f64,
+    /// Largest radius (m).
+    pub max: f64,
+    /// Part of the number or of the mass.
+    pub part: f64,
+}
+
+impl Class {
+    /// Mean of the square or cube of the radius.
+    fn mean_power(&self, power: i32) -> f64 {
+        let (a, b) = (self.min, self.max);
+        if b - a > 1e-9 * b {
+            (b.powi(power + 1) - a.powi(power + 1)) / (f64::from(power + 1) * (b - a))
+        } else {
+            a.powi(power)
+        }
+    }
+}
+
+/// Classes of sizes, and what their parts are parts of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grading {
+    /// Parts of the number of grains.
+    ByCount(Vec<Class>),
+    /// Parts of their mass.
+    ByMass(Vec<Class>),
+}
+
+impl Grading {
+    /// The classes.
+    #[must_use]
+    pub fn classes(&self) -> &[Class] {
+        match self {
+            Self::ByCount(classes) | Self::ByMass(classes) => classes,
+        }
+    }
+
+    /// How many grains of each class there are among `number` in a space of 2 or 3 dimensions.
+    ///
+    /// # Errors
+    /// A sentence where ranges or parts make no sense, or a class is left without a grain.
+    pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
+        let classes = self.classes();
+        if classes.is_empty() {
+            return Err("a grading needs a class".into());
+        }
+        for (n, class) in classes.iter().enumerate() {
+            if !(class.min > 0.0 && class.min <= class.max && class.max.is_finite()) {
+                return Err(format!(
+                    "class {n}: radii from {} to {} m",
+                    class.min, class.max
+                ));
+            }
+            if !(class.part > 0.0 && class.part <= 1.0) {
+                return Err(format!("class {n}: a part of {}", class.part));
+            }
+        }
+        let sum: f64 = classes.iter().map(|class| class.part).sum();
+        if (sum - 1.0).abs() > 1e-6 {
+            return Err(format!("the parts add up to {sum}, not to 1"));
+        }
+        let power = if dimension == 2 { 2 } else { 3 };
+        let weights: Vec<f64> = match self {
+            Self::ByCount(classes) => classes.iter().map(|class| class.part).collect(),
+            Self::ByMass(classes) => classes
+                .iter()
+                .map(|class| class.part / class.mean_power(power))
+                .collect(),
+        };
+        let total: f64 = weights.iter().sum();
+        let exact: Vec<f64> = weights.iter().map(|w| w / total * real(number)).collect();
+        let mut numbers: Vec<usize> = exact.iter().map(|x| floor(*x)).collect();
+        // The largest remainders get what rounding left.
+        let mut order: Vec<usize> = (0..classes.len()).collect();
+        order.sort_by(|&a, &b| {
+            exact[b]
+                .fract()
+                .total_cmp(&exact[a].fract())
+                .then(a.cmp(&b))
+        });
+        let left = number.saturating_sub(numbers.iter().sum());
+        for &k in order.iter().cycle().take(left) {
+            numbers[k] += 1;
+        }
+        if let Some(n) = numbers.iter().position(|n| *n == 0) {
+            return Err(format!(
+                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met",
+                classes[n].min, classes[n].max, exact[n]
+            ));
+        }
+        Ok(numbers)
+    }
+
+    /// Area (2-D) or volume (3-D) of `number` grains on average.
+    ///
+    /// # Errors
+    /// As [`Self::numbers`].
+    pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
+        let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
+        let power = if dimension == 2 { 2 } else { 3 };
+        let numbers = self.numbers(number, dimension)?;
+        let sums = self.classes().iter().zip(numbers);
+        Ok(sums
+            .map(|(class, n)| factor * real(n) * class.mean_power(power))
+            .sum())
+    }
+
+    /// Smallest and largest radius (m).
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
+        self.classes()
+            .iter()
+            .fold((f64::INFINITY, 0.0), |(low, high), class| {
+                (low.min(class.min), high.max(class.max))
+            })
+    }
+
+    fn radii(&self, number: usize, dimension: usize, seed: u64) -> Result<Vec<f64>, String> {
+        let mut radii = Vec::with_capacity(number);
+        for (class, count) in self.classes().iter().zip(self.numbers(number, dimension)?) {
+            for _ in 0..count {
+                let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
+                radii.push(class.min + (class.max - class.min) * draw);
+            }
+        }
+        Ok(radii)
+    }
+}
+
+/// The solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs ends at 0.547, of equal
+/// spheres at 0.384.
+#[must_use]
+pub fn densest_cloud(dimension: usize) -> f64 {
+    if dimension == 2 { 0.45 } else { 0.3 }
+}
+
+/// What falls, onto what, and when it has settled.
+#[derive(Clone, Debug)]
+pub struct Rain<S: Space> {
+    /// Lower corner of the cloud's box (m).
+    pub lower: S::Vector,
+    /// Upper corner of the cloud's box (m).
+    pub upper: S::Vector,
+    /// The box the grains may be in.
+    pub region: Region<S>,
+    /// Walls.
+    pub walls: Vec<Wall<S>>,
+    /// Sizes.
+    pub grading: Grading,
+    /// How many grains.
+    pub number: usize,
+    /// Seed of sizes and places.
+    pub seed: u64,
+    /// Density (kg/m³).
+    pub density: f64,
+    /// Row of the grains in the table of contact parameters.
+    pub material: u32,
+    /// Contact laws from the softest to that of the case.
+    pub laws: Vec<Law>,
+    /// How many materials the laws know.
+    pub materials: u32,
+    /// Gravity (m/s²).
+    pub gravity: S::Vector,
+    /// Non-viscous damping while falling; at least 0.7 once landed.
+    pub local_damping: f64,
+    /// Grains whose centre is higher than this along the axis against gravity go (m).
+    pub trim_above: Option<f64>,
+    /// Settled below this mean kinetic energy over m g d,
+    pub kinetic_energy: f64,
+    /// and below this mean resultant over the mean contact force.
+    pub unbalanced: f64,
+    /// Solid steps per rest at most.
+    pub limit: u64,
+}
+
+/// One look at how far grains have settled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Look {
+    /// Steps since the grains began to fall.
+    pub steps: u64,
+    /// Mean kinetic energy over m g d of the mean grain.
+    pub kinetic_energy: f64,
+    /// Mean resultant force on a grain over the mean normal force of a contact; above 1 without contacts.
+    pub unbalanced: f64,
+}
+
+/// How it went.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Grains that fell.
+    pub fallen: u64,
+    /// Grains left after trimming.
+    pub grains: u64,
+    /// Highest top of a grain against gravity (m).
+    pub top: f64,
+    /// Contacts per grain, with walls.
+    pub coordination: f64,
+    /// Largest overlap over the smaller diameter.
+    pub largest_overlap: f64,
+    /// Whether all rests ended by the criterion rather than by the limit of steps.
+    pub settled: bool,
+    /// Kinetic energy and force balance on the way.
+    pub convergence: Vec<Look>,
+}
+
+const SIZES: u32 = 11;
+const PLACES: u32 = 12;
+/// Local damping of grains that have landed, and both measures below which they have.
+const AT_REST: f64 = 0.7;
+const LANDED: f64 = 0.1;
+/// Steps between looks.
+const LOOK_EVERY: u64 = 500;
+
+impl<S: Space> Rain<S> {
+    /// Lets it rain: centres and radii (m), along a curve through space.
+    ///
+    /// # Errors
+    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost.
+    #[expect(clippy::type_complexity, reason = "centres with radii, and the report")]
+    pub fn fall(&self) -> Result<(Vec<(S::Vector, f64)>, Report), Error> {
+        let refuse = |what: String| Error::Numerical(what);
+        let (axis, up) = self.height_axis()?;
+        let radii = self
+            .grading
+            .radii(self.number, S::DIMENSION, self.seed)
+            .map_err(refuse)?;
+        let mut report = Report {
+            fallen: radii.len() as u64,
+            settled: true,
+            ..Report::default()
+        };
+        let places = self.cloud(&radii)?;
+        let mut grains: Vec<(S::Vector, f64)> = curve_order::<S>(&places)
+            .into_iter()
+            .map(|k| (places[k], radii[k]))
+            .collect();
+        let last = self.laws.len().saturating_sub(1);
+        for (stage, law) in self.laws.iter().enumerate() {
+            grains = self.settle(law, grains, &mut report)?;
+            if stage == last
+                && let Some(level) = self.trim_above
+            {
+                let before = grains.len();
+                grains.retain(|(at, _)| at.get(axis) * up <= level * up);
+                if grains.len() < before && !grains.is_empty() {
+                    grains = self.settle(law, grains, &mut report)?;
+                }
+            }
+        }
+        let places: Vec<S::Vector> = grains.iter().map(|grain| grain.0).collect();
+        let grains: Vec<_> = curve_order::<S>(&places)
+            .iter()
+            .map(|&k| grains[k])
+            .collect();
+        report.grains = grains.len() as u64;
+        report.top = up
+            * grains
+                .iter()
+                .map(|(at, radius)| at.get(axis) * up + radius)
+                .fold(f64::NEG_INFINITY, f64::max);
+        Ok((grains, report))
+    }
+
+    /// The axis of gravity, and the sign of up.
+    fn height_axis(&self) -> Result<(usize, f64), Error> {
+        let mut along = (0..S::DIMENSION).filter(|&axis| self.gravity.get(axis).abs() > 0.0);
+        match (along.next(), along.next()) {
+            (Some(axis), None) => Ok((axis, -self.gravity.get(axis).signum())),
+            _ => Err(Error::Numerical(
+                "rain needs gravity along one axis of the domain".into(),
+            )),
+        }
+    }
+
+    /// A place for each grain without overlap with grains or walls, the largest placed first.
+    fn cloud(&self, radii: &[f64]) -> Result<Vec<S::Vector>, Error> {
+        let largest = radii.iter().copied().fold(0.0, f64::max);
+        let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
+        // One grid per factor of two in size, as in the neighbour search.
+        let level = |radius: f64| floor((largest / radius).log2().max(0.0));
+        let levels = level(smallest) + 1;
+        let mut grids: Vec<std::collections::HashMap<[i64; 3], Vec<usize>>> =
+            vec![std::collections::HashMap::new(); levels];
+        let size = |level: usize| 2.0 * largest * 0.5_f64.powi(i32::try_from(level).unwrap_or(60));
+        let cell = |at: &S::Vector, reach: f64, level: usize| -> [i64; 3] {
+            std::array::from_fn(|axis| {
+                if axis < S::DIMENSION {
+                    whole((at.get(axis) + reach) / size(level))
+                } else {
+                    0
+                }
+            })
+        };
+        let mut order: Vec<usize> = (0..radii.len()).collect();
+        order.sort_by(|a, b| radii[*b].total_cmp(&radii[*a]).then(a.cmp(b)));
+        let mut places = vec![S::Vector::default(); radii.len()];
+        for &id in &order {
+            let radius = radii[id];
+            let mut draws = Stream::new(self.seed, id as u64, PLACES);
+            let free = (0..5000).find_map(|_| {
+                let mut at = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    let low = self.lower.get(axis) + radius;
+                    let high = self.upper.get(axis) - radius;
+                    at.set(axis, low + (high - low).max(0.0) * draws.uniform());
+                }
+                let clear_of_walls = self.walls.iter().all(|wall| match &wall.surface {
+                    None => wall.distance(&at) >= radius,
+                    Some(surface) => surface.clearance(&S::to_volume(&at)) >= radius,
+                });
+                let clear = clear_of_walls
+                    && (0..levels).all(|level| {
+                        let reach = radius + 0.5 * size(level);
+                        let (low, high) = (cell(&at, -reach, level), cell(&at, reach, level));
+                        (low[2]..=high[2]).all(|z| {
+                            (low[1]..=high[1]).all(|y| {
+                                (low[0]..=high[0]).all(|x| {
+                                    grids[level].get(&[x, y, z]).is_none_or(|members| {
+                                        members.iter().all(|&other| {
+                                            (places[other] - at).length() >= radius + radii[other]
+                                        })
+                                    })
+                                })
+                            })
+                        })
+                    });
+                clear.then_some(at)
+            });
+            let Some(at) = free else {
+                return Err(Error::Numerical(format!(
+                    "no room for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
+                )));
+            };
+            places[id] = at;
+            let level = level(radius);
+            grids[level]
+                .entry(cell(&at, 0.0, level))
+                .or_default()
+                .push(id);
+        }
+        Ok(places)
+    }
+
+    /// Falls or rests until the grains have settled.
+    fn settle(
+        &self,
+        law: &Law,
+        grains: Vec<(S::Vector, f64)>,
+        report: &mut Report,
+    ) -> Result<Vec<(S::Vector, f64)>, Error> {
+        let mut particles = Particles::new();
+        let mut bodies = Vec::with_capacity(grains.len());
+        for (id, (position, radius)) in (0..).zip(grains) {
+            let body = Body::uniform::<S>(id, radius, self.density, self.material);
+            bodies.push(body);
+            particles.insert(
+                body,
+                Motion {
+                    position,
+                    ..Motion::default()
+                },
+            );
+        }
+        let smallest = bodies
+            .iter()
+            .map(|b| b.radius)
+            .fold(f64::INFINITY, f64::min);
+        let time_step = 0.2 * law.critical_time_step::<S>(&bodies, self.materials);
+        let mut settings = Settings::new(self.region, time_step, 0.3 * smallest);
+        settings.gravity = self.gravity;
+        // Grains that fall must not hang in the air; once they have landed, rest comes soonest so.
+        let mut landed = !report.convergence.is_empty();
+        settings.local_damping = if landed {
+            self.local_damping.max(AT_REST)
+        } else {
+            self.local_damping
+        };
+        let mut dem = Dem::new(law.clone(), settings, self.walls.clone())?;
+        let began = report.convergence.last().map_or(0, |look| look.steps);
+        let mut settled = false;
+        while dem.steps() < self.limit && !settled {
+            dem.advance_many(&mut particles, &Alone, LOOK_EVERY)?;
+            let now = self.look(&dem, &particles, began);
+            settled =
+                now.kinetic_energy <= self.kinetic_energy && now.unbalanced <= self.unbalanced;
+            report.convergence.push(now);
+            if !landed && now.kinetic_energy < LANDED && now.unbalanced < LANDED {
+                landed = true;
+                dem.set_local_damping(self.local_damping.max(AT_REST));
+            }
+        }
+        report.settled &= settled;
+        let statistics = dem.statistics(&particles);
+        report.coordination = 2.0 * ratio(statistics.contacts, statistics.owned);
+        report.largest_overlap = statistics.largest_overlap;
+        Ok((0..particles.owned())
+            .map(|k| (particles.location(k), particles.body[k].radius))
+            .collect())
+    }
+
+    fn look(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
+        let (mut energy, mut scale, mut resultant, mut grains) = (0.0, 0.0, 0.0, 0.0);
+        let g = self.gravity.length();
+        for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
+            let body = &particles.body[k];
+            energy += particles.kinetic_energy(k);
+            scale += body.mass * g * 2.0 * body.radius;
+            resultant += (particles.contact[k].force + self.gravity * body.mass).length();
+            grains += 1.0;
+        }
+        let (mut force, mut contacts) = (0.0, 0.0);
+        dem.for_each_contact(particles, |contact| {
+            force += contact.normal_force;
+            contacts += 1.0;
+        });
+        // Nothing is balanced before it has landed.
+        let balance = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::MAX };
+        Look {
+            steps: began + dem.steps(),
+            kinetic_energy: balance(energy, scale),
+            unbalanced: balance(resultant * contacts, force * grains),
+        }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
+fn ratio(a: u64, b: u64) -> f64 {
+    if b == 0 { 0.0 } else { a as f64 / b as f64 }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
+fn real(count: usize) -> f64 {
+    count as f64
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast of a float saturates; callers pass small positive numbers"
+)]
+fn floor(value: f64) -> usize {
+    value as usize
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "cells of a box of grains in memory"
+)]
+fn whole(value: f64) -> i64 {
+    value.floor() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dem::contact::linear::{self, Linear};
+    use crate::dem::{PairTable, Volume};
+    use nalgebra::Vector3;
+
+    fn classes() -> Vec<Class> {
+        let class = |min: f64, max: f64, part| Class { min, max, part };
+        vec![class(0.5e-3, 0.7e-3, 0.8), class(1.0e-3, 1.2e-3, 0.2)]
+    }
+
+    fn linear(stiffness: f64) -> Law {
+        Law::Linear(Linear {
+            parameters: PairTable::uniform(
+                1,
+                linear::Parameters {
+                    normal_stiffness: stiffness,
+                    stiffness_per_diameter: false,
+                    stiffness_ratio: 1.0,
+                    friction: 0.5,
+                    normal_damping: 0.3,
+                    shear_damping: 0.3,
+                    attraction: false,
+                },
+            ),
+        })
+    }
+
+    fn small() -> Rain<Volume> {
+        let corner = Vector3::new(0.012, 0.012, 0.05);
+        let region = Region::closed(Vector3::zeros(), corner, 1e-3);
+        Rain {
+            lower: Vector3::new(0.0, 0.0, 0.01),
+            upper: corner,
+            region,
+            walls: Wall::of_box(Vector3::zeros(), corner, [true; 3], 0),
+            grading: Grading::ByCount(classes()),
+            number: 800,
+            seed: 3,
+            density: 2600.0,
+            material: 0,
+            laws: vec![linear(1e3), linear(1e4)],
+            materials: 1,
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            local_damping: 0.2,
+            trim_above: Some(8e-3),
+            kinetic_energy: 1e-3,
+            unbalanced: 0.02,
+            limit: 60_000,
+        }
+    }
+
+    #[test]
+    fn parts_are_met_by_count_and_by_mass() {
+        assert_eq!(
+            Grading::ByCount(classes()).numbers(47_702, 3).unwrap(),
+            vec![38_162, 9_540]
+        );
+        let numbers = Grading::ByMass(classes()).numbers(10_000, 3).unwrap();
+        assert_eq!(numbers.iter().sum::<usize>(), 10_000);
+        let mass = |k: usize| real(numbers[k]) * classes()[k].mean_power(3);
+        assert!((mass(1) / (mass(0) + mass(1)) - 0.2).abs() < 2e-4);
+    }
+
+    #[test]
+    fn gradings_that_cannot_be_are_refused() {
+        let refused =
+            |classes: Vec<Class>, number| Grading::ByMass(classes).numbers(number, 3).unwrap_err();
+        assert!(refused(classes(), 8).contains("class 1"));
+        assert!(refused(Vec::new(), 20).contains("needs a class"));
+        let mut wrong = classes();
+        wrong[0].part = 0.7;
+        assert!(refused(wrong.clone(), 100).contains("add up to"));
+        wrong[0].max = 1e-4;
+        assert!(refused(wrong, 100).contains("class 0"));
+        let crowded = Rain {
+            number: 30_000,
+            ..small()
+        };
+        assert!(crowded.fall().unwrap_err().to_string().contains("no room"));
+    }
+
+    /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
+    #[test]
+    fn rain_settles_and_is_trimmed() {
+        let rain = small();
+        let (grains, report) = rain.fall().unwrap();
+        assert!(report.settled, "{:?}", report.convergence.last());
+        assert!(
+            report.grains > 300 && report.grains < report.fallen,
+            "{report:?}"
+        );
+        assert!(grains.iter().all(|(at, _)| at[2] <= 8.05e-3 && at[2] > 0.0));
+        assert!((3.5..7.0).contains(&report.coordination), "{report:?}");
+        assert!(report.largest_overlap < 0.02, "{report:?}");
+        let last = report.convergence.last().unwrap();
+        assert!(last.kinetic_energy <= 1e-3 && last.unbalanced <= 0.02);
+        // The same seed gives the same bits.
+        assert_eq!(
+            rain.cloud(&[1e-3; 50]).unwrap(),
+            rain.cloud(&[1e-3; 50]).unwrap()
+        );
+        let mut particles = Particles::<Volume>::new();
+        let mut weight = 0.0;
+        for (id, (position, radius)) in (0..).zip(&grains) {
+            let body = Body::uniform::<Volume>(id, *radius, 2600.0, 0);
+            weight += body.mass * 9.81;
+            let motion = Motion {
+                position: *position,
+                ..Motion::default()
+            };
+            particles.insert(body, motion);
+        }
+        let mut dem = Dem::new(
+            linear(1e4),
+            Settings::new(rain.region, 1e-7, 1e-4),
+            rain.walls.clone(),
+        )
+        .unwrap();
+        dem.prepare(&mut particles, &Alone).unwrap();
+        let mut floor = 0.0;
+        dem.for_each_contact(&particles, |contact| {
+            if contact.wall == Some(4) {
+                floor += contact.normal_force;
+            }
+        });
+        // Friction at the sides bears a part of it.
+        assert!(
+            floor > 0.4 * weight && floor < 1.05 * weight,
+            "{floor} {weight}"
+        );
+    }
+}

@@ -1,0 +1,122 @@
+//! The step allocates nothing in the steady state: counted by the allocator of this very binary.
+//!
+//! What may allocate is an event: lists made anew (counted by the engine; a bounded number of times each), grains that
+//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without such
+//! an event has to do without the allocator.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use solver::case::Document;
+use solver::dem::space::Plane;
+use solver::plan::Plan;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// The system's allocator with a counter.
+struct Counting;
+
+static CALLS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call is handed to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: promised by the caller.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: promised by the caller.
+        unsafe { System.dealloc(block, layout) }
+    }
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: promised by the caller.
+        unsafe { System.realloc(block, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// A heap of loose and bonded discs in a stream, small enough to step in an instant.
+fn plan() -> Plan {
+    let text = solver::case::examples::find("piping").unwrap().text;
+    let mut grains = Vec::new();
+    for row in 0..5 {
+        for column in 0..8 {
+            let x = 6e-4 + 2.001e-4 * f64::from(column) + if row % 2 == 1 { 1e-4 } else { 0.0 };
+            let y = 1e-4 + 1.8e-4 * f64::from(row);
+            grains.push(format!(r#"{{"position": [{x}, {y}], "radius": 1e-4}}"#));
+        }
+    }
+    let set = [
+        "domain.size=[0.003, 0.0016]".to_owned(),
+        format!("grains.initial={{\"list\": [{}]}}", grains.join(",")),
+        "grains.cut=[]".into(),
+        "grains.bond_at_start=false".into(),
+        "box_walls=[\"x_min\", \"x_max\", \"y_min\", \"y_max\"]".into(),
+        "grains.save=null".into(),
+        "regions[0].box={\"from\": [0.0029, 0], \"to\": [0.003, 0.0016]}".into(),
+        "gravity=[0, -9.81]".into(),
+        "probes=[]".into(),
+        "output={}".into(),
+        "analysis.erosion_law.hole={\"from\": [0.0004, 0.001], \"to\": [0.0026, 0.0014]}".into(),
+        "analysis.erosion_law.every=10".into(),
+        "time.warm_up=null".into(),
+        "time.end=10".into(),
+        "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value=1".into(),
+    ];
+    Document::read(text, &set, std::path::Path::new(""))
+        .and_then(Plan::prepare)
+        .unwrap()
+}
+
+#[test]
+fn a_step_without_an_event_allocates_nothing() {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build_global()
+        .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut simulation =
+        solver::simulation::run::ready::<Plane, f64>(plan(), folder.path()).unwrap();
+    let state = |simulation: &solver::simulation::Simulation<Plane, f64>| {
+        let view = simulation.view();
+        let now = view.dem.unwrap().statistics(view.particles);
+        (now.rebuilds, now.bonds, now.owned)
+    };
+    // Buffers find their sizes.
+    for _ in 0..300 {
+        simulation.step().unwrap();
+    }
+    let start = simulation.view().particles.motion[0].position;
+    let (mut quiet, mut eventful, mut most) = (0, 0, 0);
+    for _ in 0..1500 {
+        let before = state(&simulation);
+        let calls = CALLS.load(Ordering::Relaxed);
+        simulation.step().unwrap();
+        let calls = CALLS.load(Ordering::Relaxed) - calls;
+        if state(&simulation) == before {
+            assert_eq!(calls, 0, "in step {}", simulation.view().step);
+            quiet += 1;
+        } else {
+            eventful += 1;
+            most = most.max(calls);
+        }
+    }
+    // Grains moved, lists were made anew, and most steps were quiet.
+    let moved = simulation.view().particles.motion[0].position - start;
+    println!(
+        "{quiet} quiet steps, {eventful} with events of at most {most} allocations; moved {moved:?}"
+    );
+    assert!(quiet > 1000, "{quiet} quiet steps");
+    assert!(eventful > 0);
+    assert!(most <= 100, "{most} allocations in one step");
+    // The counter counts.
+    let calls = CALLS.load(Ordering::Relaxed);
+    drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));
+    assert_eq!(CALLS.load(Ordering::Relaxed), calls + 1);
+}

@@ -1,0 +1,158 @@
+//! What is wrong on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain, and no
+//! rank is left waiting.
+
+use crate::case_broken::{TABLE, broken, expected};
+use crate::ranks::{Study, alone, run, start, start_impatient};
+use std::time::Duration;
+
+/// Broken cases that are refused before MPI starts, of every kind.
+const NAMES: [&str; 12] = [
+    "not JSON",
+    "unknown field",
+    "two choices at once",
+    "text for a number",
+    "no domain",
+    "key twice",
+    "pressure too high",
+    "two conditions on a face",
+    "overlap at the start",
+    "hole outside the domain",
+    "grains overfill the box",
+    "probe of an unknown body",
+];
+
+#[test]
+fn broken_cases_are_refused_by_one_voice() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("case.json");
+    for (n, name) in NAMES.into_iter().enumerate() {
+        let (_, example, how, path) = TABLE.iter().find(|row| row.0 == name).unwrap();
+        let (text, set) = broken(example, how);
+        std::fs::write(&file, text).unwrap();
+        let mut arguments = vec![file.to_str().unwrap().to_owned()];
+        for assignment in set {
+            arguments.extend(["--set".to_owned(), assignment]);
+        }
+        // The first few with the mpirun of every day; where it gives ranks no time at all the words may be lost, no more.
+        let patient = n < 3;
+        let running = if patient {
+            start(2, &arguments)
+        } else {
+            start_impatient(2, &arguments)
+        };
+        let done = running.wait().expect(3);
+        let path = expected(path);
+        let path = if path.starts_with("line") {
+            "line"
+        } else {
+            &path
+        };
+        let named = done
+            .stderr
+            .lines()
+            .any(|line| line.starts_with(&format!("error: {path} ")));
+        let voices = done.stderr.matches("nothing was run").count();
+        assert!(
+            (named && voices == 1) || (voices == 0 && !patient),
+            "{name}: {}",
+            done.stderr
+        );
+        assert!(
+            !done.stderr.contains("MPI_ABORT"),
+            "{name}: {}",
+            done.stderr
+        );
+        assert!(!done.stderr.contains("panicked"), "{name}: {}", done.stderr);
+        assert!(
+            done.elapsed < Duration::from_secs(10),
+            "{name}: {:?}",
+            done.elapsed
+        );
+    }
+}
+
+#[test]
+fn slabs_for_another_number_of_ranks_are_refused() {
+    let _alone = alone();
+    let study = Study::of("couette", &[("domain.slab_bounds", "[3, 7]")]);
+    let done = run(2, &study.arguments("run", 1, &[])).expect(3);
+    let line = done.stderr.lines().find(|line| {
+        line.starts_with("error: domain.slab_bounds = [3, 7]: this list makes 3 slabs")
+    });
+    assert!(line.is_some(), "{}", done.stderr);
+    assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
+}
+
+#[test]
+fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
+    let _alone = alone();
+    let study = Study::of("couette", &[]);
+    study.run("run", 1, 1, &["time.end=0.01"]);
+    let done = study.restart("run", 2, &[]).expect(5);
+    assert!(
+        done.stderr.contains("solver: input/output: "),
+        "{}",
+        done.stderr
+    );
+    assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
+    let done = study.restart("run", 2, &["time.end=-1"]).expect(3);
+    assert!(
+        done.stderr.contains("error: time.end = -1"),
+        "{}",
+        done.stderr
+    );
+}
+
+/// Ends with 4, says why once, and leaves a summary.
+#[track_caller]
+fn fails(study: &Study, words: &[&str]) {
+    let done = run(2, &study.arguments("run", 1, &[])).expect(4);
+    let lines: Vec<&str> = done
+        .stderr
+        .lines()
+        .filter(|line| line.contains("numerical failure"))
+        .collect();
+    assert_eq!(lines.len(), 1, "{}", done.stderr);
+    for word in words {
+        assert!(lines[0].contains(word), "{word} in {}", done.stderr);
+    }
+    assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
+    assert!(done.elapsed < Duration::from_secs(20), "{:?}", done.elapsed);
+    let summary = study.summary("run");
+    assert_eq!(summary["outcome"], "failed");
+    assert!(
+        summary["error"].as_str().unwrap().contains(words[0]),
+        "{summary:#}"
+    );
+}
+
+#[test]
+fn a_flow_that_diverges_is_named_by_its_cell() {
+    let _alone = alone();
+    // A lid at a Reynolds number of 600 000 on a hundred cells, at a relaxation time of almost 1/2.
+    let study = Study::of(
+        "cavity",
+        &[
+            ("fluid.lattice_boltzmann.mach", "null"),
+            ("fluid.lattice_boltzmann.reference_velocity", "null"),
+            ("fluid.lattice_boltzmann.relaxation_time", "0.5001"),
+            ("fluid.lattice_boltzmann.collision", r#"{"bgk": {}}"#),
+            (
+                "fluid.lattice_boltzmann.boundaries[0].condition.moving_wall.velocity",
+                "[60, 0]",
+            ),
+            ("time.end", "0.02"),
+            ("output", "{}"),
+            ("probes", "[]"),
+        ],
+    );
+    fails(&study, &["cell ["]);
+}
+
+#[test]
+fn a_lost_grain_is_named() {
+    let _alone = alone();
+    let study = Study::of("collision", &[("time.end", "1"), ("output", "{}")]);
+    fails(&study, &["grain ", "outside the box"]);
+}

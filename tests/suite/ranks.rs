@@ -1,0 +1,430 @@
+//! Whole runs: the real binary under the real `mpirun`, one job at a time and always under a timeout.
+
+use serde_json::Value;
+use std::fs::File;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// One job at a time: ranks ask for messages without rest, and a machine of two cores bears no second job beside.
+static ONE_JOB: Mutex<()> = Mutex::new(());
+
+/// Waits until no other test runs a job.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    ONE_JOB.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The binary under test.
+pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
+
+/// A job that takes longer hangs [s].
+const LIMIT: &str = "60";
+
+/// The program on `ranks` ranks, with the environment that `jobs/install.sh` gives; 0 is without mpirun.
+fn command(ranks: usize) -> Command {
+    let mut command = Command::new("timeout");
+    command.args(["--kill-after=5", LIMIT]);
+    if ranks > 0 {
+        command.args(["mpirun", "--oversubscribe", "-n"]);
+        command.arg(ranks.to_string());
+    }
+    command.arg(SOLVER);
+    for (name, value) in [
+        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+        ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
+        // Ranks outnumber cores here: one that waits lets another run.
+        ("OMPI_MCA_mpi_yield_when_idle", "1"),
+        // mpirun waits twice this long at every end other than success.
+        ("OMPI_MCA_odls_base_sigkill_timeout", "1"),
+    ] {
+        command.env(name, value);
+    }
+    // Of a job within which the tests may run.
+    for name in [
+        "OMPI_COMM_WORLD_RANK",
+        "OMPI_COMM_WORLD_SIZE",
+        "PMIX_RANK",
+        "PMI_RANK",
+        "SLURM_PROCID",
+        "RUST_BACKTRACE",
+        "RUST_LOG",
+    ] {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// What came of a job.
+#[derive(Debug)]
+pub(crate) struct Done {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    pub(crate) elapsed: Duration,
+}
+
+impl Done {
+    /// Fails unless the job ended as expected.
+    #[track_caller]
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(
+            self.code,
+            Some(code),
+            "after {:?}\n{}\n{}",
+            self.elapsed,
+            self.stdout,
+            self.stderr
+        );
+        self
+    }
+}
+
+/// A job under way.
+pub(crate) struct Running {
+    child: Child,
+    start: Instant,
+    logs: tempfile::TempDir,
+}
+
+/// Starts the program; hold [`alone`] meanwhile. The output goes to files, so that no pipe held open by a rank can delay
+/// the end.
+pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
+    begin(command(ranks), arguments)
+}
+
+/// As [`start`], but mpirun kills the other ranks at once when one has ended with an error.
+pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
+    let mut command = command(ranks);
+    command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
+    begin(command, arguments)
+}
+
+fn begin(mut command: Command, arguments: &[String]) -> Running {
+    let logs = tempfile::tempdir().unwrap();
+    let file = |name: &str| File::create(logs.path().join(name)).unwrap();
+    command.args(arguments);
+    command.stdout(file("stdout")).stderr(file("stderr"));
+    let child = command.spawn().expect("`timeout` (coreutils) starts");
+    Running {
+        child,
+        start: Instant::now(),
+        logs,
+    }
+}
+
+/// Runs the program to its end.
+pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
+    start(ranks, arguments).wait()
+}
+
+impl Running {
+    /// Waits for the end.
+    pub(crate) fn wait(mut self) -> Done {
+        let status = self.child.wait().unwrap();
+        self.done(status)
+    }
+
+    fn done(&self, status: ExitStatus) -> Done {
+        let read = |name: &str| {
+            let bytes = std::fs::read(self.logs.path().join(name)).unwrap();
+            String::from_utf8_lossy(&bytes).into_owned()
+        };
+        Done {
+            code: status.code().or(status.signal().map(|signal| -signal)),
+            stdout: read("stdout"),
+            stderr: read("stderr"),
+            elapsed: self.start.elapsed(),
+        }
+    }
+
+    /// Looks again and again until `found` finds something; fails if the job ends before.
+    #[track_caller]
+    pub(crate) fn until<T>(&mut self, what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+        loop {
+            if let Some(found) = found() {
+                return found;
+            }
+            if let Some(status) = self.child.try_wait().unwrap() {
+                let done = self.done(status);
+                panic!("ended before {what}: {done:#?}");
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    /// The process of mpirun.
+    #[track_caller]
+    pub(crate) fn mpirun(&mut self) -> i32 {
+        let timer = self.child.id();
+        self.until("mpirun starts", || {
+            children(timer)
+                .into_iter()
+                .find(|(_, name)| name == "mpirun")
+        })
+        .0
+    }
+
+    /// The processes of the ranks, or the one without mpirun.
+    #[track_caller]
+    pub(crate) fn ranks(&mut self, ranks: usize) -> Vec<i32> {
+        let parent = if ranks == 0 {
+            self.child.id()
+        } else {
+            u32::try_from(self.mpirun()).unwrap()
+        };
+        self.until("the ranks start", || {
+            let solvers: Vec<i32> = children(parent)
+                .into_iter()
+                .filter(|(_, name)| name == "solver")
+                .map(|(id, _)| id)
+                .collect();
+            (solvers.len() == ranks.max(1)).then_some(solvers)
+        })
+    }
+}
+
+/// Sends a signal.
+pub(crate) fn signal(process: i32, signal: &str) {
+    let sent = Command::new("kill")
+        .args([&format!("-{signal}"), &process.to_string()])
+        .status()
+        .unwrap();
+    assert!(sent.success(), "kill -{signal} {process}");
+}
+
+/// Children of a process with their names.
+fn children(parent: u32) -> Vec<(i32, String)> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let Some(id) = entry.file_name().to_str().and_then(|n| n.parse().ok()) else {
+            continue;
+        };
+        // A process may be gone by now.
+        let Ok(stat) = std::fs::read_to_string(entry.path().join("stat")) else {
+            continue;
+        };
+        if let Some((head, tail)) = stat.rsplit_once(')')
+            && tail.split_whitespace().nth(1) == Some(&parent.to_string())
+            && let Some((_, name)) = head.split_once('(')
+        {
+            all.push((id, name.to_owned()));
+        }
+    }
+    all.sort_unstable();
+    all
+}
+
+/// A case in a folder of its own, with room for the folders of its runs.
+pub(crate) struct Study {
+    folder: tempfile::TempDir,
+    case: PathBuf,
+    set: Vec<String>,
+}
+
+impl Study {
+    /// An example with changes that hold for every run.
+    pub(crate) fn of(example: &str, set: &[(&str, &str)]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let case = folder.path().join("case.json");
+        let text = solver::case::examples::find(example).unwrap().text;
+        std::fs::write(&case, text).unwrap();
+        Self {
+            folder,
+            case,
+            set: set
+                .iter()
+                .map(|(path, value)| format!("{path}={value}"))
+                .collect(),
+        }
+    }
+
+    /// A small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains leave.
+    pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
+        let mut study = Self::of(
+            "piping",
+            &[
+                ("domain.size", "[0.003, 0.0016]"),
+                ("grains.initial", r#"{"file": {"path": "sample.csv"}}"#),
+                ("grains.save", "null"),
+                ("grains.cut", "[]"),
+                (
+                    "regions[0].box",
+                    r#"{"from": [0.00254, 0], "to": [0.003, 0.0016]}"#,
+                ),
+                ("probes[0].at.plane.position", "0.0015"),
+                ("probes[0].every", "0.0004"),
+                (
+                    "analysis.erosion_law.hole",
+                    r#"{"from": [0.0004, 0.0006], "to": [0.0026, 0.001]}"#,
+                ),
+                ("analysis.erosion_law.every", "0.0004"),
+                ("time.warm_up", "null"),
+                ("time.end", "0.024"),
+                ("output.fluid.every", "0.012"),
+                ("output.grains.every", "0.012"),
+                ("output.contacts.every", "0.012"),
+                (
+                    "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value",
+                    "1.5",
+                ),
+                (
+                    "fluid.lattice_boltzmann.boundaries[0].condition.pressure.ramp.duration",
+                    "0.002",
+                ),
+                ("contact.cohesive_frictional.cohesion.per_diameter", "0.03"),
+            ],
+        );
+        std::fs::write(study.folder.path().join("sample.csv"), sample()).unwrap();
+        study
+            .set
+            .extend(more.iter().map(|(path, value)| format!("{path}={value}")));
+        study
+    }
+
+    /// A folder or file beside the case.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Arguments of a run into the folder `name`, with more changes.
+    pub(crate) fn arguments(&self, name: &str, threads: usize, set: &[&str]) -> Vec<String> {
+        let mut arguments = vec![
+            self.case.to_str().unwrap().to_owned(),
+            "--output".into(),
+            self.path(name).to_str().unwrap().into(),
+            "--threads".into(),
+            threads.to_string(),
+        ];
+        let own = self.set.iter().map(String::as_str);
+        for assignment in own.chain(set.iter().copied()) {
+            arguments.push("--set".into());
+            arguments.push(assignment.into());
+        }
+        arguments
+    }
+
+    /// Runs to the end of the case.
+    #[track_caller]
+    pub(crate) fn run(&self, name: &str, ranks: usize, threads: usize, set: &[&str]) -> Done {
+        run(ranks, &self.arguments(name, threads, set)).expect(0)
+    }
+
+    /// Goes on in the folder `name`.
+    pub(crate) fn restart(&self, name: &str, ranks: usize, set: &[&str]) -> Done {
+        run(ranks, &self.restart_arguments(name, set))
+    }
+
+    fn restart_arguments(&self, name: &str, set: &[&str]) -> Vec<String> {
+        let mut arguments = vec![
+            "restart".to_owned(),
+            self.path(name).to_str().unwrap().into(),
+            "--threads".into(),
+            "1".into(),
+        ];
+        for assignment in set {
+            arguments.push("--set".into());
+            arguments.push((*assignment).into());
+        }
+        arguments
+    }
+
+    /// The summary of a run.
+    #[track_caller]
+    pub(crate) fn summary(&self, name: &str) -> Value {
+        let path = self.path(name).join("summary.json");
+        let bytes = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        serde_json::from_slice(&bytes).unwrap()
+    }
+
+    /// The hash of the state at the end of a run.
+    #[track_caller]
+    pub(crate) fn hash(&self, name: &str) -> String {
+        let summary = self.summary(name);
+        assert_eq!(summary["outcome"], "done", "{name}: {summary:#}");
+        summary["state_hash"].as_str().unwrap().to_owned()
+    }
+
+    /// Lines of a table without its head.
+    pub(crate) fn rows(&self, name: &str, table: &str) -> usize {
+        let text = std::fs::read_to_string(self.path(name).join(table)).unwrap();
+        text.lines().count() - 1
+    }
+
+    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by their
+    /// numbers (their headers name the ranks).
+    #[track_caller]
+    pub(crate) fn same(&self, a: &str, b: &str) {
+        assert_eq!(self.hash(a), self.hash(b), "{a} and {b}");
+        let (left, right) = (self.path(a), self.path(b));
+        let names = |folder: &Path| -> Vec<String> {
+            let mut names: Vec<String> = std::fs::read_dir(folder)
+                .unwrap()
+                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+                .filter(|name| {
+                    name != "checkpoints" && name != "case.json" && name != "summary.json"
+                })
+                .collect();
+            names.sort();
+            names
+        };
+        let all = names(&left);
+        assert_eq!(all, names(&right), "{a} and {b}");
+        for name in all {
+            let (one, other) = (left.join(&name), right.join(&name));
+            if name.ends_with(".vtkhdf") {
+                assert!(numbers(&one) == numbers(&other), "{a} and {b}: {name}");
+            } else {
+                let text = |path: &Path| String::from_utf8(std::fs::read(path).unwrap()).unwrap();
+                let (one, other) = (text(&one), text(&other));
+                let first = one
+                    .lines()
+                    .zip(other.lines())
+                    .find(|(one, other)| one != other);
+                assert_eq!(first, None, "{a} and {b}: {name}");
+                assert_eq!(one.len(), other.len(), "{a} and {b}: {name}");
+            }
+        }
+    }
+}
+
+/// Names, shapes and bits of all datasets of a file.
+fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
+    let mut all: Vec<_> = io::fields::inspect(path)
+        .unwrap()
+        .datasets
+        .into_iter()
+        .map(|d| {
+            let start = vec![0; d.shape.len()];
+            let values = io::fields::read_f64(path, &d.path, &start, &d.shape).unwrap();
+            let bits = values.iter().map(|x| x.to_bits()).collect();
+            (d.path, d.shape, bits)
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+/// Rows of discs that just touch, above and below a hole, one in eleven a little smaller.
+fn sample() -> String {
+    const RADIUS: f64 = 1e-4;
+    let step = 2.0 * RADIUS * (1.0 - 1e-7);
+    let mut text = String::from("x,y,radius\n");
+    let (mut y, mut row, mut n) = (0.5 * step, 0, 0);
+    while y < 1.52e-3 {
+        let mut x = 5e-4 + if row % 2 == 1 { 0.5 * step } else { 0.0 };
+        while x < 2.45e-3 {
+            if !(0.62e-3..0.98e-3).contains(&y) {
+                let radius = if n % 11 == 3 { 0.97 * RADIUS } else { RADIUS };
+                text += &format!("{x},{y},{radius}\n");
+                n += 1;
+            }
+            x += step;
+        }
+        y += step * 0.75_f64.sqrt();
+        row += 1;
+    }
+    text
+}

@@ -1,0 +1,105 @@
+//! The same bits on any number of ranks and threads, for any split, and across restarts on other numbers of ranks: the
+//! hash of the state, every table byte for byte, every number of every field.
+
+use crate::ranks::{Study, alone};
+
+#[test]
+fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
+    let _alone = alone();
+    let study = Study::eroding(&[]);
+    study.run("straight", 1, 1, &[]);
+    // The run is one in which everything happens.
+    let bonds = study.rows("straight", "bonds.csv");
+    assert!(bonds > 20, "{bonds} bonds broke");
+    assert!(study.rows("straight", "removed.csv") > 0);
+    assert_eq!(study.rows("straight", "erosion.csv"), 61);
+    assert_eq!(study.summary("straight")["grains"], 67);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, &[][..]),
+        ("two", 2, 1, &[]),
+        ("two with threads", 2, 2, &[]),
+        ("three along y", 3, 1, &["domain.split=y"]),
+        ("four", 4, 1, &[]),
+        ("two along y with threads", 2, 2, &["domain.split=y"]),
+        // An empty slab in the middle; slabs of three planes, thinner than a grain of ten.
+        ("empty slab", 3, 1, &["domain.slab_bounds=[70, 70]"]),
+        ("thin slab", 4, 1, &["domain.slab_bounds=[60, 63, 100]"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+    }
+}
+
+#[test]
+fn restarts_on_other_ranks_equal_the_straight_run() {
+    let _alone = alone();
+    let study = Study::eroding(&[("checkpoint.every", "0.006")]);
+    study.run("straight", 1, 1, &[]);
+    // Each part goes on past its last checkpoint; what it wrote after that is written again.
+    study.run("parts", 1, 1, &["time.end=0.008"]);
+    for (ranks, end) in [(2, "0.014"), (3, "0.02"), (1, "0.024")] {
+        let done = study
+            .restart("parts", ranks, &[&format!("time.end={end}")])
+            .expect(0);
+        assert!(
+            done.stdout.contains("going on from step"),
+            "{}",
+            done.stdout
+        );
+    }
+    study.same("straight", "parts");
+}
+
+#[test]
+fn single_precision_at_rest_too() {
+    let _alone = alone();
+    let study = Study::eroding(&[
+        ("fluid.lattice_boltzmann.storage", "f32"),
+        ("time.end", "0.012"),
+        ("checkpoint.every", "0.004"),
+    ]);
+    study.run("straight", 1, 1, &[]);
+    study.run("three", 3, 1, &[]);
+    study.same("straight", "three");
+    study.run("parts", 2, 1, &["time.end=0.006"]);
+    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
+    study.same("straight", "parts");
+}
+
+#[test]
+fn fluid_without_grains() {
+    let _alone = alone();
+    let study = Study::of("taylor-green", &[("time.end", "0.2")]);
+    study.run("straight", 1, 1, &[]);
+    study.run("three", 3, 2, &[]);
+    study.same("straight", "three");
+    study.run("two along y", 2, 1, &["domain.split=y"]);
+    study.same("straight", "two along y");
+}
+
+#[test]
+fn grains_without_fluid() {
+    let _alone = alone();
+    let study = Study::of("collision", &[("checkpoint.every", "0.009")]);
+    study.run("straight", 1, 1, &[]);
+    study.run("three", 3, 2, &[]);
+    study.same("straight", "three");
+    study.run("parts", 2, 1, &["time.end=0.012"]);
+    study.restart("parts", 1, &["time.end=0.03"]).expect(0);
+    study.same("straight", "parts");
+}
+
+#[test]
+fn a_body_wider_than_a_slab_in_a_stream() {
+    let _alone = alone();
+    // The cylinder covers planes 15 to 24 along x and 15 to 24 along y.
+    let study = Study::of("cylinder", &[("time.end", "0.1")]);
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, set) in [
+        ("across", 2, "domain.split=y"),
+        ("cut to pieces", 4, "domain.slab_bounds=[16, 18, 23]"),
+    ] {
+        study.run(name, ranks, 1, &[set]);
+        study.same("straight", name);
+    }
+}

@@ -1,0 +1,313 @@
+//! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
+//! going on gives the bits of the run that was never interrupted.
+
+use crate::ranks::{Running, Study, alone, signal, start};
+use io::Alone;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// Steps between checkpoints.
+const INTERVAL: u64 = 100;
+/// Steps of the whole run.
+const STEPS: u64 = 1000;
+
+/// Long enough to be interrupted: 1000 steps, a checkpoint every 100.
+fn study(more: &[(&str, &str)]) -> Study {
+    let mut set = vec![
+        ("time.end", "0.08"),
+        ("checkpoint.every", "0.008"),
+        ("output.fluid.every", "0.04"),
+        ("output.grains.every", "0.04"),
+        ("output.contacts.every", "0.04"),
+    ];
+    set.extend_from_slice(more);
+    Study::eroding(&set)
+}
+
+/// The study with its uninterrupted run, made once; hold [`alone`].
+fn shared() -> &'static Study {
+    static STUDY: OnceLock<Study> = OnceLock::new();
+    STUDY.get_or_init(|| {
+        let study = study(&[]);
+        study.run("straight", 1, 1, &[]);
+        study
+    })
+}
+
+/// The newest checkpoint of a run: its step. It is read whole and compared with its hashes.
+#[track_caller]
+fn newest(folder: &Path) -> u64 {
+    io::newest(&folder.join("checkpoints"), &Alone)
+        .unwrap()
+        .manifest
+        .step
+}
+
+/// The last step a table holds.
+fn last_row(folder: &Path, table: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(folder.join(table)).ok()?;
+    // The last line may be cut off.
+    text.rsplit_once('\n')?
+        .0
+        .rsplit('\n')
+        .next()?
+        .split(',')
+        .next()?
+        .parse()
+        .ok()
+}
+
+/// Waits until the run has passed a step.
+#[track_caller]
+fn reaches(running: &mut Running, folder: &Path, step: u64) {
+    running.until("it reaches a step", || {
+        last_row(folder, "erosion.csv").filter(|&row| row >= step)
+    });
+}
+
+/// Goes on to the end on `ranks` ranks and compares with the straight run.
+#[track_caller]
+fn goes_on(study: &Study, name: &str, ranks: usize) {
+    study.restart(name, ranks, &[]).expect(0);
+    study.same("straight", name);
+}
+
+/// A request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the user.
+#[track_caller]
+fn stops(study: &Study, name: &str, running: Running, code: i32) {
+    let done = running.wait().expect(code);
+    let summary: Value = study.summary(name);
+    assert_eq!(summary["outcome"], "stopped", "{summary:#}");
+    let step = summary["steps"].as_u64().unwrap();
+    assert!(0 < step && step < STEPS, "stopped at {step}");
+    assert_eq!(newest(&study.path(name)), step);
+    assert!(done.stderr.contains("solver restart"), "{}", done.stderr);
+}
+
+#[test]
+fn sigterm_to_the_program() {
+    let _alone = alone();
+    let study = shared();
+    let mut running = start(0, &study.arguments("term", 1, &[]));
+    reaches(&mut running, &study.path("term"), 50);
+    let ranks = running.ranks(0);
+    signal(ranks[0], "TERM");
+    stops(study, "term", running, 75);
+    goes_on(study, "term", 2);
+}
+
+#[test]
+fn sigusr2_to_mpirun() {
+    let _alone = alone();
+    let study = shared();
+    let mut running = start(2, &study.arguments("usr2", 1, &[]));
+    reaches(&mut running, &study.path("usr2"), 50);
+    signal(running.mpirun(), "USR2");
+    stops(study, "usr2", running, 75);
+    goes_on(study, "usr2", 1);
+}
+
+#[test]
+fn sigterm_to_mpirun_leaves_time_for_a_checkpoint() {
+    let _alone = alone();
+    let study = shared();
+    let arguments = study.arguments("mpirun", 1, &["checkpoint.every=null"]);
+    let mut running = start(2, &arguments);
+    reaches(&mut running, &study.path("mpirun"), 50);
+    signal(running.mpirun(), "TERM");
+    // mpirun ends with 1 whatever the ranks say.
+    running.wait().expect(1);
+    let step = newest(&study.path("mpirun"));
+    assert!((50..STEPS).contains(&step), "{step}");
+    goes_on(study, "mpirun", 2);
+}
+
+#[test]
+fn sigusr1_asks_for_a_checkpoint_and_no_more() {
+    let _alone = alone();
+    let study = shared();
+    let mut running = start(2, &study.arguments("usr1", 1, &["checkpoint.every=null"]));
+    reaches(&mut running, &study.path("usr1"), 50);
+    signal(running.mpirun(), "USR1");
+    running.wait().expect(0);
+    let step = newest(&study.path("usr1"));
+    assert!((50..STEPS).contains(&step), "{step}");
+    study.same("straight", "usr1");
+}
+
+#[test]
+fn a_file_named_stop_and_the_walltime() {
+    let _alone = alone();
+    let study = shared();
+    let folder = study.path("file");
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::write(folder.join("STOP"), "").unwrap();
+    stops(
+        study,
+        "file",
+        start(2, &study.arguments("file", 1, &[])),
+        75,
+    );
+    assert!(!folder.join("STOP").exists(), "the next run would stop too");
+    let mut arguments = study.arguments("walltime", 1, &[]);
+    arguments.extend(["--max-walltime".into(), "0:00:01".into()]);
+    stops(study, "walltime", start(2, &arguments), 75);
+    goes_on(study, "walltime", 2);
+}
+
+/// A job of which a rank was killed: it ends soon, and what it left is enough.
+#[track_caller]
+fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
+    let done = running.wait();
+    let lingered = killed.elapsed();
+    assert!(done.code.is_some_and(|code| code != 0), "{done:#?}");
+    assert!(lingered < Duration::from_secs(10), "{lingered:?}");
+    let folder = study.path(name);
+    let (saved, reached) = (newest(&folder), last_row(&folder, "erosion.csv").unwrap());
+    assert!(
+        saved + INTERVAL >= reached && saved.is_multiple_of(INTERVAL),
+        "saved {saved}, reached {reached}"
+    );
+    goes_on(study, name, 2);
+}
+
+#[test]
+fn a_rank_killed_during_the_run() {
+    let _alone = alone();
+    let study = shared();
+    let mut running = start(2, &study.arguments("killed", 1, &[]));
+    reaches(&mut running, &study.path("killed"), 2 * INTERVAL + 50);
+    let ranks = running.ranks(2);
+    signal(ranks[1], "KILL");
+    dies(study, "killed", running, Instant::now());
+}
+
+#[test]
+fn a_rank_killed_while_a_checkpoint_is_written() {
+    let _alone = alone();
+    let study = shared();
+    let mut hits = 0;
+    for attempt in 0..8 {
+        let name = format!("write {attempt}");
+        let checkpoints = study.path(&name).join("checkpoints");
+        let mut running = start(2, &study.arguments(&name, 1, &[]));
+        reaches(&mut running, &study.path(&name), 2 * INTERVAL + 10);
+        let ranks = running.ranks(2);
+        // A shell that does nothing but look can answer within a millisecond.
+        let trap = Command::new("bash")
+            .args([
+                "-c",
+                r#"until compgen -G "$1/*.h5.part"; do :; done; kill -KILL "$2""#,
+                "bash",
+            ])
+            .arg(&checkpoints)
+            .arg(ranks[attempt % 2].to_string())
+            .output()
+            .unwrap();
+        assert!(trap.status.success(), "{trap:?}");
+        let killed = Instant::now();
+        let done = running.wait();
+        assert!(done.code.is_some_and(|code| code != 0), "{done:#?}");
+        assert!(
+            killed.elapsed() < Duration::from_secs(10),
+            "{:?}",
+            killed.elapsed()
+        );
+        // The write was hit where it did not come to its end.
+        let step = newest(&study.path(&name));
+        let reached = last_row(&study.path(&name), "erosion.csv").unwrap();
+        assert!(
+            step + INTERVAL >= reached,
+            "saved {step}, reached {reached}"
+        );
+        if step < reached {
+            hits += 1;
+            goes_on(study, &name, 2);
+        }
+        if hits == 2 {
+            break;
+        }
+    }
+    assert!(hits > 0, "no write was hit");
+}
+
+/// A small disk of its own; unmounted at the end.
+struct Disk<'a>(&'a Path);
+
+impl<'a> Disk<'a> {
+    /// None, with the reason printed, where mounting is forbidden.
+    fn mount(at: &'a Path, options: &str) -> Option<Self> {
+        std::fs::create_dir(at).unwrap();
+        let done = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(at)
+            .output()
+            .unwrap();
+        if !done.status.success() {
+            println!("no small disk: {}", String::from_utf8_lossy(&done.stderr));
+            return None;
+        }
+        Some(Self(at))
+    }
+
+    fn grow(&self) {
+        let done = Command::new("mount")
+            .args(["-o", "remount,size=256m"])
+            .arg(self.0)
+            .status()
+            .unwrap();
+        assert!(done.success());
+    }
+}
+
+impl Drop for Disk<'_> {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("-l").arg(self.0).status();
+    }
+}
+
+#[test]
+fn a_full_disk_stops_an_output_and_spares_what_was_saved() {
+    let _alone = alone();
+    let study = study(&[("time.end", "0.04"), ("output.fluid.every", "0.002")]);
+    study.run("straight", 2, 1, &[]);
+    let place = study.path("disk");
+    let Some(disk) = Disk::mount(&place, "size=5m") else {
+        return;
+    };
+    let arguments = study.arguments("disk/run", 1, &[]);
+    let done = start(2, &arguments).wait().expect(5);
+    assert!(done.stderr.contains("disk/run"), "{}", done.stderr);
+    let summary = study.summary("disk/run");
+    assert_eq!(summary["outcome"], "failed", "{summary:#}");
+    let step = newest(&place.join("run"));
+    assert!(step >= INTERVAL, "{step}");
+    disk.grow();
+    study.restart("disk/run", 1, &[]).expect(0);
+    study.same("straight", "disk/run");
+}
+
+#[test]
+fn a_checkpoint_that_does_not_fit_is_left_out_and_the_run_goes_on() {
+    let _alone = alone();
+    let study = study(&[("time.end", "0.04"), ("output", "{}")]);
+    study.run("straight", 2, 1, &[]);
+    let place = study.path("disk");
+    let Some(_disk) = Disk::mount(&place, "size=2500k") else {
+        return;
+    };
+    let done = start(2, &study.arguments("disk/run", 1, &[]))
+        .wait()
+        .expect(0);
+    assert!(
+        done.stdout.contains("no checkpoint at step"),
+        "{}",
+        done.stdout
+    );
+    let step = newest(&place.join("run"));
+    assert!((INTERVAL..5 * INTERVAL).contains(&step), "{step}");
+    study.same("straight", "disk/run");
+}
