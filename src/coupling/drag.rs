@@ -21,7 +21,7 @@
 //! A grain that its contacts hold at rest has `v* = v = 0` in the long run and bears the full drag.
 //!
 //! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
-//! the volume inside the walls. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
+//! the volume inside the walls of the cells that hold grains: in the others Darcy's resistance has nobody to act on. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
 //! rounding with [`kozeny_carman`] and grains at rest, the misfit of the drag law and the permeability else.
 
 pub mod dallavalle;
@@ -67,9 +67,9 @@ pub struct Settings {
 pub struct Balance {
     /// Sum of the forces on grains \[N\].
     pub on_grains: [f64; 3],
-    /// -integral of grad p over the water and grains inside the walls \[N\].
+    /// -integral of grad p over the cells that hold grains, inside the walls \[N\].
     pub pressure: [f64; 3],
-    /// Weight of the water \[N\].
+    /// Weight of the water in those cells \[N\].
     pub weight: [f64; 3],
     /// Size of what is missing over the largest of the three.
     pub closure: f64,
@@ -302,6 +302,9 @@ impl<Sp: Space> Seepage<Sp> {
             on_grains[a].all_reduce(&self.communicator);
             let (mut pressure, mut weight) = (ExactSum::new(), ExactSum::new());
             for cell in 0..self.grid().count() {
+                if self.pores.solid_volume(cell) <= 0.0 {
+                    continue;
+                }
                 let volume = self.openness.volume(cell);
                 pressure.add(-volume * self.pressure.gradient(cell)[a]);
                 weight.add(volume * self.pores.porosity()[cell] * self.pressure.weight()[a]);

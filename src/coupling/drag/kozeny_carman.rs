@@ -5,12 +5,14 @@
 //! ```
 //!
 //! which is what the water of the cell loses by Darcy's law: with this law the forces on grains at rest add up to what the
-//! pressures and the weight of the water push with. Each grain of a cell bears by its volume.
+//! pressures and the weight of the water push with. Each grain of a cell bears by its volume. `eps` is the porosity as it is,
+//! while `K` may rest on one within limits; a cell overfull of grains has no water to drag.
 
 use super::{Bed, Grain};
 
 /// Force over superficial velocity \[kg/s\].
 #[must_use]
 pub fn coefficient(bed: &Bed, grain: &Grain) -> f64 {
-    grain.volume * bed.viscosity * bed.porosity / (bed.permeability * bed.solid)
+    let porosity = (1.0 - bed.solid).max(0.0);
+    grain.volume * bed.viscosity * porosity / (bed.permeability * bed.solid)
 }
