@@ -15,7 +15,8 @@ fn every_example_is_valid_without_a_warning() {
         assert_eq!(plan.warnings, [], "{}", example.name);
         assert!(plan.estimate.seconds_on_one_core < 60.0, "{}", example.name);
         assert!(
-            plan.margins.iter().all(|m| m.used <= 1.0),
+            // At the limit itself, but for rounding.
+            plan.margins.iter().all(|m| m.used <= 1.0 + 1e-12),
             "{}",
             example.name
         );

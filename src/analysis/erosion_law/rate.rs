@@ -14,9 +14,9 @@
 //! This span is cut into equal parts, as many as hold at least twenty grains each, at most four: the hole widens, so
 //! that one run gives the rate at several stresses. The stress, width and length of a window are means over its records.
 //!
-//! A run as a whole ([`run_point`]) is read as one hole erosion test: the stress is that on the hole as it was cut, the mean
-//! from the end of the ramp until 2 % of the mass is gone; the rate is the mean from then until 60 % is gone. That is one
-//! point per run, as in figure 5 of the paper, and the stress is measured while the hole has faces.
+//! A run as a whole ([`run_point`]) is read as one hole erosion test: mean rate and mean stress from the time at which 2 % of
+//! the mass is gone to the time at which 60 % is. That is one point per run, as in figure 5 of the paper. Both means are over
+//! the same span: the stress on the hole as it was cut beside the rate of the widened one would make k_d too large.
 //!
 //! A window erodes where at least three grains left in it: loose grains beside the cut hole are no erosion.
 
@@ -32,7 +32,7 @@ pub struct WindowOptions {
     pub grains: u64,
     /// Fewest grains that count as erosion.
     pub eroding_grains: u64,
-    /// Eroded fraction until which the hole counts as the one that was cut, and from which a whole run's rate is taken.
+    /// Eroded fraction at which the span of a whole run begins: the first loose grains are no erosion yet.
     pub first_fraction: f64,
     /// Eroded fraction at which the last window ends: beyond, the pipe is no pipe.
     pub last_fraction: f64,
@@ -185,20 +185,8 @@ pub fn run_point(
     };
     let begun = reaches(options.first_fraction);
     let end = reaches(options.last_fraction).unwrap_or(usable.len() - 1);
-    // Two records at least for the stress and for the rate.
-    let intact = &usable[..begun.unwrap_or(usable.len()).max(2)];
     let from = begun.unwrap_or(0).min(usable.len() - 2);
-    let mut point = measure(&usable[from..=end.max(from + 1)], jump, options);
-    let mean = |value: fn(&ErosionRecord) -> f64| time_mean(intact, value);
-    point.shear = mean(|record| record.shear_gradient);
-    point.shear_spread = time_mean(intact, |record| {
-        (record.shear_gradient - point.shear).powi(2)
-    })
-    .sqrt();
-    point.shear_balance = mean(|record| record.shear_balance);
-    point.shear_traction = mean(|record| record.shear_traction);
-    point.width = mean(|record| record.hole_width);
-    Some(point)
+    Some(measure(&usable[from..=end.max(from + 1)], jump, options))
 }
 
 /// Measures one window; at least two records.
