@@ -97,8 +97,6 @@ gate "cargo fmt" cargo fmt --all --check
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
 rust_tests
 gate "python environment" make_venv
-# Built by cargo test already; this only makes sure of the binary.
-gate "cargo build" cargo build --locked --bin solver
 gate "small run on 2 ranks" small_run
 gate "VTK reads every output" readers
 

@@ -15,12 +15,9 @@ fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
     assert_eq!(study.rows("straight", "erosion.csv"), 61);
     assert_eq!(study.summary("straight")["grains"], 67);
     for (name, ranks, threads, set) in [
-        ("threads", 1, 2, &[][..]),
-        ("two", 2, 1, &[]),
-        ("two with threads", 2, 2, &[]),
+        ("two with threads", 2, 2, &[][..]),
         ("three along y", 3, 1, &["domain.split=y"]),
         ("four", 4, 1, &[]),
-        ("two along y with threads", 2, 2, &["domain.split=y"]),
         // An empty slab in the middle; slabs of three planes, thinner than a grain of ten.
         ("empty slab", 3, 1, &["domain.slab_bounds=[70, 70]"]),
         ("thin slab", 4, 1, &["domain.slab_bounds=[60, 63, 100]"]),
@@ -81,8 +78,8 @@ fn fluid_without_grains() {
 fn grains_without_fluid() {
     let _alone = alone();
     let study = Study::of("collision", &[("checkpoint.every", "0.009")]);
-    study.run("straight", 1, 1, &[]);
-    study.run("three", 3, 2, &[]);
+    study.run("straight", 1, 2, &[]);
+    study.run("three", 3, 1, &[]);
     study.same("straight", "three");
     study.run("parts", 2, 1, &["time.end=0.012"]);
     study.restart("parts", 1, &["time.end=0.03"]).expect(0);
