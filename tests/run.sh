@@ -12,6 +12,8 @@ use_environment
 cd "$root"
 
 target=${CARGO_TARGET_DIR:-$root/target}
+# A first build is made once: what makes later builds fast only slows it.
+[ -d "$target/debug/incremental" ] || export CARGO_INCREMENTAL=0
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 passed=0
