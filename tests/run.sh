@@ -99,6 +99,7 @@ gate "cargo fmt" cargo fmt --all --check
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
 rust_tests
 gate "python environment" make_venv
+gate "schema accepts the examples" timeout 60 "$target/venv/bin/python" tests/schema.py "$target/debug/solver"
 gate "small run on 2 ranks" small_run
 gate "VTK reads every output" readers
 

@@ -1,4 +1,4 @@
-//! Every ready case is valid, without a warning, by the program and by its schema.
+//! Every ready case is valid, without a warning. That the schema accepts it too is shown by `tests/schema.py`.
 
 use serde_json::Value;
 use solver::case::examples::EXAMPLES;
@@ -20,22 +20,6 @@ fn every_example_is_valid_without_a_warning() {
             "{}",
             example.name
         );
-    }
-}
-
-#[test]
-fn the_schema_accepts_every_example_and_refuses_a_typo() {
-    let schema = schema();
-    let validator = jsonschema::validator_for(&schema).expect("a schema");
-    for example in EXAMPLES {
-        let mut case: Value = serde_json::from_str(example.text).expect("JSON");
-        let errors: Vec<String> = validator
-            .iter_errors(&case)
-            .map(|e| format!("{}: {e}", e.instance_path()))
-            .collect();
-        assert!(errors.is_empty(), "{}: {errors:#?}", example.name);
-        case["domain"]["spcing"] = 1.0.into();
-        assert!(!validator.is_valid(&case), "{}", example.name);
     }
 }
 
