@@ -8,6 +8,7 @@ use crate::case::{Document, examples, schema};
 use crate::error::{Error, Problem, Severity};
 use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
+use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
@@ -97,6 +98,32 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Search the smallest drive of a seepage that erodes, by runs of the case that differ in nothing else.
+    CriticalGradient {
+        #[command(flatten)]
+        case: CaseArgs,
+        /// The boundary that drives the water [default: the one with the highest head].
+        #[arg(long, value_name = "NAME")]
+        boundary: Option<String>,
+        /// A drive that does not erode, in the unit of the boundary's condition.
+        #[arg(long, allow_hyphen_values = true)]
+        from: f64,
+        /// A drive that erodes.
+        #[arg(long, allow_hyphen_values = true)]
+        to: f64,
+        /// Width of the answer, over its upper end.
+        #[arg(long, default_value_t = 0.05, value_parser = share)]
+        tolerance: f64,
+        /// So many grains that leave in the second half of a run are erosion.
+        #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+        grains: u64,
+        /// Folder of the runs [default: results/NAME-OF-THE-CASE].
+        #[arg(long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        /// Threads of each rank [default: the cores of the machine over the ranks on it].
+        #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+        threads: Option<u16>,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -137,6 +164,8 @@ pub struct Engine {
     pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
+    /// Searches a critical gradient; as JSON or not.
+    pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
 }
 
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
@@ -167,6 +196,29 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         } => told((engine.restart)(&directory, &set, options(run, json))),
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
+        }
+        Command::CriticalGradient {
+            case,
+            boundary,
+            from,
+            to,
+            tolerance,
+            grains,
+            output,
+            threads,
+        } => {
+            let search = Search {
+                output: output.unwrap_or_else(|| folder_of(&case.case)),
+                case: case.case,
+                set: case.set,
+                boundary,
+                from,
+                to,
+                tolerance,
+                grains,
+                threads: threads.map(usize::from),
+            };
+            told((engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)))
         }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
@@ -216,11 +268,21 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
         say(&plan.to_string())?;
     }
     let mut options = options(run, case.json);
-    if options.output.is_none() {
-        let name = case.case.file_stem().unwrap_or(case.case.as_os_str());
-        options.output = Some(Path::new("results").join(name));
-    }
+    options.output.get_or_insert_with(|| folder_of(&case.case));
     told((engine.run)(plan, options))
+}
+
+/// The folder of a case where none is named.
+fn folder_of(case: &Path) -> PathBuf {
+    Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
+}
+
+/// A part of a whole, above 0 and below 1.
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
+        _ => Err("a number above 0 and below 1".into()),
+    }
 }
 
 /// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.

@@ -330,6 +330,11 @@ impl<S: Space> Dem<S> {
         engine!(&self.inner, engine => &engine.walls)
     }
 
+    /// Takes the walls of these indices out of the way, and the contacts and bonds with them. The same on all ranks.
+    pub fn open_walls(&mut self, walls: &[usize]) {
+        engine!(&mut self.inner, engine => engine.open_walls(walls));
+    }
+
     /// Changes a wall's velocity (m/s).
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
         engine!(&mut self.inner, engine => {

@@ -11,6 +11,7 @@ fn main() {
         info: output::info::info,
         picture: output::picture::picture,
         erosion_law: analysis::study::command,
+        critical_gradient: simulation::critical::command,
     };
     std::process::exit(cli::main(std::env::args_os(), &engine));
 }

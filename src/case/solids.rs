@@ -18,6 +18,20 @@ pub struct Wall {
     /// Velocity [m/s]: along the wall it drags, across it the wall moves; at rest without it.
     #[serde(default)]
     pub velocity: Option<Vector>,
+    /// When it stands: a wall of the preparation holds the grains while they settle and are bonded, and is gone as the run begins.
+    #[serde(default)]
+    pub during: WallStage,
+}
+
+/// When a wall stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WallStage {
+    /// In the preparation and in the run.
+    #[default]
+    Always,
+    /// In the preparation only: a gate, a plug in an opening.
+    Preparation,
 }
 
 /// The shape of a wall. All but the plane are touched from both sides, and are for 3-D.

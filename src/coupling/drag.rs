@@ -156,6 +156,15 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pores
     }
 
+    /// Mean porosity of the cells that grains fill: those below the cap of the permeability.
+    #[must_use]
+    pub fn mean_porosity(&self) -> f64 {
+        let full = self.pores.porosity().iter();
+        let full = full.filter(|e| **e > 0.0 && **e < self.settings.permeability.porosity_cap);
+        let (sum, cells) = full.fold((0.0, 0.0), |(sum, cells), e| (sum + e, cells + 1.0));
+        if cells > 0.0 { sum / cells } else { 1.0 }
+    }
+
     /// What the last solution cost.
     #[must_use]
     pub fn report(&self) -> &Report {

@@ -231,6 +231,16 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
 const PER_THREAD: usize = 3000;
 
 impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
+    /// Takes the walls of these indices out of the way; the contacts of all others stay.
+    pub(super) fn open_walls(&mut self, walls: &[usize]) {
+        for &wall in walls {
+            if let Some(wall) = self.walls.get_mut(wall) {
+                wall.open = true;
+                self.listed = false;
+            }
+        }
+    }
+
     pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
         Self {
             rows: law.table(),
@@ -304,7 +314,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             let fastest = integrate::drift(particles, &kick, step > 0, self.parallel);
             self.steps += 1;
             let mut speed = fastest.speed_squared.sqrt();
-            for wall in &mut self.walls {
+            for wall in self.walls.iter_mut().filter(|wall| !wall.open) {
                 wall.point += wall.velocity * dt;
                 speed = speed.max(match wall.surface {
                     None => wall.normal.scalar(&wall.velocity).abs(),
@@ -587,7 +597,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
             let (body, motion) = (&particles.body[k], &particles.motion[k]);
             for (w, wall) in self.walls.iter().enumerate() {
-                if wall.surface.is_some() {
+                if wall.open || wall.surface.is_some() {
                     continue;
                 }
                 let distance = wall.distance(&motion.position);
@@ -628,7 +638,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         let facets = &mut self.facets;
         facets.close.clear();
         for (w, wall) in (0..).zip(&self.walls) {
-            let Some(surface) = &wall.surface else {
+            let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
                 continue;
             };
             for facet in 0..surface.len() {

@@ -243,6 +243,11 @@ impl<S: Space> Particles<S> {
         Self::default()
     }
 
+    /// The contact loads are to be found anew before the next step: what the grains touch has changed.
+    pub fn forget_loads(&mut self) {
+        self.loaded = false;
+    }
+
     /// How many grains this rank owns: entries `0..owned()`.
     #[must_use]
     pub fn owned(&self) -> usize {

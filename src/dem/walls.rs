@@ -20,6 +20,8 @@ pub struct Wall<S: Space> {
     pub material: u32,
     /// The facets; none for a plane.
     pub surface: Option<Arc<Surface>>,
+    /// Whether grains pass through it.
+    pub open: bool,
 }
 
 impl<S: Space> Wall<S> {
@@ -33,6 +35,7 @@ impl<S: Space> Wall<S> {
             velocity: S::Vector::default(),
             material,
             surface: None,
+            open: false,
         }
     }
 
@@ -45,6 +48,7 @@ impl<S: Space> Wall<S> {
             velocity: S::Vector::default(),
             material,
             surface: Some(surface),
+            open: false,
         }
     }
 

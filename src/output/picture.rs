@@ -142,7 +142,7 @@ struct Water {
     /// Cells along x, y, z.
     cells: [usize; 3],
     origin: [f64; 3],
-    spacing: f64,
+    spacing: [f64; 3],
     values: Vec<f64>,
     solid: Vec<bool>,
     units: String,
@@ -173,7 +173,7 @@ impl Water {
         Ok(Self {
             cells: [x, y, z],
             origin: std::array::from_fn(|a| origin.get(a).copied().unwrap_or(0.0)),
-            spacing: spacing.first().copied().unwrap_or(1.0),
+            spacing: std::array::from_fn(|a| spacing.get(a).copied().unwrap_or(1.0)),
             values,
             solid,
             units: column.units.unwrap_or_default(),
@@ -326,13 +326,14 @@ impl Frame {
                         } else {
                             0.0
                         };
-                        water.origin[a] + far * water.spacing
+                        water.origin[a] + far * water.spacing[a]
                     });
                     frame.include(p, 0.0);
                 }
             }
             if let Some(grains) = &scene.grains
-                && scene.water.is_none()
+                // The grid of a seepage is smaller than the scene.
+                && scene.water.as_ref().is_none_or(|water| water.cells[2] > 1)
             {
                 for (&p, &r) in grains.positions.iter().zip(&grains.radii) {
                     frame.include(p, r);
@@ -393,7 +394,9 @@ impl Raster {
             for column in 0..self.width {
                 let at = self.middle(frame, column, row);
                 let cell = [0, 1].map(|a| {
-                    let k = ((at[a] - water.origin[a]) / water.spacing).floor().max(0.0);
+                    let k = ((at[a] - water.origin[a]) / water.spacing[a])
+                        .floor()
+                        .max(0.0);
                     floor(k).min(water.cells[a] - 1)
                 });
                 let n = cell[1] * water.cells[0] + cell[0];

@@ -9,7 +9,7 @@ use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{
     Amount, Grading, GrainSource as Written, Growth, Radii, Rain as WrittenRain, SizeClass,
 };
-use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape};
+use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape, WallStage};
 use crate::dem::Surface;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -32,6 +32,8 @@ pub struct Wall {
     pub velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
+    /// Whether it is gone as the run begins.
+    pub temporary: bool,
     /// The face of the domain it lies on, if it is a box wall.
     pub face: Option<Face>,
 }
@@ -176,6 +178,7 @@ pub(crate) fn walls(
             surface: surface.map(Arc::new),
             velocity,
             material: index.unwrap_or(0),
+            temporary: wall.during == WallStage::Preparation,
             face: None,
         });
     }
@@ -223,6 +226,7 @@ pub(crate) fn walls(
             surface: None,
             velocity: [0.0; 3],
             material: index.unwrap_or(0),
+            temporary: false,
             face: Some(*face),
         });
     }

@@ -71,12 +71,55 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
     with_world(plan, options, Some(!set.is_empty()))
 }
 
-/// Starts MPI and threads, then chooses dimension and storage once. `resume` says whether to go on from a checkpoint, and
-/// whether the case may differ from the one it was written for.
+/// Starts MPI and threads, then runs. `resume` says whether to go on from a checkpoint, and whether the case may differ from
+/// the one it was written for.
 fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
+    on_world(options.threads, |communicator, threads| {
+        let start = Start {
+            folder: options.output.unwrap_or_else(|| PathBuf::from("results")),
+            limit: options.max_walltime,
+            threads,
+            resume,
+            json: options.json,
+            quiet: false,
+        };
+        start_on(communicator, plan, start)
+    })
+}
+
+/// Runs a plan on ranks that are there already, without a word. Collective.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn trial(
+    communicator: &Communicator,
+    threads: usize,
+    plan: Plan,
+    folder: PathBuf,
+) -> Result<(), Error> {
+    let start = Start {
+        folder,
+        limit: None,
+        threads,
+        resume: None,
+        json: false,
+        quiet: true,
+    };
+    start_on(communicator, plan, start)
+}
+
+/// Starts MPI and the threads of this rank, does the work, and leaves no rank hanging should it fail on some only.
+///
+/// # Errors
+/// Those of the work.
+pub(super) fn on_world<T>(
+    threads: Option<usize>,
+    work: impl FnOnce(&Communicator, usize) -> Result<T, Error>,
+) -> Result<T, Error> {
     let world = World::start().map_err(|e| Error::Internal(e.to_string()))?;
     let communicator = world.communicator();
-    let result = on_world(plan, options, resume, &communicator);
+    let result =
+        start_threads(threads, &communicator).and_then(|threads| work(&communicator, threads));
     if let Err(error) = &result
         && !matches!(error, Error::Stopped(_))
         && !communicator.all_arrive(PATIENCE)
@@ -88,13 +131,9 @@ fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(
     result
 }
 
-fn on_world(
-    plan: Plan,
-    options: RunOptions,
-    resume: Option<bool>,
-    communicator: &Communicator,
-) -> Result<(), Error> {
-    let threads = options.threads.unwrap_or_else(|| {
+/// The threads of this rank: as asked, or its share of the machine.
+fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<usize, Error> {
+    let threads = asked.unwrap_or_else(|| {
         let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
             .ok()
             .and_then(|n| n.parse::<usize>().ok())
@@ -105,6 +144,11 @@ fn on_world(
         .num_threads(threads)
         .build_global()
         .map_err(|e| Error::Internal(format!("{threads} threads: {e}")))?;
+    Ok(threads)
+}
+
+/// Chooses dimension and storage once, and runs. Collective.
+fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
     let grid = &plan.scene.grid;
     let slabs = slabs(grid, communicator.size())?;
     let domain =
@@ -114,18 +158,6 @@ fn on_world(
         .flow
         .as_ref()
         .map_or(Precision::F64, |flow| flow.storage);
-    let folder = options
-        .output
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("results"));
-    let start = Start {
-        folder,
-        limit: options.max_walltime,
-        threads,
-        resume,
-        json: options.json,
-        quiet: false,
-    };
     match (grid.dimension, storage) {
         (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
         (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
@@ -317,6 +349,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
                 engine.restore(&contacts)?;
+                engine.open_walls(&setup::temporary_walls(&plan));
                 engine.prepare(&mut particles, &domain)?;
                 notes["typical_radius"] = json!(radius);
                 dem = Some(engine);
@@ -338,6 +371,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             engine.prepare(&mut particles, &domain)?;
             let (line, report) = preparation::settle(&plan, &mut engine, &mut particles, &domain)?;
             progress.note(&line);
+            let gates = setup::temporary_walls(&plan);
+            if !gates.is_empty() {
+                engine.open_walls(&gates);
+                particles.forget_loads();
+                engine.prepare(&mut particles, &domain)?;
+            }
             notes = json!({ "preparation": prepared.report, "settling": report, "typical_radius": radius });
             dem = Some(engine);
         }
@@ -624,6 +663,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "weight_of_water": balance.weight,
                 "closure": balance.closure,
                 "patch_inflows": seepage.pressure().patch_inflows(),
+                "mean_porosity": seepage.mean_porosity(),
             });
         }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {

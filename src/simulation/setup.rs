@@ -388,6 +388,13 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
     walls.collect()
 }
 
+/// Indices of the walls that are gone as the run begins.
+#[must_use]
+pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
+    let walls = plan.scene.walls.iter().enumerate();
+    walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
+}
+
 /// The contact law of a plan; one without forces where nothing can touch.
 #[must_use]
 pub fn law(plan: &Plan) -> Law {

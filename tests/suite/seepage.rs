@@ -1,116 +1,104 @@
 //! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after a
-//! restart on another number; a pocket without outlet ends the run with its name.
+//! restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run with its name.
 
-use serde_json::Value;
-use std::path::Path;
-use std::process::{Command, Output};
-use std::sync::Mutex;
-
-/// One job at a time, so that ranks do not compete with those of another test.
-static ONE_JOB: Mutex<()> = Mutex::new(());
-
-fn solver(ranks: usize, arguments: &[&str]) -> Output {
-    let _alone = ONE_JOB.lock().unwrap_or_else(|poison| poison.into_inner());
-    Command::new("timeout")
-        .args(["--kill-after=5", "120", "mpirun", "--oversubscribe", "-n"])
-        .arg(ranks.to_string())
-        .arg(env!("CARGO_BIN_EXE_solver"))
-        .args(arguments)
-        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
-        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
-        .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        .env_remove("RUST_BACKTRACE")
-        .output()
-        .expect("`timeout` (coreutils) starts")
-}
-
-fn summary(folder: &Path) -> Value {
-    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap();
-    serde_json::from_str(&text).unwrap()
-}
-
-fn case(folder: &Path) -> String {
-    let path = folder.join("case.json");
-    let text = solver::case::examples::find("seepage").unwrap().text;
-    std::fs::write(&path, text).unwrap();
-    path.to_str().unwrap().to_owned()
-}
-
-fn run(ranks: usize, more: &[&str]) -> Value {
-    let folder = tempfile::tempdir().unwrap();
-    let case = case(folder.path());
-    let out = folder.path().join("out");
-    let mut arguments = vec!["run", &case, "--output", out.to_str().unwrap()];
-    arguments.extend(["--set", "time.end=0.002"]);
-    arguments.extend(more);
-    let output = solver(ranks, &arguments);
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{ranks}: {message}");
-    summary(&out)
-}
+use crate::ranks::{Study, alone, run};
 
 #[test]
 fn the_same_bits_on_any_ranks_and_splits() {
-    let one = run(1, &[]);
+    let _alone = alone();
+    let study = Study::of("seepage", &[("time.end", "0.002")]);
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
     let seepage = &one["seepage"];
     let (inflow, outflow) = (&seepage["inflow"], &seepage["outflow"]);
     let ratio = inflow.as_f64().unwrap() / outflow.as_f64().unwrap();
     assert!((ratio - 1.0).abs() < 1e-6, "{seepage}");
-    for (ranks, more) in [
-        (2, &["--set", "domain.split=\"x\""][..]),
-        (3, &["--set", "domain.split=\"y\""][..]),
-        (4, &["--set", "domain.split=\"z\""][..]),
-        (4, &[][..]),
+    for (name, ranks, set) in [
+        ("two along x", 2, &["domain.split=x"][..]),
+        ("three along y", 3, &["domain.split=y"]),
+        ("four along z", 4, &["domain.split=z"]),
     ] {
-        let many = run(ranks, more);
-        assert_eq!(many["state_hash"], one["state_hash"], "{ranks} {more:?}");
-        assert_eq!(many["seepage"], one["seepage"], "{ranks} {more:?}");
+        study.run(name, ranks, 1, set);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
     }
 }
 
 #[test]
 fn a_restart_on_other_ranks_gives_the_same_bits() {
-    let folder = tempfile::tempdir().unwrap();
-    let case = case(folder.path());
-    let (straight, stopped) = (folder.path().join("a"), folder.path().join("b"));
-    for out in [&straight, &stopped] {
-        let out = out.to_str().unwrap();
-        let output = solver(1, &["run", &case, "--output", out]);
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "{message}");
+    let _alone = alone();
+    let study = Study::of("seepage", &[]);
+    study.run("straight", 1, 1, &[]);
+    study.run("parts", 2, 1, &["time.end=0.004"]);
+    study.restart("parts", 3, &["time.end=0.006"]).expect(0);
+    study.same("straight", "parts");
+}
+
+/// Rows 4 of the fissure: bonds, polygons, a gate that opens, grains taken out below, water through all of it.
+#[test]
+fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
+    let _alone = alone();
+    let study = Study::of(
+        "rain",
+        &[
+            (
+                "fluid",
+                r#"{"darcy": {"density": 1000, "viscosity": 0.1,
+                    "grid": {"from": [0, 0, 0.004], "to": [0.024, 0.02, 0.024], "cells": [6, 4, 4]},
+                    "enclosure": {"planes": [{"point": [0.008, 0, 0.004], "normal": [0.056, 0, 0.0084]},
+                        {"point": [0.016, 0, 0.004], "normal": [-0.056, 0, 0.0084]}]},
+                    "boundaries": [{"name": "rain", "face": "z_max", "condition": {"pressure": {"value": 5000}}},
+                        {"name": "point", "face": "z_min", "condition": {"pressure": {"value": 0}}}],
+                    "coupling_interval": 20}}"#,
+            ),
+            (
+                "regions",
+                r#"[{"name": "below", "box": {"from": [0, 0, 0], "to": [0.024, 0.02, 0.003]}, "action": {"remove": {"when": "centre"}}}]"#,
+            ),
+            ("time.end", "0.012"),
+            ("output.grains.every", "0.006"),
+            ("checkpoint", r#"{"every": 0.004}"#),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    // The run is one in which everything happens.
+    assert!(study.rows("straight", "removed.csv") > 15);
+    assert!(study.summary("straight")["grains"].as_u64() > Some(20));
+    for (name, ranks, threads, set) in [
+        ("two with threads", 2, 2, &[][..]),
+        ("three along x", 3, 1, &["domain.split=x"]),
+        ("four along z", 4, 1, &["domain.split=z"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
     }
-    // From the checkpoint half-way to the end once more.
-    let output = solver(2, &["restart", stopped.to_str().unwrap()]);
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{message}");
-    let (one, two) = (summary(&straight), summary(&stopped));
-    assert!(two["steps_of_this_run"].as_u64() < one["steps_of_this_run"].as_u64());
-    assert_eq!(one["state_hash"], two["state_hash"]);
+    study.run("parts", 1, 1, &["time.end=0.005"]);
+    study.restart("parts", 2, &["time.end=0.009"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
+    study.same("straight", "parts");
 }
 
 #[test]
 fn a_pocket_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let case = case(folder.path());
-    let out = folder.path().join("out");
+    let _alone = alone();
     // A plane cuts the opening off from the water above it.
-    let planes =
-        r#"fluid.darcy.enclosure={"planes": [{"point": [0, 0, 0.02], "normal": [0, 0, 1]}]}"#;
-    let head = r#"fluid.darcy.boundaries[0].condition={"rain": {"rate": 1e-5}}"#;
-    let output = solver(
-        2,
+    let study = Study::of(
+        "seepage",
         &[
-            "run",
-            &case,
-            "--output",
-            out.to_str().unwrap(),
-            "--set",
-            planes,
-            "--set",
-            head,
+            (
+                "fluid.darcy.enclosure",
+                r#"{"planes": [{"point": [0, 0, 0.02], "normal": [0, 0, 1]}]}"#,
+            ),
+            (
+                "fluid.darcy.boundaries[0].condition",
+                r#"{"rain": {"rate": 1e-5}}"#,
+            ),
         ],
     );
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(4), "{message}");
-    assert!(message.contains("a pocket of 216 cells"), "{message}");
+    let done = run(2, &study.arguments("cut", 1, &[])).expect(4);
+    assert!(
+        done.stderr.contains("a pocket of 216 cells"),
+        "{}",
+        done.stderr
+    );
 }

@@ -1,0 +1,422 @@
+//! The critical hydraulic gradient of a soil (C-19): runs of one case, between which only what drives the water in differs,
+//! bisected to the smallest drive that erodes.
+//!
+//! A run erodes if grains still leave in its second half: what only falls out as the gates open, loose grains above an opening,
+//! is gone by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of
+//! their centres. Beside it stands Terzaghi's for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below
+//! the critical one and G_s the density of the grains over that of the water (Terzaghi 1943).
+
+use super::progress::Progress;
+use super::run;
+use crate::analysis::erosion_law::{RemovedGrain, read_rows};
+use crate::case::Document;
+use crate::case::darcy::SeepageCondition;
+use crate::error::{Error, Problem, Severity};
+use crate::plan::Plan;
+use crate::scene::grid::count;
+use crate::scene::observe::{Action, Region};
+use crate::scene::seepage::{Patch, Seepage};
+use decomposition::Communicator;
+use serde::Serialize;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// What is searched.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// The case file.
+    pub case: PathBuf,
+    /// Changes of its fields.
+    pub set: Vec<String>,
+    /// The boundary that drives; none for the one with the highest head.
+    pub boundary: Option<String>,
+    /// A drive that does not erode, in the unit of the boundary's condition.
+    pub from: f64,
+    /// One that does.
+    pub to: f64,
+    /// Width of the answer over its upper end.
+    pub tolerance: f64,
+    /// This many grains leaving in the second half of a run are erosion.
+    pub grains: u64,
+    /// Folder of the runs.
+    pub output: PathBuf,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+}
+
+/// A run of the search.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// The drive, in the unit of the boundary's condition.
+    pub drive: f64,
+    /// Hydraulic gradient; none where inlet or outlet have no head.
+    pub gradient: Option<f64>,
+    /// Grains that left in the first half.
+    pub early: u64,
+    /// In the second half.
+    pub late: u64,
+    /// Mean porosity where there are grains, at the end.
+    pub porosity: f64,
+    /// Whether the run eroded.
+    pub erodes: bool,
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Critical {
+    /// The boundary that drives.
+    pub boundary: String,
+    /// Its quantity, with unit.
+    pub quantity: String,
+    /// The highest drive that did not erode.
+    pub holds: f64,
+    /// The lowest that did.
+    pub erodes: f64,
+    /// The gradients of the two.
+    pub gradient: Option<[f64; 2]>,
+    /// `(1 - n)(G_s - 1)`.
+    pub terzaghi: f64,
+    /// All runs in their order.
+    pub trials: Vec<Trial>,
+}
+
+/// Searches; the first rank speaks. Collective.
+///
+/// # Errors
+/// What is wrong with the case or the bounds, and why a run failed.
+pub fn command(search: &Search, json: bool) -> Result<String, Error> {
+    let text = std::fs::read_to_string(&search.case)
+        .map_err(|e| Error::Io(format!("{}: {e}", search.case.display())))?;
+    let plan = planned(&text, search, &[])?;
+    let inlet = Inlet::of(&plan, search)?;
+    let found = run::on_world(search.threads, |communicator, threads| {
+        Searching {
+            search,
+            text: &text,
+            inlet: &inlet,
+            communicator,
+            threads,
+            speaker: Progress::new(communicator.rank() == 0 && !json, 0),
+            sample: None,
+            trials: Vec::new(),
+        }
+        .find()
+    })?;
+    if json {
+        return serde_json::to_string_pretty(&found).map_err(|e| Error::Internal(e.to_string()));
+    }
+    let mut lines = vec![format!(
+        "{}: holds at {} and erodes at {} {}",
+        found.boundary, found.holds, found.erodes, found.quantity
+    )];
+    if let Some([low, high]) = found.gradient {
+        lines.push(format!("critical gradient between {low:.4} and {high:.4}"));
+    }
+    lines.push(format!("Terzaghi, upward flow: {:.4}", found.terzaghi));
+    Ok(lines.join("\n"))
+}
+
+/// The case with more changes.
+fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
+    let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
+    let directory = search.case.parent().unwrap_or(Path::new(""));
+    Document::read(text, &set, directory)
+        .and_then(Plan::prepare)
+        .map_err(Error::Case)
+}
+
+/// What drives the water.
+struct Inlet {
+    name: String,
+    /// Path of its number in the case.
+    path: String,
+    quantity: &'static str,
+    /// Head per drive and head without drive [m]; none for a flux.
+    head: Option<[f64; 2]>,
+    /// Lowest head of an outlet [m], and the distance of its centre [m].
+    outlet: Option<[f64; 2]>,
+    liquid: f64,
+    solid: f64,
+}
+
+impl Inlet {
+    fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
+        let refuse = |path: &str, value: String, reason: &str, remedy: &str| {
+            Error::Case(vec![Problem {
+                path: path.into(),
+                value,
+                reason: reason.into(),
+                remedy: remedy.into(),
+                severity: Severity::Error,
+            }])
+        };
+        let Some(seepage) = &plan.scene.seepage else {
+            return Err(refuse(
+                "fluid.darcy",
+                "missing".into(),
+                "a critical gradient is one of a seepage",
+                "give the case a `fluid.darcy`",
+            ));
+        };
+        if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
+            return Err(refuse(
+                "--from, --to",
+                format!("{}, {}", search.from, search.to),
+                "the first must be below the second",
+                "give a drive that holds and one that erodes",
+            ));
+        }
+        let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
+        if !plan.scene.regions.iter().any(removes) {
+            return Err(refuse(
+                "regions",
+                "no region that removes".into(),
+                "erosion is counted by the grains that leave",
+                "add a region with the action `remove` below the openings",
+            ));
+        }
+        let gravity = plan.scene.gravity;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let density = seepage.written.density;
+        let centre = |patch: &Patch| -> [f64; 3] {
+            std::array::from_fn(|a| {
+                let cells = count;
+                let at = if a == patch.face.axis() {
+                    if patch.face.is_max() {
+                        cells(seepage.cells[a])
+                    } else {
+                        0.0
+                    }
+                } else {
+                    0.5 * (cells(patch.from[a]) + cells(patch.to[a]))
+                };
+                seepage.origin[a] + at * seepage.spacing[a]
+            })
+        };
+        let elevation = |at: [f64; 3]| -> f64 {
+            if strength > 0.0 {
+                -(0..3).map(|a| at[a] * gravity[a]).sum::<f64>() / strength
+            } else {
+                0.0
+            }
+        };
+        // Metres of head of one pascal; without gravity the "head" is that of the earth's.
+        let per_pascal = 1.0 / (density * if strength > 0.0 { strength } else { 9.80665 });
+        let head = |patch: &Patch| match patch.condition {
+            SeepageCondition::Pressure { value } => {
+                Some(value * per_pascal + elevation(centre(patch)))
+            }
+            SeepageCondition::Head { value } => Some(value),
+            _ => None,
+        };
+        let named = search.boundary.as_ref();
+        let chosen = seepage.patches.iter().enumerate().filter(|(_, patch)| {
+            named.map_or_else(|| head(patch).is_some(), |name| *name == patch.name)
+        });
+        let chosen = chosen.max_by(|(_, a), (_, b)| {
+            let value = |patch| head(patch).unwrap_or(f64::NEG_INFINITY);
+            value(a).total_cmp(&value(b))
+        });
+        let Some((n, patch)) = chosen else {
+            return Err(refuse(
+                "--boundary",
+                named.cloned().unwrap_or_else(|| "missing".into()),
+                "there is no such boundary that drives the water",
+                "name one of fluid.darcy.boundaries",
+            ));
+        };
+        let (field, quantity, own) = match patch.condition {
+            SeepageCondition::Pressure { .. } => (
+                "pressure.value",
+                "Pa",
+                Some([per_pascal, elevation(centre(patch))]),
+            ),
+            SeepageCondition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
+            SeepageCondition::Flux { .. } => ("flux.value", "m/s", None),
+            SeepageCondition::Rain { .. } => ("rain.rate", "m/s", None),
+            SeepageCondition::NoFlow {} => {
+                return Err(refuse(
+                    "--boundary",
+                    patch.name.clone(),
+                    "nothing flows through this boundary",
+                    "name one with a pressure, head, flux or rain",
+                ));
+            }
+        };
+        Ok(Self {
+            name: patch.name.clone(),
+            path: format!("fluid.darcy.boundaries[{n}].condition.{field}"),
+            quantity,
+            head: own,
+            outlet: lowest(seepage, n, head, centre),
+            liquid: density,
+            solid: plan
+                .scene
+                .grains
+                .as_ref()
+                .and_then(|g| plan.scene.materials[g.material].density)
+                .unwrap_or(density),
+        })
+    }
+
+    fn gradient(&self, drive: f64) -> Option<f64> {
+        let ([slope, rest], [outlet, distance]) = (self.head?, self.outlet?);
+        Some((slope * drive + rest - outlet) / distance)
+    }
+}
+
+/// Lowest head of another boundary, and how far its centre is from that of the inlet.
+fn lowest(
+    seepage: &Seepage,
+    inlet: usize,
+    head: impl Fn(&Patch) -> Option<f64>,
+    centre: impl Fn(&Patch) -> [f64; 3],
+) -> Option<[f64; 2]> {
+    let from = centre(&seepage.patches[inlet]);
+    let others = seepage
+        .patches
+        .iter()
+        .enumerate()
+        .filter(|(n, _)| *n != inlet);
+    let outlets = others.filter_map(|(_, patch)| {
+        let to = centre(patch);
+        let squared: f64 = (0..3).map(|a| (to[a] - from[a]).powi(2)).sum();
+        head(patch).map(|head| [head, squared.sqrt()])
+    });
+    outlets.min_by(|a, b| a[0].total_cmp(&b[0]))
+}
+
+struct Searching<'a> {
+    search: &'a Search,
+    text: &'a str,
+    inlet: &'a Inlet,
+    communicator: &'a Communicator,
+    threads: usize,
+    speaker: Progress,
+    /// The sample that the first run prepared.
+    sample: Option<PathBuf>,
+    trials: Vec<Trial>,
+}
+
+impl Searching<'_> {
+    fn find(mut self) -> Result<Critical, Error> {
+        let (mut low, mut high) = (self.search.from, self.search.to);
+        if self.erodes(low)? {
+            return Err(Error::Numerical(format!(
+                "{} erodes at {low} {} already; start with a lower --from",
+                self.inlet.name, self.inlet.quantity
+            )));
+        }
+        if !self.erodes(high)? {
+            return Err(Error::Numerical(format!(
+                "{} holds at {high} {}; go on to a higher --to, or run longer (time.end)",
+                self.inlet.name, self.inlet.quantity
+            )));
+        }
+        while high - low > self.search.tolerance * high.abs() {
+            let middle = 0.5 * (low + high);
+            if self.erodes(middle)? {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        let whole = self.trials.iter().filter(|trial| !trial.erodes);
+        let porosity = whole.last().map_or(f64::NAN, |trial| trial.porosity);
+        let gradient = |drive| self.inlet.gradient(drive);
+        Ok(Critical {
+            boundary: self.inlet.name.clone(),
+            quantity: self.inlet.quantity.into(),
+            holds: low,
+            erodes: high,
+            gradient: gradient(low).zip(gradient(high)).map(|(a, b)| [a, b]),
+            terzaghi: (1.0 - porosity) * (self.inlet.solid / self.inlet.liquid - 1.0),
+            trials: self.trials,
+        })
+    }
+
+    /// Runs once. Collective.
+    fn erodes(&mut self, drive: f64) -> Result<bool, Error> {
+        let folder = self
+            .search
+            .output
+            .join(format!("run_{:02}", self.trials.len() + 1));
+        let mut more = vec![
+            format!("{}={drive:e}", self.inlet.path),
+            "output={}".to_owned(),
+            "probes=[]".to_owned(),
+        ];
+        match &self.sample {
+            Some(sample) => {
+                let path = Value::from(sample.display().to_string());
+                more.push(format!("grains.initial={{\"file\": {{\"path\": {path}}}}}"));
+                more.push("grains.save=null".to_owned());
+            }
+            None => more.push("grains.save=sample.csv".to_owned()),
+        }
+        let plan = planned(self.text, self.search, &more)?;
+        let half = plan.clock.steps / 2;
+        run::trial(self.communicator, self.threads, plan, folder.clone())?;
+        if self.sample.is_none() {
+            let sample = folder.join("sample.csv");
+            self.sample = Some(std::path::absolute(&sample).unwrap_or(sample));
+        }
+        let mut found = (0_u64, 0_u64, 0.0_f64);
+        let read = if self.communicator.rank() == 0 {
+            read(&folder, half).map(|numbers| found = numbers)
+        } else {
+            Ok(())
+        };
+        self.communicator
+            .agree(read.map_err(|e| e.to_string()))
+            .map_err(|e| Error::Io(e.message))?;
+        let words = [found.0, found.1, found.2.to_bits()];
+        let mut bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        self.communicator.broadcast_bytes(0, &mut bytes);
+        let (words, _) = bytes.as_chunks::<8>();
+        let [early, late, porosity] = *words else {
+            return Err(Error::Internal(
+                "a message between ranks has the wrong length".into(),
+            ));
+        };
+        let (early, late) = (u64::from_le_bytes(early), u64::from_le_bytes(late));
+        let erodes = late >= self.search.grains;
+        let gradient = self.inlet.gradient(drive);
+        self.speaker.note(&format!(
+            "{drive:.6e} {}{}: {early} grains left, then {late}: {}",
+            self.inlet.quantity,
+            gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),
+            if erodes { "erodes" } else { "holds" }
+        ));
+        self.trials.push(Trial {
+            drive,
+            gradient,
+            early,
+            late,
+            porosity: f64::from_le_bytes(porosity),
+            erodes,
+        });
+        Ok(erodes)
+    }
+}
+
+/// Grains that left up to a step and after it, and the mean porosity at the end.
+fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
+    let removed = folder.join("removed.csv");
+    let (mut early, mut late) = (0, 0);
+    if removed.exists() {
+        for grain in read_rows(&removed, |grain: &RemovedGrain| grain.id)? {
+            *(if grain.step > half {
+                &mut late
+            } else {
+                &mut early
+            }) += 1;
+        }
+    }
+    let path = folder.join("summary.json");
+    let wrong = |e: String| Error::Io(format!("{}: {e}", path.display()));
+    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let summary: Value = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let porosity = summary["seepage"]["mean_porosity"].as_f64();
+    Ok((early, late, porosity.unwrap_or(f64::NAN)))
+}
