@@ -416,14 +416,14 @@ row_P10() {
 
 # --- P-12: cost of a grain against the number of grains and the range of sizes ---
 row_P12() {
-  local pair dem
+  local pair dem quantity unit ours peer name bar aim
   dem=$(bench_binary "${DEM_BENCH:-}" dem)
   for ((pair = 1; pair <= pairs; pair++)); do
     quiet
     limited taskset -c "$core" "$dem" scaling >"$work/scaling.log"
     python3 "$here/table.py" scaling <"$work/scaling.log" >"$work/scaling.tsv"
-    while IFS=$'\t' read -r quantity unit ours peer name; do
-      record P-12 "$quantity" "$unit" "$ours" "$peer" "$name" limit 1.5 1.2
+    while IFS=$'\t' read -r quantity unit ours peer name bar aim; do
+      record P-12 "$quantity" "$unit" "$ours" "$peer" "$name" limit "$bar" "$aim"
     done <"$work/scaling.tsv"
   done
 }

@@ -50,23 +50,27 @@ def write_row(row, pairs, header, out):
 
 
 def scaling():
-    """The dearest grain over the cheapest; with sizes 1:100, over one size at the same number of grains."""
-    lists, steps = {}, {}
+    """The dearest grain over the cheapest, for one size and for sizes 1:100; and these beside those, with as many grains."""
+    costs = {"lists": {}, "step": {}, "pair": {}}
     pattern = r"(\d+) spheres, sizes 1:(\S+)\s+lists\s+(\S+) ns/grain\s+(\S+) ns/pair, step\s+(\S+) ns/grain"
-    for count, ratio, cost, _, step in re.findall(pattern, sys.stdin.read()):
-        lists[int(count), float(ratio)] = float(cost)
-        steps[int(count), float(ratio)] = float(step)
-    counts = sorted(n for n, ratio in lists if ratio == 1)
-    if not counts:
+    for count, ratio, grain, pair, step in re.findall(pattern, sys.stdin.read()):
+        for name, cost in (("lists", grain), ("step", step), ("pair", pair)):
+            if float(cost) <= 0:
+                sys.exit(f"table: {name} of {count} spheres took no time: too short for the clock")
+            costs[name].setdefault(float(ratio), {})[int(count)] = float(cost)
+    if not {1.0, 100.0} <= set(costs["lists"]):
         sys.exit("table: no line of `dem scaling` in the input")
-    for name, costs in (("lists", lists), ("step", steps)):
-        one = {n: costs[n, 1.0] for n in counts}
-        worst, best = max(one, key=one.get), min(one, key=one.get)
-        print(f"{name}: dearest grain from {counts[0]} to {counts[-1]} grains", "ns/grain", one[worst], one[best], "the cheapest of them", sep="\t")
-        wide = {n: costs[n, 100.0] / one[n] for n in counts if (n, 100.0) in costs}
-        if wide:
-            worst = max(wide, key=wide.get)
-            print(f"{name}: sizes 1:100, dearest against one size", "ns/grain", costs[worst, 100.0], one[worst], "one size, as many grains", sep="\t")
+    for name in ("lists", "step"):
+        for ratio, words in ((1.0, "one size"), (100.0, "sizes 1:100")):
+            cost = costs[name][ratio]
+            worst, best = max(cost, key=cost.get), min(cost, key=cost.get)
+            print(f"{name}, {words}: dearest grain, {min(cost)} to {max(cost)} grains", "ns/grain", cost[worst], cost[best], "the cheapest of them", "1.5", "1.2", sep="\t")
+        one, wide = costs[name][1.0], costs[name][100.0]
+        worst = max(wide, key=lambda n: wide[n] / one[n])
+        print(f"{name}, sizes 1:100 against one size", "ns/grain", wide[worst], one[worst], "one size, as many grains", "1.5", "1.2", sep="\t")
+    one, wide = costs["pair"][1.0], costs["pair"][100.0]
+    worst = max(wide, key=lambda n: wide[n] / one[n])
+    print("lists, sizes 1:100 against one size, by pairs", "ns/pair", wide[worst], one[worst], "one size, as many grains", "-", "-", sep="\t")
 
 
 def load(results):
