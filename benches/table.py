@@ -60,14 +60,15 @@ def scaling():
             costs[name].setdefault(float(ratio), {})[int(count)] = float(cost)
     if not {1.0, 100.0} <= set(costs["lists"]):
         sys.exit("table: no line of `dem scaling` in the input")
-    for name in ("lists", "step"):
+    # The bar is on the search for neighbours; the step is there to be read.
+    for name, bars in (("lists", ("1.5", "1.2")), ("step", ("-", "-"))):
         for ratio, words in ((1.0, "one size"), (100.0, "sizes 1:100")):
             cost = costs[name][ratio]
             worst, best = max(cost, key=cost.get), min(cost, key=cost.get)
-            print(f"{name}, {words}: dearest grain, {min(cost)} to {max(cost)} grains", "ns/grain", cost[worst], cost[best], "the cheapest of them", "1.5", "1.2", sep="\t")
+            print(f"{name}, {words}: dearest grain from {min(cost):.0e} to {max(cost):.0e}", "ns/grain", cost[worst], cost[best], "the cheapest of them", *bars, sep="\t")
         one, wide = costs[name][1.0], costs[name][100.0]
         worst = max(wide, key=lambda n: wide[n] / one[n])
-        print(f"{name}, sizes 1:100 against one size", "ns/grain", wide[worst], one[worst], "one size, as many grains", "1.5", "1.2", sep="\t")
+        print(f"{name}, sizes 1:100 against one size", "ns/grain", wide[worst], one[worst], "one size, as many grains", *bars, sep="\t")
     one, wide = costs["pair"][1.0], costs["pair"][100.0]
     worst = max(wide, key=lambda n: wide[n] / one[n])
     print("lists, sizes 1:100 against one size, by pairs", "ns/pair", wide[worst], one[worst], "one size, as many grains", "-", "-", sep="\t")
