@@ -88,7 +88,7 @@ readers() {
 
 scripts() {
   local file
-  for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch tests/*.sh .ci/run; do
+  for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch benches/*.sh benches/*/*.sh tests/*.sh .ci/run; do
     bash -n "$file" || return 1
   done
 }
