@@ -21,22 +21,30 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Incoming populations of a slab in the order [z][y][x][i].
-fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
+/// Calls `each` with the incoming populations of a slab in the order [z][y][x][i]: the local cell, i, the number.
+fn for_each_incoming<S: Stored>(fluid: &Fluid<S>, mut each: impl FnMut([usize; 3], usize, S)) {
     let populations = fluid.populations();
     let cells = populations.cells();
     let q = populations.velocities().q();
-    let mut all = Vec::with_capacity(cells.iter().product::<usize>() * q);
     for z in 0..cells[2] {
         for y in 0..cells[1] {
             for x in 0..cells[0] {
                 let cell = populations.cell([x, y, z].map(usize::cast_signed));
                 for i in 0..q {
-                    all.push(populations.numbers()[populations.incoming(cell, i)]);
+                    let number = populations.numbers()[populations.incoming(cell, i)];
+                    each([x, y, z], i, number);
                 }
             }
         }
     }
+}
+
+/// Incoming populations of a slab in the order [z][y][x][i].
+fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
+    let populations = fluid.populations();
+    let count = populations.cells().iter().product::<usize>() * populations.velocities().q();
+    let mut all = Vec::with_capacity(count);
+    for_each_incoming(fluid, |_, _, number| all.push(number));
     all
 }
 
@@ -224,22 +232,12 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let mut hash = StateHash::new();
         if let Some(fluid) = self.fluid {
             let key = field_key("populations");
-            let [shape, start, count] = box_of(fluid);
-            let values = gather(fluid);
-            let mut n = 0;
-            for z in 0..count[0] {
-                for y in 0..count[1] {
-                    for x in 0..count[2] {
-                        let cell =
-                            ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
-                        for i in 0..count[3] {
-                            let bits = values[n].to_f64().to_bits();
-                            hash.add(key, (cell * shape[3] + i) as u64, bits);
-                            n += 1;
-                        }
-                    }
-                }
-            }
+            let [shape, start, _] = box_of(fluid);
+            for_each_incoming(fluid, |[x, y, z], i, number| {
+                let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                let bits = number.to_f64().to_bits();
+                hash.add(key, (cell * shape[3] + i) as u64, bits);
+            });
         }
         if communicator.rank() == 0 {
             let key = field_key("seepage");

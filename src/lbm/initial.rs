@@ -36,9 +36,11 @@ pub fn fill<S: Stored>(
     field: &dyn Field,
 ) {
     let velocities = populations.velocities().clone();
-    let cells: Vec<_> = populations.interior().collect();
+    let [nx, ny, nz] = populations.cells();
     populations.set_home();
-    for (local, cell) in cells {
+    let rows = (0..nz).flat_map(|z| (0..ny).map(move |y| (y, z)));
+    for local in rows.flat_map(|(y, z)| (0..nx).map(move |x| [x, y, z])) {
+        let cell = populations.cell(local.map(usize::cast_signed));
         #[expect(clippy::cast_precision_loss, reason = "cell counts are far below 2^53")]
         let position: [f64; 3] = std::array::from_fn(|a| (local[a] + start[a]) as f64 + 0.5);
         let (drho, u) = field.at(position);
