@@ -27,8 +27,9 @@
 //!   displacement exceeds a threshold, or the layer is empty; the front is how far up that goes, as part of the cover. Its *shape* is
 //!   the number of moving cells in the upper half below the front over that in the lower half: 1/3 for a triangle with its apex
 //!   up, 1 for a rectangle, so that C-21 is a number.
-//! - **Surface.** The elevation of a column is the top of the highest grain with its centre in it that anything holds: a grain in
-//!   flight is no ground. Where nothing is left it is the lowest ground the column had.
+//! - **Surface.** The elevation of a column is the top of the highest grain with its centre in it that has two others within half a
+//!   mean diameter: a grain in flight is no ground, soil that falls together is. Where nothing is left it is the lowest
+//!   ground the column had.
 //! - **Extension** is the length along the long axis over which any column has settled by the threshold of the sinkhole.
 //! - **Inward** is the mean displacement, towards the nearest point along the long axis, of the grains that at time 0 were beside the
 //!   points and no further from them than their cover is thick: about the wedge that can slide in.

@@ -2,8 +2,8 @@
 //! and two figures at its end (C-20 to C-26). What is measured and why stands in [`crate::analysis::ground_collapse`].
 //!
 //! Every `ground_collapse.every` seconds the grains of all ranks come to rank 0, are sorted by id, turned into the frame of the
-//! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: some
-//! 80 bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
+//! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64
+//! bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
 
 use super::removal::{Departed, boxed, rows};
 use super::table::{Table, agreed, append};
@@ -30,8 +30,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// Id, radius, held, position, displacement.
-const NUMBERS: usize = 3 + 2 * 3;
+/// Id, radius, position, displacement.
+const NUMBERS: usize = 2 + 2 * 3;
 
 /// What is measured once on every rank, at the first call, while the ground is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -330,8 +330,6 @@ impl CollapseRecorder {
             }
             let moved = moved(view, k);
             let at = boxed(&particles.motion[k].position, grid);
-            let force = &particles.contact[k].force;
-            let held = (0..S::DIMENSION).any(|axis| force.get(axis) != 0.0);
             let [x, y, z] = asked.axes;
             let height = if asked.upright {
                 at[z]
@@ -341,7 +339,6 @@ impl CollapseRecorder {
             let numbers: [u64; NUMBERS] = [
                 body.id,
                 body.radius.to_bits(),
-                u64::from(held),
                 at[x].to_bits(),
                 at[y].to_bits(),
                 height.to_bits(),
@@ -373,13 +370,12 @@ impl CollapseRecorder {
         };
         let mut all = Vec::new();
         for bytes in grains {
-            for [id, radius, held, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
+            for [id, radius, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
                 all.push(Grain {
                     id,
                     at: [x, y, z].map(f64::from_bits),
                     moved: [along, across, up].map(f64::from_bits),
                     radius: f64::from_bits(radius),
-                    held: held == 1,
                 });
             }
         }

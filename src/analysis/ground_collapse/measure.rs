@@ -9,6 +9,12 @@ use serde::{Deserialize, Serialize};
 /// wall cuts in halves belong to it.
 pub const GROUND: f64 = 0.15;
 
+/// A grain of the surface is not further than this many mean diameters from others, surface to surface ...
+pub const GAP: f64 = 0.5;
+
+/// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
+pub const NEIGHBOURS: usize = 2;
+
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
@@ -20,8 +26,6 @@ pub struct Grain {
     pub moved: [f64; 3],
     /// Its radius [m].
     pub radius: f64,
-    /// Whether any contact carries it.
-    pub held: bool,
 }
 
 /// The cells: the box from the origin, cut evenly along each axis.
@@ -227,21 +231,51 @@ pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec
     solid
 }
 
-/// Elevation of every column: the top of its highest grain, of all or of those that are held.
+/// Elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
 #[must_use]
-pub fn surface(cells: &Cells, grains: &[Grain], held_only: bool) -> Vec<Option<f64>> {
-    let mut surface: Vec<Option<f64>> = vec![None; cells.count[0] * cells.count[1]];
-    for grain in grains.iter().filter(|grain| grain.held || !held_only) {
-        let [long, across, _] = cells.of(grain.at);
-        let top = grain.at[2] + grain.radius;
-        let highest = &mut surface[cells.column(long, across)];
-        *highest = Some(highest.map_or(top, |old| old.max(top)));
+pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64>> {
+    let mut inside: Vec<Vec<usize>> = vec![Vec::new(); cells.total()];
+    let mut columns: Vec<Vec<usize>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
+    let mut largest: f64 = 0.0;
+    for (k, grain) in grains.iter().enumerate() {
+        let cell = cells.of(grain.at);
+        inside[cells.index(cell)].push(k);
+        columns[cells.column(cell[0], cell[1])].push(k);
+        largest = largest.max(grain.radius);
     }
-    surface
+    let gap = GAP * diameter;
+    let in_company = |k: usize| {
+        let grain = &grains[k];
+        let reach = grain.radius + largest + gap;
+        let [low, high] =
+            [-reach, reach].map(|side| cells.of(std::array::from_fn(|axis| grain.at[axis] + side)));
+        let mut near = 0;
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    for &other in &inside[cells.index([x, y, z])] {
+                        let (at, limit) =
+                            (grains[other].at, grain.radius + grains[other].radius + gap);
+                        let squared: f64 = (0..3).map(|a| (at[a] - grain.at[a]).powi(2)).sum();
+                        near += usize::from(other != k && squared <= limit * limit);
+                    }
+                }
+            }
+        }
+        near >= NEIGHBOURS
+    };
+    let top = |k: usize| grains[k].at[2] + grains[k].radius;
+    columns
+        .into_iter()
+        .map(|mut column| {
+            column.sort_by(|&a, &b| top(b).total_cmp(&top(a)));
+            column.into_iter().find(|&k| in_company(k)).map(top)
+        })
+        .collect()
 }
 
 impl Ground {
-    /// The ground as it is now. No contact needs to hold the grains yet: all of them belong to it.
+    /// The ground as it is now.
     #[must_use]
     pub fn new(cells: Cells, grains: &[Grain], diameter: f64, overlap: Overlap) -> Self {
         let solid = solid_fractions(&cells, grains, overlap);
@@ -252,7 +286,7 @@ impl Ground {
                 .iter()
                 .map(|part| (part * 1e4).round() / 1e4)
                 .collect(),
-            surface: surface(&cells, grains, false),
+            surface: surface(&cells, grains, diameter),
         }
     }
 
@@ -403,7 +437,7 @@ impl Ground {
                 distinct.push(hole);
             }
         }
-        let surface = surface(&self.cells, grains, true);
+        let surface = surface(&self.cells, grains, self.diameter);
         let settlement = self.settlement(&surface);
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
@@ -520,26 +554,20 @@ impl Ground {
         front: f64,
     ) -> f64 {
         let half = 0.5 * (base + front);
-        let (mut upper, mut lower) = (0, 0);
+        let [along, up] = [0, 2].map(|axis| self.cells.size[axis]);
+        let (mut upper, mut lower) = (0.0, 0.0);
         for cell in self.cells.each() {
-            let [x, height] = [(0, cell[0]), (2, cell[2])]
-                .map(|(axis, k)| self.cells.lower(k, axis) + 0.5 * self.cells.size[axis]);
-            if moving[self.cells.index(cell)]
-                && (base..front).contains(&height)
-                && nearest(points, x) == Some(n)
-            {
-                if height >= half {
-                    upper += 1;
-                } else {
-                    lower += 1;
-                }
+            let x = self.cells.lower(cell[0], 0) + 0.5 * along;
+            if !moving[self.cells.index(cell)] || nearest(points, x) != Some(n) {
+                continue;
             }
+            // The layer in the middle belongs to both halves.
+            let bottom = self.cells.lower(cell[2], 2);
+            let part = |from: f64, to: f64| ((bottom + up).min(to) - bottom.max(from)).max(0.0);
+            upper += part(half, front);
+            lower += part(base, half);
         }
-        if lower == 0 {
-            f64::NAN
-        } else {
-            number(upper) / number(lower)
-        }
+        if lower > 0.0 { upper / lower } else { f64::NAN }
     }
 
     /// Mean displacement of the soil beside the points towards the nearest one.

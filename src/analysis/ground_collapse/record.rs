@@ -136,7 +136,7 @@ pub struct SurfaceRecord {
     long: f64 = "long [m]",
     /// Middle of the column across, m.
     across: f64 = "across [m]",
-    /// Top of the highest grain that is held, over the lower end of the domain, m.
+    /// Top of the highest grain in company, over the lower end of the domain, m; NaN where there is none.
     elevation: f64 = "elevation [m]",
     /// How far it has gone down since time 0, m.
     settlement: f64 = "settlement [m]",

@@ -31,7 +31,6 @@ fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
                     at: [x, y, z].map(|k| (number(k) + 0.5) * D),
                     moved: [0.0; 3],
                     radius: 0.5 * D,
-                    held: true,
                 };
                 if edit(&mut grain) {
                     grains.push(grain);
@@ -192,19 +191,24 @@ fn trenches_have_the_length_and_depth_they_were_dug_with() {
     assert!(near(seen.settlement_percentile, 2.0 * D));
 }
 
-/// What flies is no surface, and a column without any grain goes down to the lowest ground it had.
+/// What flies alone is no surface, what falls together is, and a column without any grain goes down to its lowest ground.
 #[test]
 fn a_grain_in_flight_is_no_ground() {
-    let grains = packing(|grain| {
-        if grain.at[0] > 2.0 * EDGE {
-            return true;
+    let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
+    for grain in &mut flying {
+        if grain.at[0] > 10.0 * EDGE {
+            grain.at[2] -= 0.4 * D;
         }
-        grain.held = false;
-        grain.at[0] < EDGE
-    });
-    let seen = sample(&grains, &[point(4)]);
+    }
+    let mut alone = flying[0];
+    alone.at = [5.0 * EDGE, 2.0 * EDGE, number(LAYERS) * EDGE + 1.2 * D];
+    flying.push(alone);
+    let seen = sample(&flying, &[point(4)]);
     assert!(near(seen.settlement_max, number(LAYERS) * EDGE));
     assert!(near(seen.depression.length, 2.0 * EDGE));
+    let at = |long| seen.settlement[cells().column(long, 2)].unwrap();
+    assert!(at(5).abs() < 1e-12, "{}", at(5));
+    assert!(near(at(11), 0.4 * D), "{}", at(11));
 }
 
 /// The ground over a point has gone down within a triangle, then a rectangle.
