@@ -65,6 +65,14 @@ struct State {
     last_row: Option<u64>,
 }
 
+/// What rank 0 measures.
+struct Gathered {
+    /// The grains of all ranks by rising id.
+    grains: Vec<Grain>,
+    /// Ends of the bonds of loose grains.
+    bonds: Vec<[u64; 2]>,
+}
+
 /// The tables of rank 0.
 #[derive(Debug, Default)]
 struct Tables {
@@ -312,13 +320,13 @@ impl CollapseRecorder {
         }
     }
 
-    /// The grains of all ranks by rising id and the bonds among loose ones, on rank 0; on others none.
+    /// Everything on rank 0; on others none.
     fn gather<S: Space>(
         &self,
         view: &View<'_, S>,
         asked: &GroundCollapse,
         loose: f64,
-    ) -> Result<Option<(Vec<Grain>, Vec<[u64; 2]>)>, Error> {
+    ) -> Result<Option<Gathered>, Error> {
         let grid = &view.plan.scene.grid;
         let particles = view.particles;
         let up = if asked.upright { 1.0 } else { -1.0 };
@@ -384,7 +392,10 @@ impl CollapseRecorder {
         for bytes in bonds {
             joined.extend(rows::<2>(&bytes)?);
         }
-        Ok(Some((all, joined)))
+        Ok(Some(Gathered {
+            grains: all,
+            bonds: joined,
+        }))
     }
 
     fn write_row<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
@@ -396,7 +407,7 @@ impl CollapseRecorder {
         let gathered = self.gather(view, &asked, loose);
         // A garbled message is seen by rank 0 alone.
         let written = gathered.and_then(|gathered| match gathered {
-            Some((grains, bonds)) => self.analyse(view, &asked, start, &grains, &bonds),
+            Some(all) => self.analyse(view, &asked, start, &all.grains, &all.bonds),
             None => Ok(()),
         });
         self.state.left.clear();
