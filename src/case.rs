@@ -14,6 +14,7 @@
 pub mod annotation;
 pub mod boundary;
 pub mod check;
+pub mod collapse;
 pub mod contact;
 pub mod coupling;
 pub mod darcy;

@@ -105,7 +105,7 @@ impl Outputs {
         let grains = match &written.grains {
             Some(output) => {
                 let every = every(output.every);
-                let columns = Grains::default();
+                let columns = Grains::new(output.displacement);
                 Some(Output::open(
                     folder, "grains", every, columns, &group, resumed_at,
                 )?)

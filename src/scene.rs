@@ -4,6 +4,7 @@
 //! steps, memory and stability is the business of [`crate::plan`].
 
 pub mod block;
+pub mod collapse;
 pub mod contact;
 pub mod findings;
 pub mod flow;
@@ -64,6 +65,8 @@ pub struct Scene {
     pub guards: Guards,
     /// Erosion law analysis.
     pub erosion_law: Option<observe::ErosionLaw>,
+    /// Analysis of a ground that collapses.
+    pub ground_collapse: Option<collapse::GroundCollapse>,
 }
 
 /// A material.
@@ -115,6 +118,7 @@ impl Scene {
         let regions = observe::regions(case, &grid, &names, &mut findings);
         let probes = observe::probes(case, &grid, &bodies, &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
+        let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
         let solid = case.grains.is_some() || !case.bodies.is_empty();
         observe::outputs(case, solid, &mut findings);
         agree(case, &mut findings);
@@ -147,8 +151,16 @@ impl Scene {
             checkpoint: case.checkpoint.clone(),
             guards: case.guards.clone(),
             erosion_law,
+            ground_collapse,
         };
         (Some(scene), findings)
+    }
+
+    /// Whether each grain carries along where it started.
+    #[must_use]
+    pub fn follows_grains(&self) -> bool {
+        let written = self.output.grains.as_ref();
+        self.ground_collapse.is_some() || written.is_some_and(|grains| grains.displacement)
     }
 
     /// Mass of a disc (per metre of depth) or sphere of this material [kg].

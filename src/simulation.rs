@@ -2,6 +2,7 @@
 //!
 //! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
 
+pub mod collapse;
 pub mod critical;
 pub mod erosion;
 pub mod guards;
@@ -11,6 +12,7 @@ pub mod progress;
 pub mod removal;
 pub mod run;
 pub mod setup;
+mod table;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
@@ -25,6 +27,7 @@ use crate::error::Error;
 use crate::output::Outputs;
 pub use crate::output::view;
 use crate::plan::Plan;
+use collapse::CollapseRecorder;
 use decomposition::Domain;
 use erosion::ErosionRecorder;
 use guards::Guards;
@@ -85,6 +88,7 @@ pub struct Simulation<Sp: Space, S: Saved> {
     now: Present<Sp, S>,
     removal: Removal,
     recorder: ErosionRecorder,
+    collapse: CollapseRecorder,
     outputs: Outputs,
     guards: Guards,
     phases: Phases,
@@ -134,6 +138,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
         self.recorder
             .record_due(&now.view(), &removed, breaks, self.guards.mass_error())?;
+        self.collapse.record_due(&now.view(), &removed)?;
         self.phases.done(Phase::Analysis);
         if self.outputs.next_due() <= now.step {
             self.outputs.write_due(&now.view())?;

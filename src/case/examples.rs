@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 10] = [
+pub const EXAMPLES: [Example; 12] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -62,6 +62,16 @@ pub const EXAMPLES: [Example; 10] = [
         name: "rain",
         summary: "bonded spheres rain into a V of polygons, and the floor gives way",
         text: include_str!("examples/rain.json"),
+    },
+    Example {
+        name: "fissure-sand",
+        summary: "sand washed out of a hidden fissure through two seepage points until the ground collapses",
+        text: include_str!("examples/fissure-sand.json"),
+    },
+    Example {
+        name: "fissure-clay",
+        summary: "the same with contact bonds: clay comes loose in blocks",
+        text: include_str!("examples/fissure-clay.json"),
     },
 ];
 

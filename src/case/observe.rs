@@ -1,5 +1,6 @@
 //! What is removed, generated, recorded, probed, written and analysed.
 
+use super::collapse::GroundCollapse;
 use super::fluid::Precision;
 use super::geometry::{Axis, Extent, Face, Vector};
 use super::grains::Radii;
@@ -123,7 +124,7 @@ pub struct Output {
     /// Fields of the fluid.
     pub fluid: Option<FluidOutput>,
     /// Positions, velocities, forces of the grains.
-    pub grains: Option<Every>,
+    pub grains: Option<GrainOutput>,
     /// Contacts with their forces and bonds.
     pub contacts: Option<Every>,
 }
@@ -180,6 +181,18 @@ impl FieldName {
     }
 }
 
+/// Positions, velocities, forces of the grains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrainOutput {
+    /// Time between outputs [s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub every: f64,
+    /// How far each grain is from where it was at time 0, too [m]; every grain then carries along where it started.
+    #[serde(default)]
+    pub displacement: bool,
+}
+
 /// An interval.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -195,6 +208,8 @@ pub struct Every {
 pub struct Analysis {
     /// Eroded mass, shear stress on the hole and erosion rate (A-28 … A-31).
     pub erosion_law: Option<ErosionLaw>,
+    /// Ground that collapses over seepage points: voids, settlement, stages, loose clusters (C-20 … C-26).
+    pub ground_collapse: Option<GroundCollapse>,
 }
 
 /// Eroded mass M_e(t), hydraulic shear stress on the hole three ways, and the erosion rate per pipe area.

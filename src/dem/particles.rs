@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | body | when a ghost is made | [`Body`]: id, radius, mass, inertia, material, kind |
 //! | motion | every solid step | [`Motion`]: position, velocity, spin |
-//! | loads | on migration only | contact load, fluid load, extra |
+//! | loads | on migration only | contact load, fluid load, extra, start where one asks |
 //!
 //! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain owned
 //! by another rank, or of an own grain through a periodic face.
@@ -200,6 +200,8 @@ pub struct Particles<S: Space> {
     pub fluid: Vec<Load<S>>,
     /// Numbers of the coupling that travel with an owned grain; entries of ghosts mean nothing.
     pub extra: Vec<[f64; EXTRA]>,
+    /// Where each entry was when [`Self::mark_start`] was called (m, raw); entries of ghosts mean nothing.
+    pub(super) start: Option<Vec<S::Vector>>,
     pub(super) mobility: Vec<Mobility>,
     pub(super) plan: GhostPlan,
     /// Length of the box along periodic axes, else 0.
@@ -224,6 +226,7 @@ impl<S: Space> Default for Particles<S> {
             contact: Vec::new(),
             fluid: Vec::new(),
             extra: Vec::new(),
+            start: None,
             mobility: Vec::new(),
             plan: GhostPlan::default(),
             lengths: [0.0; 3],
@@ -283,6 +286,30 @@ impl<S: Space> Particles<S> {
                 0
             }
         })
+    }
+
+    /// From now on each grain carries along where it is at this moment, or where it appeared later.
+    pub fn mark_start(&mut self) {
+        self.start = Some(self.motion.iter().map(|motion| motion.position).collect());
+    }
+
+    /// The grains no longer carry along where they started.
+    pub fn forget_start(&mut self) {
+        self.start = None;
+    }
+
+    /// Whether the grains carry along where they started.
+    #[must_use]
+    pub fn has_start(&self) -> bool {
+        self.start.is_some()
+    }
+
+    /// How far owned grain `k` is from where it started (m): positions are raw, so a path through a periodic face counts in
+    /// full. `None` where nobody asked with [`Self::mark_start`].
+    #[must_use]
+    pub fn displacement(&self, k: usize) -> Option<S::Vector> {
+        let start = self.start.as_ref()?.get(k)?;
+        Some(self.motion[k].position - *start)
     }
 
     /// The same entries as plain slices, to be read by many threads.
@@ -368,6 +395,9 @@ impl<S: Space> Particles<S> {
     pub(super) fn push(&mut self, body: Body, motion: Motion<S>, shift: [i32; 3]) {
         self.mobility.push(Mobility::of(&body));
         self.body.push(body);
+        if let Some(start) = &mut self.start {
+            start.push(motion.position);
+        }
         self.motion.push(motion);
         self.shift.push(shift);
         self.contact.push(Load::default());
@@ -384,6 +414,9 @@ impl<S: Space> Particles<S> {
         self.contact.truncate(owned);
         self.fluid.truncate(owned);
         self.extra.truncate(owned);
+        if let Some(start) = &mut self.start {
+            start.truncate(owned);
+        }
         self.mobility.truncate(owned);
         self.plan = GhostPlan::default();
     }
@@ -413,6 +446,9 @@ impl<S: Space> Particles<S> {
         pick(&mut self.contact, order);
         pick(&mut self.fluid, order);
         pick(&mut self.extra, order);
+        if let Some(start) = &mut self.start {
+            pick(start, order);
+        }
         pick(&mut self.mobility, order);
         self.owned = order.len();
     }
@@ -427,6 +463,9 @@ impl<S: Space> Particles<S> {
         }
         for value in self.extra[k] {
             to.float(value);
+        }
+        if let Some(start) = &self.start {
+            pack_components(&start[k], to);
         }
     }
 
@@ -451,6 +490,9 @@ impl<S: Space> Particles<S> {
         self.contact[k] = contact;
         self.fluid[k] = fluid;
         self.extra[k] = extra;
+        if let Some(start) = &mut self.start {
+            start[k] = unpack_components(from)?;
+        }
         self.owned += 1;
         Ok(())
     }

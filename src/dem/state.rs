@@ -239,6 +239,9 @@ impl<S: Space> Particles<S> {
                 self.extra[..owned].iter().map(|extra| extra[k]),
             );
         }
+        if let Some(start) = &self.start {
+            components(&mut table, "start", start[..owned].iter().copied());
+        }
         table
     }
 
@@ -307,6 +310,10 @@ impl<S: Space> Particles<S> {
             {
                 extra[n] = *value;
             }
+        }
+        // Only runs that ask for displacements write these columns.
+        if table.columns.iter().any(|(name, _)| name == "start_x") {
+            particles.start = Some(read_components::<S::Vector>(table, "start")?);
         }
         particles.owned = table.rows();
         particles.loaded = true;

@@ -1,6 +1,7 @@
 //! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
 
 mod bonds;
+mod displacement;
 mod laws;
 mod same_bits;
 mod spheres;

@@ -21,12 +21,23 @@ pub(crate) struct Grains {
     fluid_force: Vec<f64>,
     contact_force: Vec<f64>,
     material: Vec<i32>,
+    /// Empty unless the case asks for it.
+    displacement: Vec<f64>,
+    displaced: bool,
 }
 
-/// Id, radius, material, then five vectors.
-const NUMBERS: usize = 3 + 5 * 3;
+/// Id, radius, material, then six vectors.
+const NUMBERS: usize = 3 + 6 * 3;
 
 impl Grains {
+    /// Nothing yet; with the displacements where `displaced`.
+    pub(crate) fn new(displaced: bool) -> Self {
+        Self {
+            displaced,
+            ..Self::default()
+        }
+    }
+
     /// Reads the owned grains of every rank. Collective.
     pub(crate) fn read<S: Space>(
         &mut self,
@@ -44,6 +55,9 @@ impl Grains {
                     spin_vector(&motion.spin),
                     force(&particles.fluid[k]),
                     force(&particles.contact[k]),
+                    particles
+                        .displacement(k)
+                        .map_or([0.0; 3], |vector| space_vector(&vector)),
                 ];
                 let mut row = [0; NUMBERS];
                 row[0] = body.id;
@@ -69,6 +83,9 @@ impl Grains {
             self.angular_velocity.extend(vector(row, 9));
             self.fluid_force.extend(vector(row, 12));
             self.contact_force.extend(vector(row, 15));
+            if self.displaced {
+                self.displacement.extend(vector(row, 18));
+            }
         }
         Ok(())
     }
@@ -84,6 +101,7 @@ impl Grains {
             &mut self.angular_velocity,
             &mut self.fluid_force,
             &mut self.contact_force,
+            &mut self.displacement,
         ] {
             column.clear();
         }
@@ -99,24 +117,33 @@ impl Grains {
             components,
             data,
         };
+        let mut point_columns = vec![
+            column("id", "-", 1, Data::I64(&self.id)),
+            column("radius", "m", 1, Data::F64(&self.radius)),
+            column("diameter", "m", 1, Data::F64(&self.diameter)),
+            column("velocity", "m/s", 3, Data::F64(&self.velocity)),
+            column(
+                "angular_velocity",
+                "rad/s",
+                3,
+                Data::F64(&self.angular_velocity),
+            ),
+            column("fluid_force", force, 3, Data::F64(&self.fluid_force)),
+            column("contact_force", force, 3, Data::F64(&self.contact_force)),
+            column("material", "-", 1, Data::I32(&self.material)),
+        ];
+        if self.displaced {
+            point_columns.push(column(
+                "displacement",
+                "m",
+                3,
+                Data::F64(&self.displacement),
+            ));
+        }
         Mesh {
             points: Data::F64(&self.position),
             cells: Cells::Vertices,
-            point_columns: vec![
-                column("id", "-", 1, Data::I64(&self.id)),
-                column("radius", "m", 1, Data::F64(&self.radius)),
-                column("diameter", "m", 1, Data::F64(&self.diameter)),
-                column("velocity", "m/s", 3, Data::F64(&self.velocity)),
-                column(
-                    "angular_velocity",
-                    "rad/s",
-                    3,
-                    Data::F64(&self.angular_velocity),
-                ),
-                column("fluid_force", force, 3, Data::F64(&self.fluid_force)),
-                column("contact_force", force, 3, Data::F64(&self.contact_force)),
-                column("material", "-", 1, Data::I32(&self.material)),
-            ],
+            point_columns,
             cell_columns: Vec::new(),
         }
     }

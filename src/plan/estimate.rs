@@ -114,15 +114,15 @@ impl Estimate {
         estimate.seconds_on_one_core += grains * solid_steps / (1e6 * MILLION_PARTICLE_STEPS);
         let lattice_bytes = cells * estimate.bytes_per_cell;
         estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + grains * GRAIN_BYTES;
-        let others = scene.output.grains.iter().map(|o| (o, GRAIN_OUTPUT_BYTES));
+        let others = (scene.output.grains.iter()).map(|o| (o.every, GRAIN_OUTPUT_BYTES));
         let contacts = scene
             .output
             .contacts
             .iter()
-            .map(|o| (o, CONTACT_OUTPUT_BYTES));
+            .map(|o| (o.every, CONTACT_OUTPUT_BYTES));
         let solid_bytes: f64 = others
             .chain(contacts)
-            .map(|(output, size)| outputs(output.every) * grains * size)
+            .map(|(every, size)| outputs(every) * grains * size)
             .sum();
         let checkpoint = lattice_bytes + grains * GRAIN_BYTES;
         estimate.disk_bytes = estimate.fluid_output_bytes * estimate.fluid_outputs

@@ -275,7 +275,7 @@ pub(crate) fn probes(
 }
 
 /// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
-fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
+pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
     if every > case.time.end * (1.0 + 1e-12) {
         findings.warn(
             path,
@@ -327,12 +327,12 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
         }
     }
     let others = [
-        ("output.grains", &output.grains),
-        ("output.contacts", &output.contacts),
+        ("output.grains", output.grains.as_ref().map(|o| o.every)),
+        ("output.contacts", output.contacts.as_ref().map(|o| o.every)),
     ];
     for (path, every) in others {
         if let Some(every) = every {
-            due(case, every.every, &format!("{path}.every"), findings);
+            due(case, every, &format!("{path}.every"), findings);
             if !solids {
                 findings.error(
                     path,

@@ -345,6 +345,7 @@ impl Searching<'_> {
             format!("{}={drive:e}", self.inlet.path),
             "output={}".to_owned(),
             "probes=[]".to_owned(),
+            "analysis={}".to_owned(),
         ];
         match &self.sample {
             Some(sample) => {

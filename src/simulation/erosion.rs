@@ -27,6 +27,7 @@
 //! a run that was never stopped.
 
 use super::removal::{Departed, boxed, rows};
+use super::table::{Table, agreed, append};
 use super::view::View;
 use crate::analysis::erosion_law::hole::Profile;
 use crate::analysis::erosion_law::{
@@ -45,9 +46,7 @@ use crate::scene::observe::{Action, ErosionLaw};
 use decomposition::{Domain, ExactSum, Fixed};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::fs::{self, File, OpenOptions};
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Grains up to this many mean diameters behind a face count for the traction.
 const BEHIND: f64 = 2.0;
@@ -773,71 +772,6 @@ fn number(n: u64) -> f64 {
 #[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
 fn integer(n: i64) -> f64 {
     n as f64
-}
-
-/// The outcome of rank 0 as that of every rank.
-fn agreed<T>(domain: &Domain, outcome: Result<T, Error>) -> Result<T, Error> {
-    let text = outcome.map_err(|error| match error {
-        Error::Io(what) => what,
-        other => other.to_string(),
-    });
-    domain
-        .communicator()
-        .agree(text)
-        .map_err(|disagreement| Error::Io(disagreement.message))
-}
-
-fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error> {
-    table.as_mut().map_or(Ok(()), |table| table.append(lines))
-}
-
-/// A CSV file that grows.
-#[derive(Debug)]
-struct Table {
-    path: PathBuf,
-    file: File,
-}
-
-impl Table {
-    /// A new table, or the one there is without the rows after `resumed_at` and without a last line that was cut off.
-    fn open(path: PathBuf, header: &str, resumed_at: Option<u64>) -> Result<Self, Error> {
-        let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
-        let mut text = format!("{header}\n");
-        if let Some(step) = resumed_at {
-            match fs::read_to_string(&path) {
-                Ok(old) => {
-                    let kept = old.split_inclusive('\n').skip(1).filter(|line| {
-                        let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
-                        line.ends_with('\n') && first.is_some_and(|row| row <= step)
-                    });
-                    text.extend(kept);
-                }
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-                Err(error) => return Err(fail(error)),
-            }
-        }
-        // A crash leaves the old table or the new one.
-        let part = path.with_extension("csv.part");
-        fs::write(&part, text).map_err(fail)?;
-        File::open(&part)
-            .and_then(|file| file.sync_all())
-            .map_err(fail)?;
-        fs::rename(&part, &path).map_err(fail)?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(fail)?;
-        Ok(Self { path, file })
-    }
-
-    fn append(&mut self, lines: &str) -> Result<(), Error> {
-        self.file
-            .write_all(lines.as_bytes())
-            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
-    }
-
-    fn sync(&self) -> Result<(), Error> {
-        self.file
-            .sync_data()
-            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
-    }
 }
 
 #[cfg(test)]

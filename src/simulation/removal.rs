@@ -31,6 +31,8 @@ use serde_json::Value;
 pub struct Departed {
     /// Index of the region in [`crate::scene::Scene::regions`].
     pub region: usize,
+    /// Where its centre was, in the box [m].
+    pub at: [f64; 3],
     /// The row of `removed.csv`.
     pub grain: RemovedGrain,
 }
@@ -167,14 +169,16 @@ impl Removal {
                 body.radius.to_bits(),
                 at[0].to_bits(),
                 at[1].to_bits(),
+                at[2].to_bits(),
             ];
             bytes.extend(fields.iter().flat_map(|field| field.to_le_bytes()));
         }
         let mut all = Vec::new();
         for bytes in communicator.all_gather_bytes(&bytes) {
-            for [region, id, mass, radius, x, y] in rows::<6>(&bytes)? {
+            for [region, id, mass, radius, x, y, z] in rows::<7>(&bytes)? {
                 all.push(Departed {
                     region: whole_index(region)?,
+                    at: [x, y, z].map(f64::from_bits),
                     grain: RemovedGrain {
                         step,
                         time,

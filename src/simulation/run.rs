@@ -1,5 +1,6 @@
 //! A run from the first step to the last line: start, loop, requests, checkpoints, summary.
 
+use super::collapse::CollapseRecorder;
 use super::erosion::ErosionRecorder;
 use super::guards::Guards;
 use super::phases::{Phase, Phases, Spent};
@@ -326,6 +327,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
         let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
+        let mut collapse_state = Value::Null;
         let mut dem = None;
         let resumed = found.is_some();
         if let Some((found, path)) = &found {
@@ -342,12 +344,21 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             notes = attributes["notes"].clone();
             removal.restore(&attributes["removal"])?;
             recorder_state = attributes["recorder"].clone();
+            collapse_state = attributes["collapse"].clone();
             guards_state = attributes["guards"].clone();
             if solid {
                 let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
                 particles = Particles::from_table(&grains)?;
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
+                if !plan.scene.follows_grains() {
+                    particles.forget_start();
+                } else if !particles.has_start() {
+                    return Err(Error::Io(format!(
+                        "{} does not say where the grains started, since its run asked for no displacements; take `output.grains.displacement` and `analysis.ground_collapse` out, or start anew",
+                        path.display()
+                    )));
+                }
                 engine.restore(&contacts)?;
                 engine.open_walls(&setup::temporary_walls(&plan));
                 engine.prepare(&mut particles, &domain)?;
@@ -376,6 +387,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 engine.open_walls(&gates);
                 particles.forget_loads();
                 engine.prepare(&mut particles, &domain)?;
+            }
+            if plan.scene.follows_grains() {
+                particles.mark_start();
             }
             notes = json!({ "preparation": prepared.report, "settling": report, "typical_radius": radius });
             dem = Some(engine);
@@ -406,6 +420,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else {
             recorder.set_flow_age(flow_age);
         }
+        let mut collapse = CollapseRecorder::create(&plan, &folder, &domain, resumed_at)?;
+        if resumed {
+            collapse.restore(&collapse_state)?;
+        }
         let mut guards = Guards::new(&plan);
         guards.restore(&guards_state);
         progress = Progress::new(speaks, step);
@@ -421,6 +439,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 },
                 removal,
                 recorder,
+                collapse,
                 outputs,
                 guards,
                 phases: Phases::start(),
@@ -438,10 +457,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let Simulation {
                 now,
                 recorder,
+                collapse,
                 outputs,
                 ..
             } = &mut runner.simulation;
             recorder.record_due(&now.view(), &[], Vec::new(), 0.0)?;
+            collapse.record_due(&now.view(), &[])?;
             outputs.write_due(&now.view())?;
         }
         runner.simulation.phases = Phases::start();
@@ -474,6 +495,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .map(|t| self.simulation.now.plan.clock.interval_to_steps(t));
         while self.simulation.now.step < steps {
             self.simulation.step()?;
+            for line in self.simulation.collapse.take_news() {
+                self.progress.note(&line);
+            }
             let step = self.simulation.now.step;
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
                 self.save()?;
@@ -508,6 +532,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         self.simulation
             .recorder
             .flush(&self.simulation.now.domain)?;
+        self.simulation
+            .collapse
+            .draw(&self.folder, &self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
     }
@@ -568,10 +595,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let simulation = &mut self.simulation;
         simulation.outputs.sync(&simulation.now.domain)?;
         let recorder = simulation.recorder.state(&simulation.now.domain)?;
+        let collapse = simulation.collapse.state(&simulation.now.domain)?;
         let attributes = json!({
             "case_hash": simulation.now.plan.case_hash,
             "removal": simulation.removal.state()?,
             "recorder": recorder,
+            "collapse": collapse,
             "guards": simulation.guards.state(),
             "notes": self.notes,
             "typical_radius": self.notes["typical_radius"],
@@ -668,6 +697,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
+        }
+        if let Some(collapse) = simulation.collapse.summary()? {
+            summary["collapse"] = collapse;
         }
         let first = communicator.rank() == 0;
         let written = if first {

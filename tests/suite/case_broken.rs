@@ -21,6 +21,9 @@ pub(crate) enum Break {
 }
 use Break::{Remove, Set, Text};
 
+/// A sound analysis of a collapse, to be broken.
+const COLLAPSE: &str = "analysis={\"ground_collapse\": {\"every\": 0.001, \"stages\": {}, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, 0, 0], \"to\": [0.01, 0.01, 0.01]}}]}}";
+
 const LB: &str = "fluid.lattice_boltzmann";
 
 /// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
@@ -617,6 +620,91 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "piping",
         Set(&["regions=[]"]),
         "analysis.erosion_law.outlet",
+    ),
+    (
+        "collapse without seepage points",
+        "seepage",
+        Set(&["analysis={\"ground_collapse\": {\"every\": 0.001}}"]),
+        "analysis.ground_collapse.points",
+    ),
+    (
+        "collapse into no region",
+        "seepage",
+        Set(&[
+            "analysis={\"ground_collapse\": {\"every\": 0.001, \"points\": [{\"name\": \"left\"}]}}",
+        ]),
+        "analysis.ground_collapse.points[0].name",
+    ),
+    (
+        "collapse into a point outside",
+        "seepage",
+        Set(&[
+            "analysis={\"ground_collapse\": {\"every\": 0.001, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, 0, 0.03], \"to\": [0.02, 0.02, 0.05]}}]}}",
+        ]),
+        "analysis.ground_collapse.points[0].box",
+    ),
+    (
+        "collapse in 2-D",
+        "piping",
+        Set(&["analysis.ground_collapse={\"every\": 0.001}"]),
+        "analysis.ground_collapse",
+    ),
+    (
+        "collapse along oblique gravity",
+        "seepage",
+        Set(&[COLLAPSE, "gravity=[1, 0, -9.81]"]),
+        "gravity",
+    ),
+    (
+        "collapse along a vertical axis",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.long_axis=z"]),
+        "analysis.ground_collapse.long_axis",
+    ),
+    (
+        "cells of the collapse larger than the domain",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.cell_size=1"]),
+        "analysis.ground_collapse.cell_size",
+    ),
+    (
+        "cells of the collapse in other units",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.cell_size=1e-6"]),
+        "analysis.ground_collapse.cell_size",
+    ),
+    (
+        "void with all of its solid",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.void_below=1"]),
+        "analysis.ground_collapse.void_below",
+    ),
+    (
+        "extension without growth",
+        "seepage",
+        Set(&[
+            COLLAPSE,
+            "analysis.ground_collapse.stages.extension_ratio=1",
+        ]),
+        "analysis.ground_collapse.stages.extension_ratio",
+    ),
+    (
+        "stage after no sample",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.stages.samples=0"]),
+        "analysis.ground_collapse.stages.samples",
+    ),
+    (
+        "misspelt stage",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.stages.hole_grain=3"]),
+        "analysis.ground_collapse.stages.hole_grain",
+    ),
+    (
+        "collapse never sampled",
+        "seepage",
+        Set(&[COLLAPSE, "analysis.ground_collapse.every=0"]),
+        "analysis.ground_collapse.every",
     ),
     (
         "warm-up of a dry case",

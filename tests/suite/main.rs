@@ -12,6 +12,7 @@ mod case_broken;
 mod case_commands;
 mod case_examples;
 mod case_mutants;
+mod collapse;
 mod ranks;
 mod same_bits;
 mod seepage;

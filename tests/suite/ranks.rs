@@ -227,17 +227,21 @@ pub(crate) struct Study {
 impl Study {
     /// An example with changes that hold for every run.
     pub(crate) fn of(example: &str, set: &[(&str, &str)]) -> Self {
+        let mut study = Self::new(solver::case::examples::find(example).unwrap().text);
+        let set = set.iter().map(|(path, value)| format!("{path}={value}"));
+        study.set.extend(set);
+        study
+    }
+
+    /// A case of its own.
+    pub(crate) fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path().join("case.json");
-        let text = solver::case::examples::find(example).unwrap().text;
         std::fs::write(&case, text).unwrap();
         Self {
             folder,
             case,
-            set: set
-                .iter()
-                .map(|(path, value)| format!("{path}={value}"))
-                .collect(),
+            set: Vec::new(),
         }
     }
 

@@ -77,9 +77,13 @@ macro_rules! csv_row {
     };
 }
 
+pub(crate) use csv_row;
+
 /// A value of one column.
-trait Value: Sized {
+pub(crate) trait Value: Sized {
+    /// Appends it to a line.
     fn put(&self, line: &mut String);
+    /// Reads it back.
     fn take(text: &str) -> Option<Self>;
 }
 

@@ -14,6 +14,8 @@ use crate::lbm::links::Scheme;
 use crate::units::LatticeUnits;
 use decomposition::Axis;
 use nalgebra::Vector2;
+use std::fs::{self, OpenOptions};
+use std::io::Write as _;
 
 /// Pressure difference, Pa, and its ramp, s.
 const DROP: f64 = 0.02;
@@ -260,6 +262,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
 
 fn departed(step: u64, id: u64, region: usize) -> Departed {
     Departed {
+        at: [0.0; 3],
         region,
         grain: RemovedGrain {
             step,

@@ -1,0 +1,136 @@
+#!/usr/bin/env bash
+# The ground fissures of the paper: one packing, from which sand and clay erode.
+#
+#   run.sh [OPTIONS] [sand] [clay]   prepares the packing where it is missing, then runs or resumes; both without a name
+#   run.sh [OPTIONS] critical SOIL   searches the smallest pressure that erodes (solver critical-gradient)
+#
+#   --scale small|paper   about 5,700 grains (the examples fissure-sand and fissure-clay) or 47,700; default small
+#   --output DIR          default results/ground_fissure/SCALE under the current folder
+#   --pressure PA         at the top of the water; default that of the case
+#   --from PA, --to PA    bounds of the search; default 2e5 and 3e6
+#   --end SECONDS         physical time; default that of the case
+#   --ranks N             MPI ranks; default 2
+#   --threads N           threads of a rank; default 1
+#
+# Environment: SOLVER (the binary; default target/release/solver of this checkout, built if missing), LAUNCH (what starts MPI;
+# default `mpirun -n RANKS`). Ends with 75 when a run was told to stop and can be resumed by the same call.
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+# shellcheck source=jobs/install.sh
+. "$root/jobs/install.sh"
+
+usage() {
+  sed -n '2,/^set -euo/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}" >&2
+  exit 2
+}
+
+scale=small output='' pressure='' from=2e5 to=3e6 end='' ranks=2 threads=1
+words=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --scale | --output | --pressure | --from | --to | --end | --ranks | --threads)
+      [ $# -ge 2 ] || usage
+      printf -v "${1#--}" '%s' "$2"
+      shift 2
+      ;;
+    -*) usage ;;
+    *)
+      words+=("$1")
+      shift
+      ;;
+  esac
+done
+[ "${#words[@]}" -gt 0 ] || words=(sand clay)
+
+solver=${SOLVER:-${CARGO_TARGET_DIR:-$root/target}/release/solver}
+use_environment
+if [ -z "${SOLVER:-}" ] && [ ! -x "$solver" ]; then
+  install_needs
+  (cd "$root" && cargo build --release --locked --bin solver)
+fi
+output=${output:-results/ground_fissure/$scale}
+mkdir -p "$output"
+output=$(cd "$output" && pwd)
+# shellcheck disable=SC2206 # words on purpose
+launch=(${LAUNCH:-mpirun --oversubscribe -n $ranks})
+
+# The case file of a soil.
+case_of() {
+  case $scale in
+    paper) echo "$here/$1/case.json" ;;
+    small)
+      "$solver" example "fissure-$1" >"$output/$1.json"
+      echo "$output/$1.json"
+      ;;
+    *) usage ;;
+  esac
+}
+
+# The packing, without water; sand and clay differ in their bonds only, which are made later.
+prepare() {
+  [ ! -s "$output/sample.csv" ] || return 0
+  echo "fissure: preparing the packing"
+  rm -rf "$output/preparation"
+  "${launch[@]}" "$solver" "$(case_of sand)" --output "$output/preparation" --threads "$threads" --set fluid=null \
+    --set time.end=1e-6 --set output='{}' --set analysis='{}' >"$output/preparation.log" 2>&1 || {
+    echo "fissure: failed; see $output/preparation.log" >&2
+    exit 1
+  }
+  cp "$output/preparation/sample.csv" "$output/sample.csv.part"
+  mv "$output/sample.csv.part" "$output/sample.csv"
+}
+
+sample=(--set "grains.initial={\"file\": {\"path\": \"$output/sample.csv\"}}" --set grains.save=null)
+
+child=
+pass_on() { [ -z "$child" ] || kill -USR2 "$child" 2>/dev/null || true; }
+trap pass_on USR2 TERM
+
+# Waits for a command through any signals that are passed on to it.
+supervise() {
+  local status
+  "$@" &
+  child=$!
+  while :; do
+    status=0
+    wait "$child" || status=$?
+    kill -0 "$child" 2>/dev/null || break
+  done
+  child=
+  return "$status"
+}
+
+soil() {
+  local folder=$output/$1 status=0 args=()
+  if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
+    echo "fissure: $1 is finished"
+    return 0
+  fi
+  if compgen -G "$folder/checkpoints/*" >/dev/null; then
+    supervise "${launch[@]}" "$solver" restart "$folder" --threads "$threads" >>"$folder.log" 2>&1 || status=$?
+  else
+    rm -rf "$folder"
+    [ -z "$pressure" ] || args+=(--set "fluid.darcy.boundaries[0].condition.pressure.value=$pressure")
+    [ -z "$end" ] || args+=(--set "time.end=$end")
+    supervise "${launch[@]}" "$solver" "$(case_of "$1")" --output "$folder" --threads "$threads" "${sample[@]}" "${args[@]}" \
+      >>"$folder.log" 2>&1 || status=$?
+  fi
+  [ "$status" -ne 0 ] || "$solver" picture "$folder" --view x --output "$folder/section.svg"
+  echo "fissure: $1 ended with $status; see $folder.log"
+  return "$status"
+}
+
+prepare
+if [ "${words[0]}" = critical ]; then
+  [ "${#words[@]}" -eq 2 ] || usage
+  "${launch[@]}" "$solver" critical-gradient "$(case_of "${words[1]}")" --from "$from" --to "$to" --threads "$threads" \
+    --output "$output/critical_${words[1]}" "${sample[@]}"
+  exit
+fi
+for word in "${words[@]}"; do
+  case $word in
+    sand | clay) soil "$word" ;;
+    *) usage ;;
+  esac
+done

@@ -1,0 +1,102 @@
+//! Clusters of grains held together by unbroken bonds: blocks of clay, single grains of sand (C-20).
+
+use std::collections::{BTreeMap, HashMap};
+
+/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters are in
+/// rising order, whatever the order of the bonds.
+#[must_use]
+pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
+    let mut sorted = grains.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let mut parent: Vec<usize> = (0..sorted.len()).collect();
+    for bond in bonds {
+        let [Ok(a), Ok(b)] = bond.map(|id| sorted.binary_search(&id)) else {
+            continue;
+        };
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        // The lower one leads, so that a cluster is named by its lowest grain.
+        parent[a.max(b)] = a.min(b);
+    }
+    let mut groups: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
+    for k in 0..sorted.len() {
+        let root = root(&mut parent, k);
+        groups.entry(root).or_default().push(sorted[k]);
+    }
+    groups.into_values().collect()
+}
+
+/// The head of a group; paths are cut short on the way.
+fn root(parent: &mut [usize], mut k: usize) -> usize {
+    while parent[k] != k {
+        parent[k] = parent[parent[k]];
+        k = parent[k];
+    }
+    k
+}
+
+/// How many grains of each of the `blocks` are among the `left`, with 1 for every one that belongs to none.
+#[must_use]
+pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
+    let block_of: HashMap<u64, usize> = blocks
+        .iter()
+        .enumerate()
+        .flat_map(|(n, block)| block.iter().map(move |&id| (id, n)))
+        .collect();
+    let mut together = vec![0; blocks.len()];
+    let mut sizes = Vec::new();
+    for id in left {
+        match block_of.get(id) {
+            Some(&n) => together[n] += 1,
+            None => sizes.push(1),
+        }
+    }
+    sizes.extend(together.into_iter().filter(|&size| size > 0));
+    sizes
+}
+
+/// How often each size occurs, by rising size.
+#[must_use]
+pub fn histogram(sizes: impl IntoIterator<Item = u64>) -> Vec<(u64, u64)> {
+    let mut counts = BTreeMap::new();
+    for size in sizes {
+        *counts.entry(size).or_insert(0) += 1;
+    }
+    counts.into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bonds_join_in_any_order_and_outsiders_join_nothing() {
+        let grains = [9, 1, 4, 7, 2, 30];
+        let bonds = [[4, 9], [1, 2], [9, 1], [7, 8], [8, 30]];
+        let expected = vec![vec![1, 2, 4, 9], vec![7], vec![30]];
+        assert_eq!(clusters(&grains, &bonds), expected);
+        let mut turned: Vec<[u64; 2]> = bonds.iter().map(|[a, b]| [*b, *a]).collect();
+        turned.reverse();
+        assert_eq!(clusters(&grains, &turned), expected);
+        let sizes = expected.iter().map(|cluster| cluster.len() as u64);
+        assert_eq!(histogram(sizes), [(1, 2), (4, 1)]);
+    }
+
+    #[test]
+    fn sand_is_single_grains() {
+        assert_eq!(
+            histogram(clusters(&[3, 1, 2], &[]).iter().map(|c| c.len() as u64)),
+            [(1, 3)]
+        );
+        assert!(clusters(&[], &[[1, 2]]).is_empty());
+    }
+
+    #[test]
+    fn what_left_together_counts_once() {
+        let blocks = [vec![1, 2, 5], vec![6, 8]];
+        assert_eq!(
+            histogram(sizes_of_left(&[1, 3, 5, 6, 9], &blocks)),
+            [(1, 3), (2, 1)]
+        );
+    }
+}

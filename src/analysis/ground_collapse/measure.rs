@@ -1,0 +1,612 @@
+//! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
+//!
+//! The definitions stand in [`super`]. All functions are pure; a list of grains in another order may round differently, so
+//! give them by rising id.
+
+use serde::{Deserialize, Serialize};
+
+/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the surface or a
+/// wall cuts in halves belong to it.
+pub const GROUND: f64 = 0.15;
+
+/// A grain of the surface is not further than this many mean diameters from others, surface to surface ...
+pub const GAP: f64 = 0.5;
+
+/// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
+pub const NEIGHBOURS: usize = 2;
+
+/// A grain in the frame of the analysis: long axis, across, up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grain {
+    /// Its name.
+    pub id: u64,
+    /// Its centre [m].
+    pub at: [f64; 3],
+    /// How far it is from where it was at time 0 [m].
+    pub moved: [f64; 3],
+    /// Its radius [m].
+    pub radius: f64,
+}
+
+/// The cells: the box from the origin, cut evenly along each axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cells {
+    /// How many along each axis.
+    pub count: [usize; 3],
+    /// Edges of one cell [m].
+    pub size: [f64; 3],
+}
+
+/// A seepage point: its box in the frame of the analysis [m].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Lower corner.
+    pub from: [f64; 3],
+    /// Upper corner.
+    pub to: [f64; 3],
+}
+
+/// Volume of a sphere (centre, radius) inside a box (lower, upper corner) [m3].
+pub type Overlap = fn([f64; 3], f64, [f64; 3], [f64; 3]) -> f64;
+
+/// The ground at time 0; a restart needs it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ground {
+    /// The cells.
+    pub cells: Cells,
+    /// Mean diameter of the grains [m].
+    pub diameter: f64,
+    /// Solid fraction of each cell, to four decimals, so that it is short to write down.
+    pub solid: Vec<f64>,
+    /// Elevation of the surface of each column [m]; none where there was no grain.
+    pub surface: Vec<Option<f64>>,
+}
+
+/// What counts as void, moving, settled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// A cell with less than this part of its initial solid is void.
+    pub void_below: f64,
+    /// A cell whose grains went down by this much on average moves [m].
+    pub moving: f64,
+    /// A column that went down by this much belongs to the depression [m].
+    pub settled: f64,
+    /// Percentile of the settlement that is asked for.
+    pub percentile: f64,
+}
+
+/// What there is over one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Above {
+    /// Volume of soil missing in the void connected with the point [m3].
+    pub void_volume: f64,
+    /// Top of that void over the lowest ground at the point [m].
+    pub arch_height: f64,
+    /// Thickness of the ground over the point at time 0 [m].
+    pub cover: f64,
+    /// How far up the ground moves, as part of the cover.
+    pub front: f64,
+    /// Moving cells in the upper half below the front over those in the lower half; NaN where nothing moves.
+    pub front_shape: f64,
+}
+
+/// Where the surface has settled.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Depression {
+    /// Length along the long axis over which any column has settled [m].
+    pub length: f64,
+    /// Longest unbroken part of it [m].
+    pub longest: f64,
+    /// Extent across the long axis [m].
+    pub width: f64,
+}
+
+/// The ground at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Voids connected with points, each counted once.
+    pub voids: u64,
+    /// Their volume [m3].
+    pub void_volume: f64,
+    /// Over each point.
+    pub points: Vec<Above>,
+    /// Elevation of each column [m].
+    pub surface: Vec<Option<f64>>,
+    /// How far each column has gone down [m].
+    pub settlement: Vec<Option<f64>>,
+    /// Largest settlement [m].
+    pub settlement_max: f64,
+    /// Mean settlement over the middle third along the long axis [m].
+    pub settlement_middle: f64,
+    /// The percentile asked for [m].
+    pub settlement_percentile: f64,
+    /// Where it has settled.
+    pub depression: Depression,
+    /// Mean displacement of the soil beside the points towards them [m].
+    pub inward: f64,
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "cells and grains are far below 2^53"
+)]
+fn number(n: usize) -> f64 {
+    n as f64
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the range of the cells before"
+)]
+fn place(x: f64, size: f64, count: usize) -> usize {
+    (x / size).floor().clamp(0.0, number(count.max(1) - 1)) as usize
+}
+
+impl Cells {
+    /// `count` cells that fill a box with edges `domain` [m].
+    #[must_use]
+    pub fn new(domain: [f64; 3], count: [usize; 3]) -> Self {
+        Self {
+            count,
+            size: std::array::from_fn(|axis| domain[axis] / number(count[axis].max(1))),
+        }
+    }
+
+    /// The cell of a point; points outside belong to the nearest one.
+    #[must_use]
+    pub fn of(&self, at: [f64; 3]) -> [usize; 3] {
+        std::array::from_fn(|axis| place(at[axis], self.size[axis], self.count[axis]))
+    }
+
+    /// Where a cell lies in lists of cells.
+    #[must_use]
+    pub fn index(&self, cell: [usize; 3]) -> usize {
+        (cell[2] * self.count[1] + cell[1]) * self.count[0] + cell[0]
+    }
+
+    /// Where a column lies in lists of columns.
+    #[must_use]
+    pub fn column(&self, long: usize, across: usize) -> usize {
+        across * self.count[0] + long
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.count.iter().product()
+    }
+
+    /// Volume of one [m3].
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        self.size.iter().product()
+    }
+
+    fn each(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let [nx, ny, nz] = self.count;
+        (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
+    }
+
+    fn lower(&self, cell: usize, axis: usize) -> f64 {
+        number(cell) * self.size[axis]
+    }
+
+    /// First cell and one past the last that a stretch covers; at least one.
+    fn covered(&self, axis: usize, from: f64, to: f64) -> std::ops::Range<usize> {
+        let size = self.size[axis];
+        // A box that ends on a face does not cover the cell beyond it.
+        let slack = 1e-9 * size;
+        let first = place(from + slack, size, self.count[axis]);
+        let last = place(to - slack, size, self.count[axis]).max(first);
+        first..last + 1
+    }
+}
+
+/// Solid fraction of every cell.
+#[must_use]
+pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec<f64> {
+    let mut solid = vec![0.0; cells.total()];
+    for grain in grains {
+        let [low, high] = [-1.0, 1.0].map(|side| {
+            cells.of(std::array::from_fn(|axis| {
+                grain.at[axis] + side * grain.radius
+            }))
+        });
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    let cell = [x, y, z];
+                    let [lower, upper] = [0, 1].map(|side| {
+                        std::array::from_fn(|axis| cells.lower(cell[axis] + side, axis))
+                    });
+                    solid[cells.index(cell)] += overlap(grain.at, grain.radius, lower, upper);
+                }
+            }
+        }
+    }
+    for value in &mut solid {
+        *value /= cells.volume();
+    }
+    solid
+}
+
+/// Elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
+#[must_use]
+pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64>> {
+    let mut inside: Vec<Vec<usize>> = vec![Vec::new(); cells.total()];
+    let mut columns: Vec<Vec<usize>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
+    let mut largest: f64 = 0.0;
+    for (k, grain) in grains.iter().enumerate() {
+        let cell = cells.of(grain.at);
+        inside[cells.index(cell)].push(k);
+        columns[cells.column(cell[0], cell[1])].push(k);
+        largest = largest.max(grain.radius);
+    }
+    let gap = GAP * diameter;
+    let in_company = |k: usize| {
+        let grain = &grains[k];
+        let reach = grain.radius + largest + gap;
+        let [low, high] =
+            [-reach, reach].map(|side| cells.of(std::array::from_fn(|axis| grain.at[axis] + side)));
+        let mut near = 0;
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    for &other in &inside[cells.index([x, y, z])] {
+                        let (at, limit) =
+                            (grains[other].at, grain.radius + grains[other].radius + gap);
+                        let squared: f64 = (0..3).map(|a| (at[a] - grain.at[a]).powi(2)).sum();
+                        near += usize::from(other != k && squared <= limit * limit);
+                    }
+                }
+            }
+        }
+        near >= NEIGHBOURS
+    };
+    let top = |k: usize| grains[k].at[2] + grains[k].radius;
+    columns
+        .into_iter()
+        .map(|mut column| {
+            column.sort_by(|&a, &b| top(b).total_cmp(&top(a)));
+            column.into_iter().find(|&k| in_company(k)).map(top)
+        })
+        .collect()
+}
+
+impl Ground {
+    /// The ground as it is now.
+    #[must_use]
+    pub fn new(cells: Cells, grains: &[Grain], diameter: f64, overlap: Overlap) -> Self {
+        let solid = solid_fractions(&cells, grains, overlap);
+        Self {
+            cells,
+            diameter,
+            solid: solid
+                .iter()
+                .map(|part| (part * 1e4).round() / 1e4)
+                .collect(),
+            surface: surface(&cells, grains, diameter),
+        }
+    }
+
+    /// Median solid fraction of the ground; 1 without ground.
+    fn packing(&self) -> f64 {
+        let mut ground: Vec<f64> = (self.solid.iter().copied())
+            .filter(|part| *part >= GROUND)
+            .collect();
+        ground.sort_by(f64::total_cmp);
+        ground.get(ground.len() / 2).copied().unwrap_or(1.0)
+    }
+
+    fn is_ground(&self, cell: [usize; 3]) -> bool {
+        self.solid[self.cells.index(cell)] >= GROUND
+    }
+
+    /// Lowest ground of a column [m].
+    fn floor(&self, long: usize, across: usize) -> Option<f64> {
+        (0..self.cells.count[2])
+            .find(|&z| self.is_ground([long, across, z]))
+            .map(|z| self.cells.lower(z, 2))
+    }
+
+    /// How far every column has gone down.
+    #[must_use]
+    pub fn settlement(&self, now: &[Option<f64>]) -> Vec<Option<f64>> {
+        let [nx, ny, _] = self.cells.count;
+        let columns = (0..ny).flat_map(|across| (0..nx).map(move |long| (long, across)));
+        columns
+            .map(|(long, across)| {
+                let k = self.cells.column(long, across);
+                let before = self.surface[k]?;
+                let bare = || self.floor(long, across);
+                Some(before - now[k].or_else(bare).unwrap_or(before))
+            })
+            .collect()
+    }
+
+    /// Cells that were ground and have lost their solid.
+    #[must_use]
+    pub fn void_cells(&self, solid: &[f64], void_below: f64) -> Vec<bool> {
+        let both = self.solid.iter().zip(solid);
+        both.map(|(&before, &now)| before >= GROUND && now < void_below * before)
+            .collect()
+    }
+
+    /// Void cells connected through faces with those at the box of a point, and just above it, rising.
+    #[must_use]
+    pub fn void_over(&self, point: &Point, void: &[bool]) -> Vec<usize> {
+        let cells = &self.cells;
+        let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
+        // The lowest ground over the opening may begin a little above it.
+        let lowest = self.cover(point).0.max(point.to[2]);
+        let zs = cells.covered(2, point.from[2], lowest + cells.size[2]);
+        let mut seen = vec![false; cells.total()];
+        let mut queue = Vec::new();
+        for z in zs {
+            for y in ys.clone() {
+                for x in xs.clone() {
+                    queue.push([x, y, z]);
+                }
+            }
+        }
+        while let Some(cell) = queue.pop() {
+            let k = cells.index(cell);
+            if !void[k] || seen[k] {
+                continue;
+            }
+            seen[k] = true;
+            for axis in 0..3 {
+                for up in [false, true] {
+                    let mut next = cell;
+                    if up && cell[axis] + 1 < cells.count[axis] {
+                        next[axis] += 1;
+                        queue.push(next);
+                    } else if !up && cell[axis] > 0 {
+                        next[axis] -= 1;
+                        queue.push(next);
+                    }
+                }
+            }
+        }
+        let all = seen.iter().enumerate();
+        all.filter(|(_, seen)| **seen).map(|(k, _)| k).collect()
+    }
+
+    /// Volume of soil missing in some cells [m3].
+    fn missing(&self, cells: &[usize], solid: &[f64]) -> f64 {
+        let lost: f64 = cells
+            .iter()
+            .map(|&k| (self.solid[k] - solid[k]).max(0.0))
+            .sum();
+        lost * self.cells.volume() / self.packing()
+    }
+
+    /// Lowest ground and surface over a point at time 0 [m].
+    fn cover(&self, point: &Point) -> (f64, f64) {
+        let cells = &self.cells;
+        let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
+        let (mut base, mut top) = (f64::INFINITY, f64::NEG_INFINITY);
+        for across in ys {
+            for long in xs.clone() {
+                base = base.min(self.floor(long, across).unwrap_or(f64::INFINITY));
+                top =
+                    top.max(self.surface[cells.column(long, across)].unwrap_or(f64::NEG_INFINITY));
+            }
+        }
+        // A point in the midst of the ground: only what lies above its lower face counts.
+        (base.max(point.from[2]), top)
+    }
+
+    /// The ground now.
+    #[must_use]
+    pub fn measure(
+        &self,
+        grains: &[Grain],
+        points: &[Point],
+        limits: &Limits,
+        overlap: Overlap,
+    ) -> Sample {
+        let solid = solid_fractions(&self.cells, grains, overlap);
+        let void = self.void_cells(&solid, limits.void_below);
+        let moving = self.moving_cells(grains, &void, limits.moving);
+        let mut distinct: Vec<Vec<usize>> = Vec::new();
+        let mut above = Vec::new();
+        for (n, point) in points.iter().enumerate() {
+            let hole = self.void_over(point, &void);
+            let (base, top) = self.cover(point);
+            let cover = (top - base).max(0.0);
+            let highest = hole
+                .last()
+                .map(|k| k / (self.cells.count[0] * self.cells.count[1]));
+            let roof = highest.map_or(base, |z| self.cells.lower(z + 1, 2).min(top));
+            let front = self.front(grains, point, base, top, limits.moving);
+            above.push(Above {
+                void_volume: self.missing(&hole, &solid),
+                arch_height: (roof - base).max(0.0),
+                cover,
+                front: if cover > 0.0 {
+                    ((front - base) / cover).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                },
+                front_shape: self.front_shape(&moving, n, points, base, front),
+            });
+            // Voids of two points that have met are one.
+            if !hole.is_empty() && !distinct.contains(&hole) {
+                distinct.push(hole);
+            }
+        }
+        let surface = surface(&self.cells, grains, self.diameter);
+        let settlement = self.settlement(&surface);
+        let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        let rank = limits.percentile / 100.0 * number(sorted.len().max(1) - 1);
+        let rank = place(rank.round(), 1.0, sorted.len());
+        Sample {
+            voids: distinct.len() as u64,
+            void_volume: distinct.iter().map(|hole| self.missing(hole, &solid)).sum(),
+            points: above,
+            settlement_max: sorted.last().copied().unwrap_or(0.0),
+            settlement_percentile: sorted.get(rank).copied().unwrap_or(0.0),
+            settlement_middle: self.middle(&settlement),
+            depression: self.depression(&settlement, limits.settled),
+            inward: self.inward(grains, points),
+            surface,
+            settlement,
+        }
+    }
+
+    /// Mean over the middle third along the long axis.
+    fn middle(&self, settlement: &[Option<f64>]) -> f64 {
+        let [nx, ny, _] = self.cells.count;
+        let third = nx / 3;
+        let (mut sum, mut n) = (0.0, 0);
+        for across in 0..ny {
+            for long in third..nx - third {
+                if let Some(value) = settlement[self.cells.column(long, across)] {
+                    sum += value;
+                    n += 1;
+                }
+            }
+        }
+        sum / number(n.max(1))
+    }
+
+    /// Where the columns have settled by at least `settled`.
+    #[must_use]
+    pub fn depression(&self, settlement: &[Option<f64>], settled: f64) -> Depression {
+        let [nx, ny, _] = self.cells.count;
+        let down = |long, across| {
+            settlement[self.cells.column(long, across)].is_some_and(|value| value >= settled)
+        };
+        let (mut slices, mut run, mut longest) = (0, 0, 0);
+        for long in 0..nx {
+            if (0..ny).any(|across| down(long, across)) {
+                slices += 1;
+                run += 1;
+                longest = longest.max(run);
+            } else {
+                run = 0;
+            }
+        }
+        let rows = (0..ny)
+            .filter(|&across| (0..nx).any(|long| down(long, across)))
+            .count();
+        Depression {
+            length: number(slices) * self.cells.size[0],
+            longest: number(longest) * self.cells.size[0],
+            width: number(rows) * self.cells.size[1],
+        }
+    }
+
+    /// Cells of the ground that are void or whose grains have gone down by more than `moving` on average.
+    fn moving_cells(&self, grains: &[Grain], void: &[bool], moving: f64) -> Vec<bool> {
+        let mut down = vec![(0.0, 0); self.cells.total()];
+        for grain in grains {
+            let (sum, n) = &mut down[self.cells.index(self.cells.of(grain.at))];
+            *sum -= grain.moved[2];
+            *n += 1;
+        }
+        let all = self.solid.iter().zip(void).zip(down);
+        all.map(|((&solid, &void), (sum, n))| {
+            solid >= GROUND && (void || (n > 0 && sum / number(n) > moving))
+        })
+        .collect()
+    }
+
+    /// Elevation up to which the ground over a point moves [m].
+    fn front(&self, grains: &[Grain], point: &Point, base: f64, top: f64, moving: f64) -> f64 {
+        let cells = &self.cells;
+        if base >= top {
+            return base;
+        }
+        let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
+        let mut down = vec![(0.0, 0); cells.count[2]];
+        for grain in grains {
+            let [x, y, z] = cells.of(grain.at);
+            if xs.contains(&x) && ys.contains(&y) {
+                down[z].0 -= grain.moved[2];
+                down[z].1 += 1;
+            }
+        }
+        let mut front = base;
+        for z in cells.covered(2, base, top) {
+            let ground = ys
+                .clone()
+                .any(|across| xs.clone().any(|long| self.is_ground([long, across, z])));
+            let (sum, n) = down[z];
+            if ground && n > 0 && sum / number(n) <= moving {
+                break;
+            }
+            front = cells.lower(z + 1, 2).min(top);
+        }
+        front
+    }
+
+    /// Moving cells above half the front over those below it, among the cells nearest to point `n`.
+    fn front_shape(
+        &self,
+        moving: &[bool],
+        n: usize,
+        points: &[Point],
+        base: f64,
+        front: f64,
+    ) -> f64 {
+        let half = 0.5 * (base + front);
+        let [along, up] = [0, 2].map(|axis| self.cells.size[axis]);
+        let (mut upper, mut lower) = (0.0, 0.0);
+        for cell in self.cells.each() {
+            let x = self.cells.lower(cell[0], 0) + 0.5 * along;
+            if !moving[self.cells.index(cell)] || nearest(points, x) != Some(n) {
+                continue;
+            }
+            // The layer in the middle belongs to both halves.
+            let bottom = self.cells.lower(cell[2], 2);
+            let part = |from: f64, to: f64| ((bottom + up).min(to) - bottom.max(from)).max(0.0);
+            upper += part(half, front);
+            lower += part(base, half);
+        }
+        if lower > 0.0 { upper / lower } else { f64::NAN }
+    }
+
+    /// Mean displacement of the soil beside the points towards the nearest one.
+    fn inward(&self, grains: &[Grain], points: &[Point]) -> f64 {
+        let covers: Vec<f64> = points
+            .iter()
+            .map(|point| {
+                let (base, top) = self.cover(point);
+                (top - base).max(0.0)
+            })
+            .collect();
+        let (mut sum, mut count) = (0.0, 0);
+        for grain in grains {
+            let start = grain.at[0] - grain.moved[0];
+            let Some(n) = nearest(points, start) else {
+                continue;
+            };
+            let beyond = distance(&points[n], start);
+            if beyond > 0.0 && beyond <= covers[n] {
+                let inwards = if start < points[n].from[0] { 1.0 } else { -1.0 };
+                sum += inwards * grain.moved[0];
+                count += 1;
+            }
+        }
+        sum / number(count.max(1))
+    }
+}
+
+/// How far a place along the long axis is outside a point.
+fn distance(point: &Point, x: f64) -> f64 {
+    (point.from[0] - x).max(x - point.to[0]).max(0.0)
+}
+
+/// The nearest point along the long axis, the first of equals.
+fn nearest(points: &[Point], x: f64) -> Option<usize> {
+    let all = points.iter().enumerate();
+    all.min_by(|(_, a), (_, b)| distance(a, x).total_cmp(&distance(b, x)))
+        .map(|(n, _)| n)
+}
+
+#[cfg(test)]
+mod tests;

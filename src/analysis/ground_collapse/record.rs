@@ -1,0 +1,204 @@
+//! What a run writes down about the collapse of its ground, and how it is read back.
+//!
+//! | file | row | one row per |
+//! |---|---|---|
+//! | `collapse.csv` | [`CollapseRecord`] | sample |
+//! | `collapse_points.csv` | [`PointRecord`] | sample and seepage point |
+//! | `clusters.csv` | [`ClusterRecord`] | sample, kind and size of cluster that occurs |
+//! | `surface.csv` | [`SurfaceRecord`] | sample and column of cells that was ground |
+//! | `summary.json`, key `collapse` | [`CollapseSummary`] | run |
+//!
+//! Columns that do not exist at a time (the shape of a front that does not move) are `NaN`.
+
+use crate::analysis::erosion_law::Row;
+use crate::analysis::erosion_law::record::{Value, csv_row};
+use serde::{Deserialize, Serialize};
+
+csv_row! {
+/// The ground at one time: a row of `collapse.csv`.
+pub struct CollapseRecord {
+    /// Step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// Mass that left through the seepage points so far, kg.
+    eroded_mass: f64 = "eroded_mass [kg]",
+    /// Of the mass of all grains at time 0.
+    eroded_fraction: f64 = "eroded_fraction [1]",
+    /// Grains that left through the seepage points so far.
+    eroded_grains: u64 = "eroded_grains [1]",
+    /// Voids connected with seepage points.
+    voids: u64 = "voids [1]",
+    /// Soil missing in them, m^3.
+    void_volume: f64 = "void_volume [m^3]",
+    /// Highest top of a void over the lowest ground at its point, m.
+    arch_height: f64 = "arch_height [m]",
+    /// Largest part of the cover of a point that moves.
+    front: f64 = "front [1]",
+    /// Upper half of the moving zone over its lower half, at the point with that front.
+    front_shape: f64 = "front_shape [1]",
+    /// Largest settlement of a column, m.
+    settlement_max: f64 = "settlement_max [m]",
+    /// Mean settlement over the middle third of the long axis, m.
+    settlement_middle: f64 = "settlement_middle [m]",
+    /// Percentile of the settlement that the case asks for, m.
+    settlement_percentile: f64 = "settlement_percentile [m]",
+    /// Length along the long axis that has settled, m.
+    extension: f64 = "extension [m]",
+    /// Its growth since the last row, m/s.
+    extension_rate: f64 = "extension_rate [m/s]",
+    /// Mean displacement of the soil beside the points towards them, m.
+    inward: f64 = "inward [m]",
+    /// Stages that have begun.
+    stages: u64 = "stages [1]",
+}
+}
+
+csv_row! {
+/// What there is over one seepage point at one time: a row of `collapse_points.csv`.
+pub struct PointRecord {
+    /// Step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// Which point, in the order of `summary.json`, from 0.
+    point: u64 = "point",
+    /// Mass that left through it so far, kg.
+    eroded_mass: f64 = "eroded_mass [kg]",
+    /// Grains that left through it so far.
+    eroded_grains: u64 = "eroded_grains [1]",
+    /// Soil missing in the void over it, m^3.
+    void_volume: f64 = "void_volume [m^3]",
+    /// Top of the void over the lowest ground at the point, m.
+    arch_height: f64 = "arch_height [m]",
+    /// Thickness of the ground over it at time 0, m.
+    cover: f64 = "cover [m]",
+    /// Part of the cover that moves.
+    front: f64 = "front [1]",
+    /// Upper half of the moving zone over its lower half.
+    front_shape: f64 = "front_shape [1]",
+}
+}
+
+/// Which grains a cluster is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClusterKind {
+    /// Grains in the ground that have come loose.
+    Loose,
+    /// Grains that left since the last row, by the loose cluster they belonged to then.
+    Left,
+}
+
+impl Value for ClusterKind {
+    fn put(&self, line: &mut String) {
+        line.push_str(match self {
+            Self::Loose => "loose",
+            Self::Left => "left",
+        });
+    }
+    fn take(text: &str) -> Option<Self> {
+        match text.trim() {
+            "loose" => Some(Self::Loose),
+            "left" => Some(Self::Left),
+            _ => None,
+        }
+    }
+}
+
+csv_row! {
+/// How many clusters of a size there are: a row of `clusters.csv`.
+pub struct ClusterRecord {
+    /// Step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// Of which grains.
+    kind: ClusterKind = "kind",
+    /// Grains of one cluster.
+    size: u64 = "size [1]",
+    /// Clusters of this size.
+    count: u64 = "count [1]",
+}
+}
+
+csv_row! {
+/// The surface over one column of cells at one time: a row of `surface.csv`.
+pub struct SurfaceRecord {
+    /// Step.
+    step: u64 = "step",
+    /// Time, s.
+    time: f64 = "time [s]",
+    /// Column along the long axis.
+    ix: u64 = "ix",
+    /// Column across.
+    iy: u64 = "iy",
+    /// Middle of the column along the long axis, m.
+    long: f64 = "long [m]",
+    /// Middle of the column across, m.
+    across: f64 = "across [m]",
+    /// Top of the highest grain in company, over the lower end of the domain, m; NaN where there is none.
+    elevation: f64 = "elevation [m]",
+    /// How far it has gone down since time 0, m.
+    settlement: f64 = "settlement [m]",
+}
+}
+
+/// When each stage began, s; none where it did not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageTimes {
+    /// t1.
+    pub hidden_hole: Option<f64>,
+    /// t2.
+    pub arch: Option<f64>,
+    /// t3.
+    pub sinkhole: Option<f64>,
+    /// t4.
+    pub extension: Option<f64>,
+}
+
+/// What left through one point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointSummary {
+    /// Its name.
+    pub name: String,
+    /// Grains.
+    pub eroded_grains: u64,
+    /// Their mass, kg.
+    pub eroded_mass: f64,
+}
+
+/// What a study needs to know of a run beside its record: the value of the key `collapse` of `summary.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CollapseSummary {
+    /// When each stage began.
+    pub stages: StageTimes,
+    /// The seepage points in the order of `collapse_points.csv`.
+    pub points: Vec<PointSummary>,
+    /// Mass of the grains at time 0, kg.
+    pub initial_mass: f64,
+    /// Their mean diameter, m.
+    pub mean_diameter: f64,
+    /// Edges of a cell along the long axis, across and up, m.
+    pub cell: [f64; 3],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_read_back() {
+        let row = ClusterRecord {
+            step: 7,
+            time: 0.1 + 0.2,
+            kind: ClusterKind::Left,
+            size: 8,
+            count: 3,
+        };
+        let text = row.to_csv();
+        let fields: Vec<&str> = text.split(',').collect();
+        assert_eq!(fields.len(), ClusterRecord::COLUMNS.len());
+        assert_eq!(ClusterRecord::from_fields(&fields), Ok(row));
+        assert!(ClusterRecord::from_fields(&["7", "0", "lost", "1", "1"]).is_err());
+    }
+}

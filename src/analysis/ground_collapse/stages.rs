@@ -1,0 +1,184 @@
+//! When hole, arch, sinkhole and extension began: see [`super`] for the definitions and their reasons.
+
+use serde::{Deserialize, Serialize};
+
+/// Names of the four stages.
+pub const NAMES: [&str; 4] = ["hidden hole", "arch", "sinkhole", "extension"];
+
+/// What one sample shows, the most of any point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// Grains that left through one point so far.
+    pub eroded_grains: u64,
+    /// Volume of the void over one point [m3].
+    pub void_volume: f64,
+    /// Part of the cover that moves.
+    pub front: f64,
+    /// Settlement of one column [m].
+    pub settlement: f64,
+    /// Longest depression along the long axis [m].
+    pub longest: f64,
+    /// Width of the depressions [m].
+    pub width: f64,
+    /// Displacement of the soil beside the points towards them [m].
+    pub inward: f64,
+}
+
+/// From where on a sample shows a stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thresholds {
+    /// Samples in a row.
+    pub samples: u32,
+    /// t1: grains.
+    pub eroded_grains: u64,
+    /// t1: or volume of a void [m3].
+    pub void_volume: f64,
+    /// t2: part of the cover.
+    pub front: f64,
+    /// t3: settlement [m].
+    pub settlement: f64,
+    /// t4: length over that of the sinkhole at t3.
+    pub extension: f64,
+    /// t4: displacement inwards [m].
+    pub inward: f64,
+}
+
+/// Samples in a row that show a stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Streak {
+    samples: u32,
+    /// Of the first of them [s].
+    time: f64,
+    /// Longer side of the depression at the first of them [m].
+    extent: f64,
+}
+
+/// The stages so far; a restart needs it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stages {
+    /// When each began [s].
+    pub times: [Option<f64>; 4],
+    streaks: [Streak; 4],
+    /// Longer side of the sinkhole at t3 [m].
+    sinkhole: Option<f64>,
+}
+
+impl Stages {
+    /// How many have begun.
+    #[must_use]
+    pub fn begun(&self) -> usize {
+        self.times.iter().flatten().count()
+    }
+
+    /// Takes note of a sample; returns the stages (0 … 3) that are now known to have begun.
+    pub fn note(&mut self, time: f64, seen: &Evidence, from: &Thresholds) -> Vec<usize> {
+        let wide = self
+            .sinkhole
+            .is_some_and(|sinkhole| seen.longest >= from.extension * sinkhole);
+        let shown = [
+            seen.eroded_grains >= from.eroded_grains || seen.void_volume >= from.void_volume,
+            seen.front >= from.front,
+            seen.settlement >= from.settlement,
+            wide && seen.inward >= from.inward,
+        ];
+        let mut news = Vec::new();
+        for (stage, shown) in shown.into_iter().enumerate() {
+            if self.times[stage].is_some() {
+                continue;
+            }
+            let streak = &mut self.streaks[stage];
+            if !shown {
+                *streak = Streak::default();
+                continue;
+            }
+            if streak.samples == 0 {
+                *streak = Streak {
+                    samples: 0,
+                    time,
+                    extent: seen.longest.max(seen.width),
+                };
+            }
+            streak.samples += 1;
+            if streak.samples >= from.samples {
+                self.times[stage] = Some(streak.time);
+                if stage == 2 {
+                    self.sinkhole = Some(streak.extent);
+                }
+                news.push(stage);
+            }
+        }
+        news
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FROM: Thresholds = Thresholds {
+        samples: 2,
+        eroded_grains: 10,
+        void_volume: 1e-6,
+        front: 0.5,
+        settlement: 0.01,
+        extension: 1.5,
+        inward: 0.001,
+    };
+
+    #[test]
+    fn a_stage_begins_with_the_first_of_samples_in_a_row() {
+        let mut stages = Stages::default();
+        let hole = |eroded_grains| Evidence {
+            eroded_grains,
+            ..Evidence::default()
+        };
+        assert!(stages.note(0.0, &hole(10), &FROM).is_empty());
+        assert!(stages.note(1.0, &hole(9), &FROM).is_empty());
+        assert!(stages.note(2.0, &hole(11), &FROM).is_empty());
+        assert_eq!(stages.note(3.0, &hole(12), &FROM), [0]);
+        assert_eq!(stages.times, [Some(2.0), None, None, None]);
+        // Once.
+        assert!(stages.note(4.0, &hole(12), &FROM).is_empty());
+        assert_eq!(stages.begun(), 1);
+    }
+
+    #[test]
+    fn extension_is_measured_by_the_sinkhole() {
+        let mut stages = Stages::default();
+        let mut seen = Evidence {
+            settlement: 0.02,
+            longest: 0.04,
+            width: 0.06,
+            inward: 0.01,
+            ..Evidence::default()
+        };
+        stages.note(0.0, &seen, &FROM);
+        assert_eq!(stages.note(1.0, &seen, &FROM), [2]);
+        seen.longest = 0.08;
+        stages.note(2.0, &seen, &FROM);
+        assert!(stages.note(3.0, &seen, &FROM).is_empty());
+        // 1.5 times the width, but the soil beside stands still: only round the hole.
+        seen.longest = 0.091;
+        seen.inward = 0.0;
+        stages.note(4.0, &seen, &FROM);
+        assert!(stages.note(5.0, &seen, &FROM).is_empty());
+        seen.inward = 0.002;
+        stages.note(6.0, &seen, &FROM);
+        assert_eq!(stages.note(7.0, &seen, &FROM), [3]);
+        assert_eq!(stages.times, [None, None, Some(0.0), Some(6.0)]);
+    }
+
+    #[test]
+    fn arch_and_hole_by_volume_do_not_wait_for_each_other() {
+        let mut stages = Stages::default();
+        let seen = Evidence {
+            front: 0.5,
+            void_volume: 1e-6,
+            ..Evidence::default()
+        };
+        stages.note(0.5, &seen, &FROM);
+        assert_eq!(stages.note(1.0, &seen, &FROM), [0, 1]);
+        let text = serde_json::to_string(&stages).unwrap();
+        assert_eq!(serde_json::from_str::<Stages>(&text).unwrap(), stages);
+    }
+}

@@ -1,0 +1,661 @@
+//! What a run writes down about ground that collapses: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
+//! and two figures at its end (C-20 to C-26). What is measured and why stands in [`crate::analysis::ground_collapse`].
+//!
+//! Every `ground_collapse.every` seconds the grains of all ranks come to rank 0, are sorted by id, turned into the frame of the
+//! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64
+//! bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
+
+use super::removal::{Departed, boxed, rows};
+use super::table::{Table, agreed, append};
+use super::view::View;
+use crate::analysis::erosion_law::{Row, read_rows};
+use crate::analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
+use crate::analysis::ground_collapse::figures;
+use crate::analysis::ground_collapse::measure::{
+    Above, Cells, Grain, Ground, Limits, Point, Sample,
+};
+use crate::analysis::ground_collapse::record::{
+    ClusterKind, ClusterRecord, CollapseRecord, CollapseSummary, PointRecord, PointSummary,
+    StageTimes, SurfaceRecord,
+};
+use crate::analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Thresholds};
+use crate::darcy::overlap::sphere_box;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::scene::collapse::GroundCollapse;
+use crate::scene::grid::count;
+use decomposition::{Domain, ExactSum};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::Path;
+
+/// Id, radius, position, displacement.
+const NUMBERS: usize = 2 + 2 * 3;
+
+/// What is measured once on every rank, at the first call, while the ground is whole.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Start {
+    /// Mass of all grains [kg].
+    mass: f64,
+    /// Their mean diameter [m].
+    diameter: f64,
+}
+
+/// What left through one point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Left {
+    grains: u64,
+    mass: f64,
+}
+
+/// What a restart needs; on ranks other than 0 what left and the start alone are kept up.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct State {
+    start: Option<Start>,
+    ground: Option<Ground>,
+    points: Vec<Left>,
+    stages: Stages,
+    /// Time [s] and extension [m] of the last row.
+    extension: Option<[f64; 2]>,
+    /// Loose clusters of more than one grain at the last row.
+    blocks: Vec<Vec<u64>>,
+    /// Grains that left since the last row.
+    left: Vec<u64>,
+    last_row: Option<u64>,
+}
+
+/// What rank 0 measures.
+struct Gathered {
+    /// The grains of all ranks by rising id.
+    grains: Vec<Grain>,
+    /// Ends of the bonds of loose grains.
+    bonds: Vec<[u64; 2]>,
+}
+
+/// The tables of rank 0.
+#[derive(Debug, Default)]
+struct Tables {
+    rows: Option<Table>,
+    points: Option<Table>,
+    clusters: Option<Table>,
+    surface: Option<Table>,
+}
+
+/// Writes the tables of a collapse: see the module. Methods with a view or a domain are collective.
+#[derive(Debug)]
+pub struct CollapseRecorder {
+    asked: Option<GroundCollapse>,
+    interval: u64,
+    first_grain: u64,
+    state: State,
+    tables: Tables,
+    news: Vec<String>,
+}
+
+impl CollapseRecorder {
+    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
+    /// step. Nothing is opened, and nothing costs anything, where the case does not ask.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn create(
+        plan: &Plan,
+        folder: &Path,
+        domain: &Domain,
+        resumed_at: Option<u64>,
+    ) -> Result<Self, Error> {
+        let asked = plan.scene.ground_collapse.clone();
+        let mut recorder = Self {
+            interval: asked
+                .as_ref()
+                .map_or(u64::MAX, |asked| plan.clock.interval_to_steps(asked.every)),
+            first_grain: plan.scene.bodies.len() as u64,
+            state: State::default(),
+            tables: Tables::default(),
+            news: Vec::new(),
+            asked,
+        };
+        let Some(asked) = &recorder.asked else {
+            return Ok(recorder);
+        };
+        recorder.state.points = vec![Left::default(); asked.points.len()];
+        let opened = if domain.rank() == 0 {
+            let open = |name: &str, header: String| {
+                Table::open(folder.join(name), &header, resumed_at).map(Some)
+            };
+            (|| {
+                Ok(Tables {
+                    rows: open("collapse.csv", CollapseRecord::header())?,
+                    points: open("collapse_points.csv", PointRecord::header())?,
+                    clusters: open("clusters.csv", ClusterRecord::header())?,
+                    surface: open("surface.csv", SurfaceRecord::header())?,
+                })
+            })()
+        } else {
+            Ok(Tables::default())
+        };
+        recorder.tables = agreed(domain, opened)?;
+        Ok(recorder)
+    }
+
+    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and once at
+    /// step 0 before the first.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn record_due<S: Space>(
+        &mut self,
+        view: &View<'_, S>,
+        removed: &[Departed],
+    ) -> Result<(), Error> {
+        let Some(asked) = &self.asked else {
+            return Ok(());
+        };
+        for departed in removed {
+            // A grain leaves through one point, the first that holds it.
+            let through = asked.points.iter().position(|point| match point.region {
+                Some(region) => region == departed.region,
+                None => point.block.contains(departed.at),
+            });
+            if let Some(left) = through.and_then(|n| self.state.points.get_mut(n)) {
+                left.grains += 1;
+                // In the order of ids within a step: the same on any ranks and after a restart.
+                left.mass += departed.grain.mass;
+            }
+            self.state.left.push(departed.grain.id);
+        }
+        if self.state.start.is_none() {
+            self.state.start = Some(self.measure_start(view));
+        }
+        if view.step.is_multiple_of(self.interval) && self.state.last_row != Some(view.step) {
+            self.write_row(view)?;
+        }
+        Ok(())
+    }
+
+    /// One line for each stage that began since the last call; on rank 0 only.
+    pub fn take_news(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.news)
+    }
+
+    /// Draws `collapse.svg` and `settlement.svg` from the tables. Call it at the end of a run.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be read or a figure not written.
+    pub fn draw(&self, folder: &Path, domain: &Domain) -> Result<(), Error> {
+        if self.asked.is_none() {
+            return Ok(());
+        }
+        let drawn = (|| {
+            let Some(ground) = self.state.ground.as_ref().filter(|_| domain.rank() == 0) else {
+                return Ok(());
+            };
+            let rows = read_rows(&folder.join("collapse.csv"), |row: &CollapseRecord| {
+                row.step
+            })?;
+            let [long, across] = [0, 1].map(|axis| ground.cells.count[axis] as u64);
+            let key = |row: &SurfaceRecord| (row.step * across + row.iy) * long + row.ix;
+            let surface = read_rows(&folder.join("surface.csv"), key)?;
+            for (name, figure) in [
+                ("collapse.svg", figures::collapse(&rows, &self.times())),
+                ("settlement.svg", figures::settlement(&surface)),
+            ] {
+                io::atomic::write(&folder.join(name), figure.to_svg().as_bytes())
+                    .map_err(|error| Error::Io(error.to_string()))?;
+            }
+            Ok(())
+        })();
+        agreed(domain, drawn)
+    }
+
+    /// What a checkpoint keeps, the same on every rank; the tables are on disk, synced, when it returns.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn state(&self, domain: &Domain) -> Result<Value, Error> {
+        if self.asked.is_none() {
+            return Ok(Value::Null);
+        }
+        let tables = &self.tables;
+        let synced = [
+            &tables.rows,
+            &tables.points,
+            &tables.clusters,
+            &tables.surface,
+        ]
+        .into_iter()
+        .flatten()
+        .try_for_each(Table::sync);
+        agreed(domain, synced)?;
+        let broken = |error: serde_json::Error| Error::Internal(error.to_string());
+        // What rank 0 knows is the whole of it.
+        let mut bytes = serde_json::to_vec(&self.state).map_err(broken)?;
+        domain.communicator().broadcast_bytes(0, &mut bytes);
+        serde_json::from_slice(&bytes).map_err(broken)
+    }
+
+    /// Takes back [`Self::state`].
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it is not such a state.
+    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
+        let Some(asked) = &self.asked else {
+            return Ok(());
+        };
+        if state.is_null() {
+            return Err(Error::Io(
+                "the checkpoint holds no ground as it was at time 0, since its run did not ask for it; take `analysis.ground_collapse` out, or start anew"
+                    .into(),
+            ));
+        }
+        let state: State = serde_json::from_value(state.clone())
+            .map_err(|error| Error::Io(format!("state of the collapse record: {error}")))?;
+        if state.points.len() != asked.points.len() {
+            return Err(Error::Io(format!(
+                "{} seepage points saved, {} here",
+                state.points.len(),
+                asked.points.len()
+            )));
+        }
+        self.state = state;
+        Ok(())
+    }
+
+    /// The value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0, and where the case
+    /// does not ask.
+    ///
+    /// # Errors
+    /// Where it cannot be written as JSON.
+    pub fn summary(&self) -> Result<Option<Value>, Error> {
+        let (Some(asked), Some(start), Some(ground)) =
+            (&self.asked, &self.state.start, &self.state.ground)
+        else {
+            return Ok(None);
+        };
+        let points = asked.points.iter().zip(&self.state.points);
+        let summary = CollapseSummary {
+            stages: self.times(),
+            points: points
+                .map(|(point, left)| PointSummary {
+                    name: point.name.clone(),
+                    eroded_grains: left.grains,
+                    eroded_mass: left.mass,
+                })
+                .collect(),
+            initial_mass: start.mass,
+            mean_diameter: start.diameter,
+            cell: ground.cells.size,
+        };
+        serde_json::to_value(summary)
+            .map(Some)
+            .map_err(|error| Error::Internal(error.to_string()))
+    }
+
+    fn times(&self) -> StageTimes {
+        let [hidden_hole, arch, sinkhole, extension] = self.state.stages.times;
+        StageTimes {
+            hidden_hole,
+            arch,
+            sinkhole,
+            extension,
+        }
+    }
+
+    fn measure_start<S: Space>(&self, view: &View<'_, S>) -> Start {
+        let (mut mass, mut diameter, mut grains) = (ExactSum::new(), ExactSum::new(), 0);
+        let owned = &view.particles.body[..view.particles.owned()];
+        for body in owned.iter().filter(|body| body.id >= self.first_grain) {
+            mass.add(body.mass);
+            diameter.add(2.0 * body.radius);
+            grains += 1;
+        }
+        let communicator = view.domain.communicator();
+        mass.all_reduce(communicator);
+        diameter.all_reduce(communicator);
+        let grains = communicator.all_reduce_sum_i64(grains).max(1);
+        Start {
+            mass: mass.value(),
+            diameter: diameter.value() / integer(grains),
+        }
+    }
+
+    /// Everything on rank 0; on others none.
+    fn gather<S: Space>(
+        &self,
+        view: &View<'_, S>,
+        asked: &GroundCollapse,
+        loose: f64,
+    ) -> Result<Option<Gathered>, Error> {
+        let grid = &view.plan.scene.grid;
+        let particles = view.particles;
+        let up = if asked.upright { 1.0 } else { -1.0 };
+        let mut bytes = Vec::new();
+        for k in 0..particles.owned() {
+            let body = &particles.body[k];
+            if body.id < self.first_grain {
+                continue;
+            }
+            let moved = moved(view, k);
+            let at = boxed(&particles.motion[k].position, grid);
+            let [x, y, z] = asked.axes;
+            let height = if asked.upright {
+                at[z]
+            } else {
+                grid.size[z] - at[z]
+            };
+            let numbers: [u64; NUMBERS] = [
+                body.id,
+                body.radius.to_bits(),
+                at[x].to_bits(),
+                at[y].to_bits(),
+                height.to_bits(),
+                moved[x].to_bits(),
+                moved[y].to_bits(),
+                (up * moved[z]).to_bits(),
+            ];
+            bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        }
+        let mut bonds = Vec::new();
+        if let Some(dem) = view.dem {
+            dem.for_each_contact(particles, |contact| {
+                // A contact is reported by the rank that owns its first grain, so once.
+                if let Some(other) = contact.other
+                    && contact.bonded
+                    && length(moved(view, contact.grain)) > loose
+                {
+                    for k in [contact.grain, other] {
+                        bonds.extend(particles.body[k].id.to_le_bytes());
+                    }
+                }
+            });
+        }
+        let communicator = view.domain.communicator();
+        let grains = communicator.gather_bytes(0, &bytes);
+        let bonds = communicator.gather_bytes(0, &bonds);
+        let (Some(grains), Some(bonds)) = (grains, bonds) else {
+            return Ok(None);
+        };
+        let mut all = Vec::new();
+        for bytes in grains {
+            for [id, radius, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
+                all.push(Grain {
+                    id,
+                    at: [x, y, z].map(f64::from_bits),
+                    moved: [along, across, up].map(f64::from_bits),
+                    radius: f64::from_bits(radius),
+                });
+            }
+        }
+        all.sort_unstable_by_key(|grain| grain.id);
+        let mut joined = Vec::new();
+        for bytes in bonds {
+            joined.extend(rows::<2>(&bytes)?);
+        }
+        Ok(Some(Gathered {
+            grains: all,
+            bonds: joined,
+        }))
+    }
+
+    fn write_row<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
+        let (Some(asked), Some(start)) = (self.asked.clone(), self.state.start) else {
+            return Ok(());
+        };
+        self.state.last_row = Some(view.step);
+        let loose = asked.loose_diameters * start.diameter;
+        let gathered = self.gather(view, &asked, loose);
+        // A garbled message is seen by rank 0 alone.
+        let written = gathered.and_then(|gathered| match gathered {
+            Some(all) => self.analyse(view, &asked, start, &all.grains, &all.bonds),
+            None => Ok(()),
+        });
+        self.state.left.clear();
+        agreed(view.domain, written)
+    }
+
+    /// Measures and writes; on rank 0.
+    fn analyse<S: Space>(
+        &mut self,
+        view: &View<'_, S>,
+        asked: &GroundCollapse,
+        start: Start,
+        grains: &[Grain],
+        bonds: &[[u64; 2]],
+    ) -> Result<(), Error> {
+        let (step, time) = (view.step, view.time);
+        let domain = view.plan.scene.grid.size;
+        let ground = self.state.ground.get_or_insert_with(|| {
+            let size = asked.cell_size.unwrap_or(2.0 * start.diameter);
+            let cells = Cells::new(
+                asked.axes.map(|axis| domain[axis]),
+                asked.cells(domain, size),
+            );
+            Ground::new(cells, grains, start.diameter, sphere_box)
+        });
+        let limits = Limits {
+            void_below: asked.void_below,
+            moving: asked.stages.moving_diameters * start.diameter,
+            settled: asked.stages.sinkhole_diameters * start.diameter,
+            percentile: asked.settlement_percentile,
+        };
+        let points: Vec<Point> = asked
+            .points
+            .iter()
+            .map(|p| in_frame(asked, domain, p))
+            .collect();
+        let seen = ground.measure(grains, &points, &limits, sphere_box);
+        let thresholds = thresholds(asked, start, ground);
+        let cells = ground.cells;
+        let evidence = self.evidence(&seen);
+        for stage in self.state.stages.note(time, &evidence, &thresholds) {
+            let began = self.state.stages.times[stage].unwrap_or(time);
+            self.news.push(format!(
+                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover moves, settled {:.2e} m, depression {:.2e} m long",
+                stage + 1,
+                NAMES[stage],
+                evidence.eroded_grains,
+                evidence.void_volume,
+                100.0 * evidence.front,
+                evidence.settlement,
+                evidence.longest
+            ));
+        }
+        let row = self.row(step, time, start, &seen);
+        self.state.extension = Some([time, seen.depression.length]);
+        append(&mut self.tables.rows, &(row.to_csv() + "\n"))?;
+        let mut lines = String::new();
+        for (n, (above, left)) in seen.points.iter().zip(&self.state.points).enumerate() {
+            let row = PointRecord {
+                step,
+                time,
+                point: n as u64,
+                eroded_mass: left.mass,
+                eroded_grains: left.grains,
+                void_volume: above.void_volume,
+                arch_height: above.arch_height,
+                cover: above.cover,
+                front: above.front,
+                front_shape: above.front_shape,
+            };
+            lines += &(row.to_csv() + "\n");
+        }
+        append(&mut self.tables.points, &lines)?;
+        let lines = surface_lines(step, time, &cells, &seen);
+        append(&mut self.tables.surface, &lines)?;
+        self.write_clusters(
+            step,
+            time,
+            asked.loose_diameters * start.diameter,
+            grains,
+            bonds,
+        )
+    }
+
+    fn write_clusters(
+        &mut self,
+        step: u64,
+        time: f64,
+        loose: f64,
+        grains: &[Grain],
+        bonds: &[[u64; 2]],
+    ) -> Result<(), Error> {
+        let away = grains.iter().filter(|grain| length(grain.moved) > loose);
+        let ids: Vec<u64> = away.map(|grain| grain.id).collect();
+        let groups = clusters(&ids, bonds);
+        let left = sizes_of_left(&self.state.left, &self.state.blocks);
+        let mut lines = String::new();
+        for (kind, counts) in [
+            (
+                ClusterKind::Loose,
+                histogram(groups.iter().map(|group| group.len() as u64)),
+            ),
+            (ClusterKind::Left, histogram(left)),
+        ] {
+            for (size, count) in counts {
+                let row = ClusterRecord {
+                    step,
+                    time,
+                    kind,
+                    size,
+                    count,
+                };
+                lines += &(row.to_csv() + "\n");
+            }
+        }
+        self.state.blocks = groups.into_iter().filter(|group| group.len() > 1).collect();
+        append(&mut self.tables.clusters, &lines)
+    }
+
+    fn evidence(&self, seen: &Sample) -> Evidence {
+        let most = |value: fn(&Above) -> f64| seen.points.iter().map(value).fold(0.0, f64::max);
+        Evidence {
+            eroded_grains: self
+                .state
+                .points
+                .iter()
+                .map(|left| left.grains)
+                .max()
+                .unwrap_or(0),
+            void_volume: most(|above| above.void_volume),
+            front: most(|above| above.front),
+            settlement: seen.settlement_max,
+            longest: seen.depression.longest,
+            width: seen.depression.width,
+            inward: seen.inward,
+        }
+    }
+
+    fn row(&self, step: u64, time: f64, start: Start, seen: &Sample) -> CollapseRecord {
+        let left = &self.state.points;
+        let mass: f64 = left.iter().map(|left| left.mass).sum();
+        let length = seen.depression.length;
+        let highest = seen.points.iter().map(|above| above.arch_height);
+        let farthest = seen
+            .points
+            .iter()
+            .max_by(|a, b| a.front.total_cmp(&b.front));
+        CollapseRecord {
+            step,
+            time,
+            eroded_mass: mass,
+            eroded_fraction: if start.mass > 0.0 {
+                mass / start.mass
+            } else {
+                0.0
+            },
+            eroded_grains: left.iter().map(|left| left.grains).sum(),
+            voids: seen.voids,
+            void_volume: seen.void_volume,
+            arch_height: highest.fold(0.0, f64::max),
+            front: farthest.map_or(0.0, |above| above.front),
+            front_shape: farthest.map_or(f64::NAN, |above| above.front_shape),
+            settlement_max: seen.settlement_max,
+            settlement_middle: seen.settlement_middle,
+            settlement_percentile: seen.settlement_percentile,
+            extension: length,
+            extension_rate: match self.state.extension {
+                Some([before, old]) if time > before => (length - old) / (time - before),
+                _ => 0.0,
+            },
+            inward: seen.inward,
+            stages: self.state.stages.begun() as u64,
+        }
+    }
+}
+
+/// How far an owned grain is from where it started [m].
+fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
+    let moved = view.particles.displacement(k);
+    moved.map_or([0.0; 3], |moved| {
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION {
+                moved.get(axis)
+            } else {
+                0.0
+            }
+        })
+    })
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+/// The box of a point in the frame of the analysis.
+fn in_frame(
+    asked: &GroundCollapse,
+    domain: [f64; 3],
+    point: &crate::scene::collapse::SeepagePoint,
+) -> Point {
+    let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
+    let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));
+    if !asked.upright {
+        let height = domain[asked.axes[2]];
+        (from[2], to[2]) = (height - to[2], height - from[2]);
+    }
+    Point { from, to }
+}
+
+fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Thresholds {
+    let stages = &asked.stages;
+    Thresholds {
+        samples: stages.samples,
+        eroded_grains: u64::from(stages.hole_grains),
+        void_volume: stages.hole_volume.unwrap_or(ground.cells.volume()),
+        front: stages.arch_reach,
+        settlement: stages.sinkhole_diameters * start.diameter,
+        extension: stages.extension_ratio,
+        inward: stages.inward_diameters * start.diameter,
+    }
+}
+
+/// A row for every column that was ground.
+fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
+    let mut lines = String::new();
+    for across in 0..cells.count[1] {
+        for long in 0..cells.count[0] {
+            let k = cells.column(long, across);
+            let Some(settlement) = seen.settlement[k] else {
+                continue;
+            };
+            let row = SurfaceRecord {
+                step,
+                time,
+                ix: long as u64,
+                iy: across as u64,
+                long: (count(long) + 0.5) * cells.size[0],
+                across: (count(across) + 0.5) * cells.size[1],
+                elevation: seen.surface[k].unwrap_or(f64::NAN),
+                settlement,
+            };
+            lines += &(row.to_csv() + "\n");
+        }
+    }
+    lines
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
+fn integer(n: i64) -> f64 {
+    n as f64
+}

@@ -1,0 +1,80 @@
+//! CSV files that grow during a run: rank 0 writes, all ranks learn how it went.
+//!
+//! Rows begin with the step; a resumed run first cuts a table back to its checkpoint, so that it goes on as that of a run that
+//! was never stopped.
+
+use crate::error::Error;
+use decomposition::Domain;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write as _;
+use std::path::PathBuf;
+
+/// The outcome of rank 0 as that of every rank.
+pub(super) fn agreed<T>(domain: &Domain, outcome: Result<T, Error>) -> Result<T, Error> {
+    let text = outcome.map_err(|error| match error {
+        Error::Io(what) => what,
+        other => other.to_string(),
+    });
+    domain
+        .communicator()
+        .agree(text)
+        .map_err(|disagreement| Error::Io(disagreement.message))
+}
+
+/// Appends lines where this rank has the table.
+pub(super) fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error> {
+    table.as_mut().map_or(Ok(()), |table| table.append(lines))
+}
+
+/// A CSV file that grows.
+#[derive(Debug)]
+pub(super) struct Table {
+    path: PathBuf,
+    file: File,
+}
+
+impl Table {
+    /// A new table, or the one there is without the rows after `resumed_at` and without a last line that was cut off.
+    pub(super) fn open(
+        path: PathBuf,
+        header: &str,
+        resumed_at: Option<u64>,
+    ) -> Result<Self, Error> {
+        let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
+        let mut text = format!("{header}\n");
+        if let Some(step) = resumed_at {
+            match fs::read_to_string(&path) {
+                Ok(old) => {
+                    let kept = old.split_inclusive('\n').skip(1).filter(|line| {
+                        let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
+                        line.ends_with('\n') && first.is_some_and(|row| row <= step)
+                    });
+                    text.extend(kept);
+                }
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                Err(error) => return Err(fail(error)),
+            }
+        }
+        // A crash leaves the old table or the new one.
+        let part = path.with_extension("csv.part");
+        fs::write(&part, text).map_err(fail)?;
+        File::open(&part)
+            .and_then(|file| file.sync_all())
+            .map_err(fail)?;
+        fs::rename(&part, &path).map_err(fail)?;
+        let file = OpenOptions::new().append(true).open(&path).map_err(fail)?;
+        Ok(Self { path, file })
+    }
+
+    fn append(&mut self, lines: &str) -> Result<(), Error> {
+        self.file
+            .write_all(lines.as_bytes())
+            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
+    }
+
+    pub(super) fn sync(&self) -> Result<(), Error> {
+        self.file
+            .sync_data()
+            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))
+    }
+}
