@@ -321,8 +321,8 @@ impl Searching<'_> {
                 low = middle;
             }
         }
-        let whole = self.trials.iter().filter(|trial| !trial.erodes);
-        let porosity = whole.last().map_or(f64::NAN, |trial| trial.porosity);
+        let whole = self.trials.iter().rfind(|trial| !trial.erodes);
+        let porosity = whole.map_or(f64::NAN, |trial| trial.porosity);
         let gradient = |drive| self.inlet.gradient(drive);
         Ok(Critical {
             boundary: self.inlet.name.clone(),
