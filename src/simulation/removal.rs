@@ -527,8 +527,8 @@ mod tests {
         assert_eq!(ids, [(2, 1), (4, 0), (8, 1), (9, 1)]);
         assert_eq!((gone[0].grain.step, gone[0].grain.time), (7, 0.5));
         let mass = Body::uniform::<Plane>(0, 1e-4, 2000.0, 0).mass;
-        assert_eq!(removal.taken()[1].grains, 2);
-        approx::assert_relative_eq!(removal.taken()[1].mass, 2.0 * mass, max_relative = 1e-15);
+        assert_eq!(removal.taken()[1].grains, 3);
+        approx::assert_relative_eq!(removal.taken()[1].mass, 3.0 * mass, max_relative = 1e-15);
         assert_eq!(particles.owned(), 3);
         let again = removal.leaving(&mut particles, &plan, &serial(), 8, 0.6);
         assert!(again.unwrap().is_empty());
