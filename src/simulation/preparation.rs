@@ -49,9 +49,17 @@ pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<P
             let _ = communicator.agree(Err::<(), _>(error.to_string()));
             Err(error)
         }
-        Ok(prepared) => communicator
-            .agree(Ok::<_, String>(prepared))
-            .map_err(|e| Error::Numerical(e.message)),
+        Ok(prepared) => {
+            let mut prepared = communicator
+                .agree(Ok::<_, String>(prepared))
+                .map_err(|e| Error::Numerical(e.message))?;
+            // Every rank writes the report into checkpoints and must write the same.
+            let mut report = prepared.report.to_string().into_bytes();
+            communicator.broadcast_bytes(0, &mut report);
+            prepared.report = serde_json::from_slice(&report)
+                .map_err(|e| Error::Internal(format!("the report of the preparation: {e}")))?;
+            Ok(prepared)
+        }
     }
 }
 
