@@ -44,9 +44,10 @@ pub struct GroundCollapse {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeepagePoint {
-    /// Name of a region that removes grains; or any name, with a box.
+    /// Name of a region that removes grains: those it takes have left through this point. Or any name, with a box: those
+    /// taken within the box have.
     pub name: String,
-    /// The box [m]; without it that of the region of this name.
+    /// The opening, above which voids are looked for [m]; without it the box of the region of this name.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
 }

@@ -175,7 +175,9 @@ fn points(
             found.push(SeepagePoint {
                 name: point.name.clone(),
                 block: Block::resolve(grid, extent, &format!("{path}.box"), findings),
-                region: None,
+                region: removing()
+                    .find(|(_, region)| region.name == point.name)
+                    .map(|(n, _)| n),
             });
             continue;
         }
