@@ -29,6 +29,8 @@ fn hash(ranks: usize, axis: &str, scene: &str) -> String {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
+        // A socket of Munge that nobody answers costs two seconds at every start.
+        .env("PMIX_MCA_psec", "native")
         .env("RAYON_NUM_THREADS", "1")
         .output()
         .expect("`timeout` (coreutils) starts");

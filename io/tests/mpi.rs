@@ -29,6 +29,8 @@ fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
+        // A socket of Munge that nobody answers costs two seconds at every start.
+        .env("PMIX_MCA_psec", "native")
         // A rank that waits lets another run, and mpirun waits twice this long [s] at an end other than success.
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .env("OMPI_MCA_odls_base_sigkill_timeout", "1")

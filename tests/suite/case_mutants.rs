@@ -92,8 +92,8 @@ fn no_mutant_of_an_example_panics() {
         let mut paths = Vec::new();
         pointers(&original, "", &mut paths);
         for (n, path) in paths.iter().enumerate() {
-            // Every place of every example, each with a tenth of the values: neighbours get the others.
-            for value in replacements().into_iter().skip(n % 10).step_by(10) {
+            // Every place of every example, each with some of the mutations: neighbours get the others.
+            for value in replacements().into_iter().skip(n % 14).step_by(14) {
                 let mut mutant = original.clone();
                 *mutant.pointer_mut(path).unwrap() = value.clone();
                 accepted += usize::from(judge(
@@ -101,6 +101,9 @@ fn no_mutant_of_an_example_panics() {
                     &format!("{} {path} = {value}", example.name),
                 ));
                 tried += 1;
+            }
+            if n % 3 != 0 {
+                continue;
             }
             let (parent, key) = path.rsplit_once('/').unwrap();
             let mut mutant = original.clone();

@@ -35,6 +35,8 @@ fn command(ranks: usize) -> Command {
         ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
         ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
+        // A socket of Munge that nobody answers costs two seconds at every start.
+        ("PMIX_MCA_psec", "native"),
         // Ranks outnumber cores here: one that waits lets another run.
         ("OMPI_MCA_mpi_yield_when_idle", "1"),
         // mpirun waits twice this long at every end other than success.
