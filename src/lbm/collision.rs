@@ -6,6 +6,7 @@
 //! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
 
 pub mod bgk;
+pub mod mrt;
 pub mod trt;
 
 use super::lanes::Lanes;
@@ -13,8 +14,18 @@ use super::lattice::{Lattice, unroll};
 
 /// What happens to the populations of one cell (or of several side by side) in a step.
 pub trait Collision: Copy + Send + Sync {
-    /// Replaces incoming deviations by outgoing ones. Every call sees the same `self` during one step.
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(&self, g: &mut [N; Q]);
+    /// Relaxation rates of a cell, made from that of the shear stress, ω = 1/τ.
+    type Rates<N: Lanes>: Copy;
+    /// The rates where all cells have the same viscosity.
+    fn uniform<N: Lanes>(&self) -> Self::Rates<N>;
+    /// The rates of a cell whose viscosity is its own.
+    fn local<N: Lanes>(&self, omega: N) -> Self::Rates<N>;
+    /// Replaces incoming deviations by outgoing ones and returns the velocity. Every call sees the same `self` during one step.
+    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        g: &mut [N; Q],
+        rates: &Self::Rates<N>,
+    ) -> [N; 3];
 }
 
 /// Even and odd sums of each opposite pair with the moments that every operator needs.

@@ -1,8 +1,10 @@
 //! One slab of fluid: the fused step with its halo and boundaries.
 
 use super::boundary::{Boundaries, Flux, Frame, Patch};
-use super::collision::bgk::{Bgk, ForcedBgk};
-use super::collision::trt::{ForcedTrt, Trt};
+use super::collision::Collision;
+use super::collision::bgk::Bgk;
+use super::collision::mrt::{self, Mrt};
+use super::collision::trt::Trt;
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
 use super::kernel::{Pass, Shared, choose};
@@ -24,6 +26,18 @@ pub enum Set {
     D3Q27,
 }
 
+impl Set {
+    /// Its velocities.
+    #[must_use]
+    pub fn velocities(self) -> Velocities {
+        match self {
+            Self::D2Q9 => Velocities::of::<D2Q9, 9>(),
+            Self::D3Q19 => Velocities::of::<D3Q19, 19>(),
+            Self::D3Q27 => Velocities::of::<D3Q27, 27>(),
+        }
+    }
+}
+
 /// Which operator, with its rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operator {
@@ -34,6 +48,8 @@ pub enum Operator {
         /// Λ = (1/ω⁺ - ½)(1/ω⁻ - ½)
         magic: f64,
     },
+    /// Multiple relaxation times, on D3Q27 only.
+    Mrt(mrt::Rates),
 }
 
 /// Uniform body force per volume in lattice units.
@@ -94,23 +110,90 @@ pub struct Setup {
     pub patches: Vec<Patch>,
 }
 
-/// Pass functions for the operators, chosen once.
-struct Passes<S: Stored> {
-    bgk: Pass<S, Bgk>,
-    forced_bgk: Pass<S, ForcedBgk>,
-    trt: Pass<S, Trt>,
-    forced_trt: Pass<S, ForcedTrt>,
-    describe: fn(&mut Populations<S>) -> Shared<S>,
+/// An operator with or without a force, chosen once: what it does to some planes at a time.
+trait Step<S: Stored>: Send + Sync {
+    /// One pass over the planes; `force` is that of this step.
+    ///
+    /// # Safety
+    /// No other thread may work on the same planes.
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>);
 }
 
-impl<S: Stored> Passes<S> {
-    fn of<L: Lattice<Q>, const Q: usize>(level: Level) -> Self {
-        Self {
-            bgk: choose::<L, Bgk, S, Q>(level),
-            forced_bgk: choose::<L, ForcedBgk, S, Q>(level),
-            trt: choose::<L, Trt, S, Q>(level),
-            forced_trt: choose::<L, ForcedTrt, S, Q>(level),
-            describe: Shared::new::<Q>,
+/// A pass function with the operator as a function of the force.
+struct Chosen<S: Stored, C, F> {
+    pass: Pass<S, C>,
+    operator: F,
+}
+
+impl<S: Stored, C: Collision, F: Fn([f64; 3]) -> C + Send + Sync> Step<S> for Chosen<S, C, F> {
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
+        let operator = (self.operator)(force);
+        // SAFETY: the planes are the caller's promise; the level was chosen from what the processor offers.
+        unsafe { (self.pass)(shared, &operator, planes) };
+    }
+}
+
+fn chosen<L: Lattice<Q>, C: Collision + 'static, S: Stored, const Q: usize>(
+    level: Level,
+    operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
+) -> Box<dyn Step<S>> {
+    Box::new(Chosen {
+        pass: choose::<L, C, S, Q>(level),
+        operator,
+    })
+}
+
+/// The pass for the set, operator and force of a setup.
+fn pass_of<S: Stored>(setup: &Setup, level: Level) -> Box<dyn Step<S>> {
+    let omega = 1.0 / setup.relaxation_time;
+    let forced = setup.force != Force::None;
+    match setup.set {
+        Set::D2Q9 => step::<D2Q9, S, 9>(setup.operator, omega, forced, level),
+        Set::D3Q19 => step::<D3Q19, S, 19>(setup.operator, omega, forced, level),
+        Set::D3Q27 => step::<D3Q27, S, 27>(setup.operator, omega, forced, level),
+    }
+}
+
+/// The pass of an operator on a velocity set.
+fn step<L: Lattice<Q>, S: Stored, const Q: usize>(
+    operator: Operator,
+    omega: f64,
+    forced: bool,
+    level: Level,
+) -> Box<dyn Step<S>> {
+    match (operator, forced) {
+        (Operator::Bgk, false) => {
+            chosen::<L, _, S, Q>(level, move |force| Bgk::<false> { omega, force })
+        }
+        (Operator::Bgk, true) => {
+            chosen::<L, _, S, Q>(level, move |force| Bgk::<true> { omega, force })
+        }
+        (Operator::Trt { magic }, false) => {
+            chosen::<L, _, S, Q>(level, move |force| Trt::<false> {
+                omega,
+                magic,
+                force,
+            })
+        }
+        (Operator::Trt { magic }, true) => chosen::<L, _, S, Q>(level, move |force| Trt::<true> {
+            omega,
+            magic,
+            force,
+        }),
+        // The moments are those of D3Q27, whatever set was asked for.
+        (Operator::Mrt(rates), false) => {
+            chosen::<D3Q27, _, S, 27>(level, move |force| Mrt::<false> {
+                omega,
+                rates,
+                force,
+            })
+        }
+        (Operator::Mrt(rates), true) => {
+            chosen::<D3Q27, _, S, 27>(level, move |force| Mrt::<true> {
+                omega,
+                rates,
+                force,
+            })
         }
     }
 }
@@ -120,8 +203,8 @@ pub struct Fluid<S: Stored> {
     populations: Populations<S>,
     boundaries: Boundaries,
     halo: Halo,
-    passes: Passes<S>,
-    operator: Operator,
+    describe: fn(&mut Populations<S>) -> Shared<S>,
+    pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
     cells: [usize; 3],
@@ -145,16 +228,12 @@ impl<S: Stored> Fluid<S> {
         let mut start = [0; 3];
         start[split] = planes.start;
         let level = Level::best();
-        let (velocities, passes) = match setup.set {
-            Set::D2Q9 => (Velocities::of::<D2Q9, 9>(), Passes::of::<D2Q9, 9>(level)),
-            Set::D3Q19 => (
-                Velocities::of::<D3Q19, 19>(),
-                Passes::of::<D3Q19, 19>(level),
-            ),
-            Set::D3Q27 => (
-                Velocities::of::<D3Q27, 27>(),
-                Passes::of::<D3Q27, 27>(level),
-            ),
+        let velocities = setup.set.velocities();
+        let pass = pass_of(&setup, level);
+        let describe = match setup.set {
+            Set::D2Q9 => Shared::new::<9>,
+            Set::D3Q19 => Shared::new::<19>,
+            Set::D3Q27 => Shared::new::<27>,
         };
         let populations = Populations::new(velocities, cells, split)?;
         let frame = Frame {
@@ -170,8 +249,8 @@ impl<S: Stored> Fluid<S> {
             populations,
             boundaries,
             halo,
-            passes,
-            operator: setup.operator,
+            describe,
+            pass,
             relaxation_time: setup.relaxation_time,
             force: setup.force,
             cells: setup.cells,
@@ -205,7 +284,7 @@ impl<S: Stored> Fluid<S> {
         }
         let force = self.half_force().map(|f| 2.0 * f);
         // Faces first: their populations travel while the interior is updated.
-        let shared = (self.passes.describe)(&mut self.populations);
+        let shared = (self.describe)(&mut self.populations);
         self.run(&shared, force, 0..1);
         if planes > 1 {
             self.run(&shared, force, planes - 1..planes);
@@ -235,54 +314,19 @@ impl<S: Stored> Fluid<S> {
             .apply(&mut self.populations, time, force.map(|f| 0.5 * f));
     }
 
+    /// Collides and streams some planes, each thread its share.
     fn run(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
-        let omega = 1.0 / self.relaxation_time;
-        let forced = self.force != Force::None;
-        match (self.operator, forced) {
-            (Operator::Bgk, false) => self.share(self.passes.bgk, shared, &Bgk { omega }, planes),
-            (Operator::Bgk, true) => {
-                self.share(
-                    self.passes.forced_bgk,
-                    shared,
-                    &ForcedBgk { omega, force },
-                    planes,
-                );
-            }
-            (Operator::Trt { magic }, false) => {
-                let trt = Trt::new(self.relaxation_time, magic);
-                self.share(self.passes.trt, shared, &trt, planes);
-            }
-            (Operator::Trt { magic }, true) => {
-                let rates = Trt::new(self.relaxation_time, magic);
-                self.share(
-                    self.passes.forced_trt,
-                    shared,
-                    &ForcedTrt { rates, force },
-                    planes,
-                );
-            }
-        }
-    }
-
-    /// Gives each thread its share of the planes.
-    fn share<C: Sync>(
-        &self,
-        pass: Pass<S, C>,
-        shared: &Shared<S>,
-        collision: &C,
-        planes: Range<usize>,
-    ) {
         let threads = self.threads.min(planes.len());
         if threads <= 1 {
-            // SAFETY: the only worker; the level was chosen from what the processor offers.
-            unsafe { pass(shared, collision, planes) };
+            // SAFETY: the only worker.
+            unsafe { self.pass.pass(shared, force, planes) };
             return;
         }
         (0..threads).into_par_iter().for_each(|t| {
             let from = planes.start + planes.len() * t / threads;
             let to = planes.start + planes.len() * (t + 1) / threads;
-            // SAFETY: the shares of planes are disjoint; level as above.
-            unsafe { pass(shared, collision, from..to) };
+            // SAFETY: the shares of planes are disjoint.
+            unsafe { self.pass.pass(shared, force, from..to) };
         });
     }
 
@@ -593,17 +637,22 @@ mod tests {
     #[test]
     fn every_width_of_lanes_gives_the_same_bits() {
         for set in [Set::D2Q9, Set::D3Q27] {
-            for operator in [Operator::Bgk, Operator::Trt { magic: 0.25 }] {
+            for operator in [
+                Operator::Bgk,
+                Operator::Trt { magic: 0.25 },
+                Operator::Mrt(mrt::Rates::SUGA),
+            ] {
+                if set == Set::D2Q9 && matches!(operator, Operator::Mrt(_)) {
+                    continue;
+                }
                 let cells = [9, 13, if set == Set::D2Q9 { 1 } else { 6 }];
                 let mut results = Vec::new();
                 for level in [Level::Scalar, Level::best()] {
                     let mut s = every_face([false, true, true], set, cells);
                     s.operator = operator;
+                    let pass = pass_of(&s, level);
                     let mut fluid = serial(0, s);
-                    fluid.passes = match set {
-                        Set::D2Q9 => Passes::of::<D2Q9, 9>(level),
-                        _ => Passes::of::<D3Q27, 27>(level),
-                    };
+                    fluid.pass = pass;
                     fluid.initialise(&swirl);
                     for _ in 0..9 {
                         fluid.advance();

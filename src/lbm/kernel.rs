@@ -133,6 +133,7 @@ where
 {
     // A copy on the stack that nothing else can change keeps the operator's rates in registers.
     let collision = *collision;
+    let rates = collision.uniform::<N>();
     for plane in planes {
         for row in 0..shared.rows {
             let start = plane * shared.plane + row * shared.row;
@@ -148,7 +149,7 @@ where
                     // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included.
                     g[i] = unsafe { S::load(at[i].add(k)) };
                 });
-                collision.collide::<L, N, Q>(&mut g);
+                collision.collide::<L, N, Q>(&mut g, &rates);
                 unroll!(populations i < Q => {
                     // SAFETY: as for the load; the opposite of i was read here.
                     unsafe { S::store(at[L::OPPOSITE[i]].add(k), g[i]) };

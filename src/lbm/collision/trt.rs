@@ -8,87 +8,102 @@ use super::{Collision, Pairs, along};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
-/// TRT without a body force.
+/// TRT, with a uniform body force where `FORCED`.
 #[derive(Clone, Copy, Debug)]
-pub struct Trt {
+pub struct Trt<const FORCED: bool> {
     /// Rate of the even part, 1/τ.
-    pub omega_even: f64,
-    /// Rate of the odd part.
-    pub omega_odd: f64,
-}
-
-/// TRT with a uniform body force.
-#[derive(Clone, Copy, Debug)]
-pub struct ForcedTrt {
-    /// The rates.
-    pub rates: Trt,
+    pub omega: f64,
+    /// Magic parameter Λ.
+    pub magic: f64,
     /// Force density in lattice units.
     pub force: [f64; 3],
 }
 
-impl Trt {
-    /// Rates from the relaxation time τ and the magic parameter Λ.
-    #[must_use]
-    pub fn new(relaxation_time: f64, magic: f64) -> Self {
-        Self {
-            omega_even: 1.0 / relaxation_time,
-            omega_odd: 1.0 / (magic / (relaxation_time - 0.5) + 0.5),
+/// Halves of the two rates.
+#[derive(Clone, Copy, Debug)]
+pub struct Halves<N> {
+    even: N,
+    odd: N,
+}
+
+/// ω⁻ from ω⁺ and Λ: 1 / (Λ/(1/ω⁺ - ½) + ½).
+#[must_use]
+pub fn odd_rate(omega: f64, magic: f64) -> f64 {
+    1.0 / (magic / (1.0 / omega - 0.5) + 0.5)
+}
+
+impl<const FORCED: bool> Collision for Trt<FORCED> {
+    type Rates<N: Lanes> = Halves<N>;
+
+    #[inline(always)]
+    fn uniform<N: Lanes>(&self) -> Halves<N> {
+        Halves {
+            even: N::splat(0.5 * self.omega),
+            odd: N::splat(0.5 * odd_rate(self.omega, self.magic)),
         }
     }
-}
 
-impl Collision for Trt {
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(&self, g: &mut [N; Q]) {
-        relax::<L, N, Q, false>(g, *self, [0.0; 3]);
+    fn local<N: Lanes>(&self, omega: N) -> Halves<N> {
+        // ω⁻/2 = a / (2Λω⁺ + a) with a = 1 - ω⁺/2: one division.
+        let even = omega * N::splat(0.5);
+        let open = N::splat(1.0) - even;
+        Halves {
+            even,
+            odd: open / omega.mul_add(N::splat(2.0 * self.magic), open),
+        }
     }
-}
 
-impl Collision for ForcedTrt {
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(&self, g: &mut [N; Q]) {
-        relax::<L, N, Q, true>(g, self.rates, self.force);
-    }
-}
-
-#[inline(always)]
-fn relax<L: Lattice<Q>, N: Lanes, const Q: usize, const FORCED: bool>(
-    g: &mut [N; Q],
-    rates: Trt,
-    force: [f64; 3],
-) {
-    let p = Pairs::of::<L, Q>(g, force.map(|f| 0.5 * f));
-    let (even_rate, odd_rate) = (rates.omega_even, rates.omega_odd);
-    let mut base = p.mu.mul_add(N::splat(-1.5), p.drho) * N::splat(even_rate);
-    let mut lanes_force = [N::splat(0.0); 3];
-    let (even_source, odd_source) = (1.0 - 0.5 * even_rate, 1.0 - 0.5 * odd_rate);
-    if FORCED {
+    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        g: &mut [N; Q],
+        half: &Halves<N>,
+    ) -> [N; 3] {
+        let half_force = if FORCED {
+            self.force.map(|f| 0.5 * f)
+        } else {
+            [0.0; 3]
+        };
+        let p = Pairs::of::<L, Q>(g, half_force);
+        let base = p.mu.mul_add(N::splat(-1.5), p.drho);
+        // Sources of even and odd part: (1 - ω/2) of 9 (c·u)(c·F) - 3 u·F and of 3 c·F.
+        let mut force = [N::splat(0.0); 3];
         let mut uf = N::splat(0.0);
-        unroll!(axes a < L::DIMENSION => {
-            lanes_force[a] = N::splat(force[a]);
-            uf = p.u[a].mul_add(lanes_force[a], uf);
-        });
-        base = uf.mul_add(N::splat(-3.0 * even_source), base);
-    }
-    g[0] = g[0].mul_add(N::splat(1.0 - even_rate), base * N::splat(L::W[0]));
-    let half_even = N::splat(0.5 * even_rate);
-    let half_odd = N::splat(0.5 * odd_rate);
-    unroll!(pairs k < (Q - 1) / 2 => {
-        let (i, j) = L::PAIRS[k];
-        let c = L::C[i];
-        let w = L::W[i];
-        let cm = along(c, &p.m);
-        let cu = along(c, &p.u);
-        let mut even = (cm * cu).mul_add(N::splat(4.5 * even_rate), base);
-        let mut odd = cm * N::splat(3.0 * odd_rate * w);
+        let (mut even_source, mut odd_source) = (uf, uf);
+        let mut rest = base * N::splat(L::W[0]) - g[0];
+        rest = rest * half.even;
+        rest = rest + rest;
         if FORCED {
-            let cf = along(c, &lanes_force);
-            even = (cu * cf).mul_add(N::splat(9.0 * even_source), even);
-            odd = cf.mul_add(N::splat(3.0 * odd_source * w), odd);
+            even_source = (N::splat(1.0) - half.even) * N::splat(3.0);
+            odd_source = (N::splat(1.0) - half.odd) * N::splat(3.0);
+            unroll!(axes a < L::DIMENSION => {
+                force[a] = N::splat(self.force[a]);
+                uf = p.u[a].mul_add(force[a], uf);
+            });
+            rest = (even_source * uf).neg_mul_add(N::splat(L::W[0]), rest);
         }
-        let even = p.even[k].neg_mul_add(half_even, even * N::splat(w));
-        let odd = p.odd[k].neg_mul_add(half_odd, odd);
-        g[i] = g[i] + (even + odd);
-        g[j] = g[j] + (even - odd);
-    });
+        g[0] = g[0] + rest;
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            let c = L::C[i];
+            let w = L::W[i];
+            let cm = along(c, &p.m);
+            let cu = along(c, &p.u);
+            // Half of what the pair's sum and difference are short of their equilibria, times the rate. The rates come
+            // last, so that rates that differ from cell to cell cost nothing more.
+            let even = (cm * cu).mul_add(N::splat(4.5), base);
+            let mut even = (even * N::splat(2.0 * w) - p.even[k]) * half.even;
+            let mut odd = (cm * N::splat(6.0 * w) - p.odd[k]) * half.odd;
+            if FORCED {
+                let cf = along(c, &force);
+                let source = (cu * cf).mul_add(N::splat(3.0), N::splat(0.0) - uf) * even_source;
+                even = source.mul_add(N::splat(w), even);
+                odd = (cf * odd_source).mul_add(N::splat(w), odd);
+            }
+            g[i] = g[i] + (even + odd);
+            g[j] = g[j] + (even - odd);
+        });
+        p.u
+    }
 }

@@ -1,0 +1,555 @@
+//! Multiple relaxation times on D3Q27 (Suga, Kuwata, Takashima and Chikasue 2015; B-12, B-13), with Guo forcing (E-11).
+//!
+//! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ] with the orthogonal moments of Suga and
+//! S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5 = s7 = 1/τ.
+//!
+//! **The factorised form.** Every moment of Suga is a product of one polynomial in each component of c, from 1, c and P = 3c² - 2,
+//! or a sum or difference of such products:
+//!
+//! | moments | products | rate |
+//! |---|---|---|
+//! | ρ; j | 1; c_x | conserved |
+//! | e; 3p_xx, p_ww | sum of P_x, P_y, P_z; their differences | s4; s5 |
+//! | p_xy | c_x c_y | s7 |
+//! | q_x; τ_x | c_x P_y + c_x P_z; c_x P_y - c_x P_z | s10; s23 |
+//! | Ψ_x | c_x P_y P_z | s13 |
+//! | ε; XX, WW | sum of P_x P_y, P_y P_z, P_z P_x; their differences | s16; s18 |
+//! | e³ | P_x P_y P_z | s17 |
+//! | XY | c_x c_y P_z | s20 |
+//! | XYZ | c_x c_y c_z | s26 |
+//!
+//! so that M and M⁻¹ are three sweeps of 9 small transforms each, 216 additions in place of 1458 products; the result is that of
+//! the matrix to round-off. Equilibria are those of E-01 to second order in u; their moments need no more than δρ and
+//! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
+
+use super::Collision;
+use crate::lbm::lanes::Lanes;
+use crate::lbm::lattice::{D3Q27, Lattice, unroll};
+
+/// The rates beside that of the shear stress, by the names of Suga et al.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// s4, of the trace of the stress e.
+    pub bulk: f64,
+    /// s10, of q = Σ c_a (P_b + P_c).
+    pub q: f64,
+    /// s13, of Ψ = c_a P_b P_c.
+    pub psi: f64,
+    /// s16, of ε.
+    pub epsilon: f64,
+    /// s17, of e³.
+    pub e_cubed: f64,
+    /// s18, of XX and WW.
+    pub xx: f64,
+    /// s20, of XY, YZ and ZX.
+    pub xy: f64,
+    /// s23, of τ_x, τ_y and τ_z.
+    pub tau: f64,
+    /// s26, of XYZ.
+    pub xyz: f64,
+}
+
+impl Rates {
+    /// The rates of Suga et al. (2015), tuned for turbulent flow (B-12).
+    pub const SUGA: Self = Self {
+        bulk: 1.54,
+        q: 1.5,
+        psi: 1.83,
+        epsilon: 1.4,
+        e_cubed: 1.61,
+        xx: 1.98,
+        xy: 1.98,
+        tau: 1.74,
+        xyz: 1.74,
+    };
+
+    /// One rate for the even moments and one for the odd: then the operator is TRT.
+    #[must_use]
+    pub fn two(even: f64, odd: f64) -> Self {
+        Self {
+            bulk: even,
+            q: odd,
+            psi: odd,
+            epsilon: even,
+            e_cubed: even,
+            xx: even,
+            xy: even,
+            tau: odd,
+            xyz: odd,
+        }
+    }
+}
+
+/// MRT, with a uniform body force where `FORCED`.
+#[derive(Clone, Copy, Debug)]
+pub struct Mrt<const FORCED: bool> {
+    /// Rate of the shear stress 1/τ (s5 = s7).
+    pub omega: f64,
+    /// The other rates.
+    pub rates: Rates,
+    /// Force density in lattice units.
+    pub force: [f64; 3],
+}
+
+/// Number of the population with these components: 0 for 0, 1 for +1, 2 for -1.
+const POPULATION: [[[usize; 3]; 3]; 3] = {
+    let mut table = [[[0; 3]; 3]; 3];
+    let mut i = 0;
+    while i < 27 {
+        let c = D3Q27::C[i];
+        table[place(c[0])][place(c[1])][place(c[2])] = i;
+        i += 1;
+    }
+    table
+};
+
+const fn place(c: i8) -> usize {
+    match c {
+        0 => 0,
+        1 => 1,
+        _ => 2,
+    }
+}
+
+/// Numbers (rest, +, -) to moments (1, c, P = 3c² - 2).
+#[inline(always)]
+fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
+    let sum = plus + minus;
+    [
+        rest + sum,
+        plus - minus,
+        rest.neg_mul_add(N::splat(2.0), sum),
+    ]
+}
+
+/// Scaled moments (1/3, c/2, P/6) back to numbers (rest, +, -).
+#[inline(always)]
+fn compose<N: Lanes>([one, c, p]: [N; 3]) -> [N; 3] {
+    let sum = one + p;
+    [p.neg_mul_add(N::splat(2.0), one), sum + c, sum - c]
+}
+
+/// 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
+const fn scale(a: usize, b: usize, c: usize) -> f64 {
+    const NORM: [f64; 3] = [3.0, 2.0, 6.0];
+    1.0 / (NORM[a] * NORM[b] * NORM[c])
+}
+
+impl<const FORCED: bool> Collision for Mrt<FORCED> {
+    type Rates<N: Lanes> = N;
+
+    #[inline(always)]
+    fn uniform<N: Lanes>(&self) -> N {
+        N::splat(self.omega)
+    }
+
+    #[inline(always)]
+    fn local<N: Lanes>(&self, omega: N) -> N {
+        omega
+    }
+
+    #[inline(always)]
+    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        g: &mut [N; Q],
+        &omega: &N,
+    ) -> [N; 3] {
+        const { assert!(Q == 27, "the moments of Suga are those of D3Q27") };
+        let n = |x: f64| N::splat(x);
+        // Along x and y within each plane of c_z, then along z: t[a][b][c] is the moment of the product of polynomials a, b, c.
+        let mut t = [[[n(0.0); 3]; 3]; 3];
+        unroll!(axes z < 3 => {
+            let row = |y: usize| {
+                analyse(
+                    g[POPULATION[0][y][z]],
+                    g[POPULATION[1][y][z]],
+                    g[POPULATION[2][y][z]],
+                )
+            };
+            let (rest, plus, minus) = (row(0), row(1), row(2));
+            unroll!(axes a < 3 => {
+                let column = analyse(rest[a], plus[a], minus[a]);
+                t[a][0][z] = column[0];
+                t[a][1][z] = column[1];
+                t[a][2][z] = column[2];
+            });
+        });
+        unroll!(axes x < 3 => {
+            unroll!(axes y < 3 => {
+                t[x][y] = analyse(t[x][y][0], t[x][y][1], t[x][y][2]);
+            });
+        });
+
+        let drho = t[0][0][0];
+        let mut force = [n(0.0); 3];
+        let mut m = [t[1][0][0], t[0][1][0], t[0][0][1]];
+        if FORCED {
+            unroll!(axes a < 3 => {
+                force[a] = n(self.force[a]);
+                m[a] = m[a] + n(0.5 * self.force[a]);
+            });
+        }
+        let inverse = n(1.0) / (n(1.0) + drho);
+        let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
+
+        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and source 2s goes to
+        // t - rate (t - (q - s)) + 2s.
+        let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
+        let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
+        let mut square_source = [n(0.0); 3];
+        let mut cross_source = [n(0.0); 3];
+        let mut linear = m;
+        if FORCED {
+            unroll!(axes a < 3 => {
+                let b = (a + 1) % 3;
+                square_source[a] = force[a] * u[a];
+                cross_source[a] = force[a].mul_add(u[b], force[b] * u[a]) * n(0.5);
+                square[a] = square[a] - square_source[a];
+                cross[a] = cross[a] - cross_source[a];
+                // Of the odd moments the source is ±F.
+                linear[a] = m[a] - n(0.5 * self.force[a]);
+            });
+        }
+        let k = &self.rates;
+
+        // What a moment is short of its equilibrium: the change is the rate times this.
+        // Second moments P_a: equilibrium -δρ + 3 m_a u_a.
+        let mut short = [n(0.0); 3];
+        let diagonal = [t[2][0][0], t[0][2][0], t[0][0][2]];
+        unroll!(axes a < 3 => {
+            short[a] = square[a].mul_add(n(3.0), n(0.0) - (drho + diagonal[a]));
+        });
+        let mean = (short[0] + short[1] + short[2]) * (n(k.bulk) - omega) * n(1.0 / 3.0);
+        unroll!(axes a < 3 => {
+            let mut value = short[a].mul_add(omega, diagonal[a]) + mean;
+            if FORCED {
+                value = square_source[a].mul_add(n(6.0), value);
+            }
+            let (x, y, z) = ([2, 0, 0][a], [0, 2, 0][a], [0, 0, 2][a]);
+            t[x][y][z] = value * n(scale(2, 0, 0));
+        });
+        // c_a c_b: m_a u_b.
+        unroll!(axes a < 3 => {
+            let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
+            let mut value = (cross[a] - t[x][y][z]).mul_add(omega, t[x][y][z]);
+            if FORCED {
+                value = cross_source[a].mul_add(n(2.0), value);
+            }
+            t[x][y][z] = value * n(scale(1, 1, 0));
+        });
+        // c_a P_b, c_a P_c: -m_a each, relaxed as sum and difference; and c_a P_b P_c: m_a.
+        unroll!(axes a < 3 => {
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            let at = |pb: usize, pc: usize| {
+                let mut place = [0; 3];
+                place[a] = 1;
+                place[b] = pb;
+                place[c] = pc;
+                place
+            };
+            let [first, second, third] = [at(2, 0), at(0, 2), at(2, 2)];
+            let (p, q, psi) = (
+                t[first[0]][first[1]][first[2]],
+                t[second[0]][second[1]][second[2]],
+                t[third[0]][third[1]][third[2]],
+            );
+            let sum = linear[a].neg_mul_add(n(2.0), n(0.0) - (p + q));
+            let difference = (p - q) * n(0.5 * k.tau * scale(1, 2, 0));
+            let change = sum * n(0.5 * k.q * scale(1, 2, 0));
+            let mut p = p.mul_add(n(scale(1, 2, 0)), change - difference);
+            let mut q = q.mul_add(n(scale(1, 2, 0)), change + difference);
+            let mut psi = psi.mul_add(
+                n((1.0 - k.psi) * scale(1, 2, 2)),
+                linear[a] * n(k.psi * scale(1, 2, 2)),
+            );
+            if FORCED {
+                p = force[a].neg_mul_add(n(scale(1, 2, 0)), p);
+                q = force[a].neg_mul_add(n(scale(1, 2, 0)), q);
+                psi = force[a].mul_add(n(scale(1, 2, 2)), psi);
+            }
+            t[first[0]][first[1]][first[2]] = p;
+            t[second[0]][second[1]][second[2]] = q;
+            t[third[0]][third[1]][third[2]] = psi;
+        });
+        // P_a P_b: δρ - 3 (m_a u_a + m_b u_b), relaxed as sum and differences; P_x P_y P_z: -δρ + 3 m·u.
+        let total = square[0] + square[1] + square[2];
+        let quartic = [t[0][2][2], t[2][0][2], t[2][2][0]];
+        unroll!(axes a < 3 => {
+            // a is the axis that is not in the product.
+            short[a] = (total - square[a]).neg_mul_add(n(3.0), drho - quartic[a]);
+        });
+        let mean = (short[0] + short[1] + short[2]) * n((k.epsilon - k.xx) / 3.0 * scale(2, 2, 0));
+        let mut sources = n(0.0);
+        if FORCED {
+            sources = (square_source[0] + square_source[1] + square_source[2]) * n(6.0);
+        }
+        unroll!(axes a < 3 => {
+            let mut value = short[a].mul_add(
+                n(k.xx * scale(2, 2, 0)),
+                quartic[a].mul_add(n(scale(2, 2, 0)), mean),
+            );
+            if FORCED {
+                let source = square_source[a].neg_mul_add(n(6.0), sources);
+                value = source.neg_mul_add(n(scale(2, 2, 0)), value);
+            }
+            let (x, y, z) = ([0, 2, 2][a], [2, 0, 2][a], [2, 2, 0][a]);
+            t[x][y][z] = value;
+        });
+        let target = total.mul_add(n(3.0), n(0.0) - drho);
+        t[2][2][2] = t[2][2][2].mul_add(
+            n((1.0 - k.e_cubed) * scale(2, 2, 2)),
+            target * n(k.e_cubed * scale(2, 2, 2)),
+        );
+        if FORCED {
+            t[2][2][2] = sources.mul_add(n(scale(2, 2, 2)), t[2][2][2]);
+        }
+        // c_a c_b P_c: -m_a u_b; c_x c_y c_z: 0.
+        unroll!(axes a < 3 => {
+            let (x, y, z) = ([1, 2, 1][a], [1, 1, 2][a], [2, 1, 1][a]);
+            let mut value = t[x][y][z].mul_add(
+                n((1.0 - k.xy) * scale(1, 1, 2)),
+                cross[a] * n(-k.xy * scale(1, 1, 2)),
+            );
+            if FORCED {
+                value = cross_source[a].neg_mul_add(n(2.0 * scale(1, 1, 2)), value);
+            }
+            t[x][y][z] = value;
+        });
+        t[1][1][1] = t[1][1][1] * n((1.0 - k.xyz) * scale(1, 1, 1));
+        t[0][0][0] = drho * n(scale(0, 0, 0));
+        unroll!(axes a < 3 => {
+            let (x, y, z) = ([1, 0, 0][a], [0, 1, 0][a], [0, 0, 1][a]);
+            if FORCED {
+                t[x][y][z] = t[x][y][z] + force[a];
+            }
+            t[x][y][z] = t[x][y][z] * n(scale(1, 0, 0));
+        });
+
+        unroll!(axes x < 3 => {
+            unroll!(axes y < 3 => {
+                t[x][y] = compose(t[x][y]);
+            });
+        });
+        unroll!(axes z < 3 => {
+            let mut columns = [[n(0.0); 3]; 3];
+            unroll!(axes a < 3 => {
+                columns[a] = compose([t[a][0][z], t[a][1][z], t[a][2][z]]);
+            });
+            unroll!(axes y < 3 => {
+                let [rest, plus, minus] = compose([columns[0][y], columns[1][y], columns[2][y]]);
+                g[POPULATION[0][y][z]] = rest;
+                g[POPULATION[1][y][z]] = plus;
+                g[POPULATION[2][y][z]] = minus;
+            });
+        });
+        u
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bgk::Bgk;
+    use super::super::trt::{Trt, odd_rate};
+    use super::*;
+    use crate::lbm::initial::equilibrium;
+
+    const FORCE: [f64; 3] = [0.011, -0.007, 0.003];
+
+    /// Deviations of some lively cell.
+    fn cell(seed: u64) -> [f64; 27] {
+        std::array::from_fn(|i| {
+            let x = (seed * 27 + i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11;
+            (x as f64 / (1_u64 << 53) as f64 - 0.5) * 0.2 * D3Q27::W[i].sqrt()
+        })
+    }
+
+    /// The integer matrix with a rate for each row.
+    fn rows(omega: f64, k: &Rates) -> Vec<([f64; 27], f64)> {
+        let text = include_str!("../../../tests/reference/suga_d3q27.csv");
+        let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+        let order: Vec<[i8; 3]> = lines
+            .next()
+            .unwrap()
+            .split(',')
+            .skip(2)
+            .map(|c| {
+                let c: Vec<i8> = c
+                    .trim_matches(['(', ')'])
+                    .split(' ')
+                    .map(|x| x.parse().unwrap())
+                    .collect();
+                [c[0], c[1], c[2]]
+            })
+            .collect();
+        lines
+            .map(|line| {
+                let cells: Vec<&str> = line.split(',').collect();
+                let rate = match cells[0] {
+                    "rho" | "jx" | "jy" | "jz" => 0.0,
+                    "e" => k.bulk,
+                    "3pxx" | "pww" | "pxy" | "pyz" | "pzx" => omega,
+                    "qx" | "qy" | "qz" => k.q,
+                    "Psi_x" | "Psi_y" | "Psi_z" => k.psi,
+                    "eps" => k.epsilon,
+                    "e3" => k.e_cubed,
+                    "XX" | "WW" => k.xx,
+                    "XY" | "YZ" | "ZX" => k.xy,
+                    "tau_x" | "tau_y" | "tau_z" => k.tau,
+                    "XYZ" => k.xyz,
+                    other => panic!("{other}"),
+                };
+                let mut row = [0.0; 27];
+                for (c, x) in order.iter().zip(&cells[2..]) {
+                    let i = D3Q27::C.iter().position(|d| d == c).unwrap();
+                    row[i] = x.parse().unwrap();
+                }
+                (row, rate)
+            })
+            .collect()
+    }
+
+    /// The published form: the whole matrix.
+    fn reference(g: &[f64; 27], omega: f64, k: &Rates, force: [f64; 3]) -> [f64; 27] {
+        let drho: f64 = g.iter().sum();
+        let u: [f64; 3] = std::array::from_fn(|a| {
+            let j: f64 = (0..27).map(|i| f64::from(D3Q27::C[i][a]) * g[i]).sum();
+            (j + 0.5 * force[a]) / (1.0 + drho)
+        });
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let mut out = *g;
+        for (row, rate) in rows(omega, k) {
+            let (mut short, mut source, mut norm) = (0.0, 0.0, 0.0);
+            for i in 0..27 {
+                let c = D3Q27::C[i].map(f64::from);
+                let guo = 3.0 * (dot(c, force) - dot(u, force)) + 9.0 * dot(c, u) * dot(c, force);
+                short += row[i] * (equilibrium(D3Q27::W[i], D3Q27::C[i], drho, u) - g[i]);
+                source += row[i] * D3Q27::W[i] * guo;
+                norm += row[i] * row[i];
+            }
+            for i in 0..27 {
+                out[i] += row[i] / norm * (rate * short + (1.0 - 0.5 * rate) * source);
+            }
+        }
+        out
+    }
+
+    fn close(a: &[f64; 27], b: &[f64; 27]) {
+        for i in 0..27 {
+            assert!((a[i] - b[i]).abs() < 2e-16 * 27.0, "{i}: {} {}", a[i], b[i]);
+        }
+    }
+
+    fn collided<C: Collision>(operator: C, g: &[f64; 27]) -> [f64; 27] {
+        let mut g = *g;
+        operator.collide::<D3Q27, f64, 27>(&mut g, &operator.uniform());
+        g
+    }
+
+    #[test]
+    fn the_factorised_form_is_the_matrix_of_suga() {
+        for seed in 0..20 {
+            let g = cell(seed);
+            for omega in [0.3, 1.1, 1.99] {
+                let (rates, none) = (Rates::SUGA, [0.0; 3]);
+                let plain = Mrt::<false> {
+                    omega,
+                    rates,
+                    force: none,
+                };
+                close(&collided(plain, &g), &reference(&g, omega, &rates, none));
+                let forced = Mrt::<true> {
+                    omega,
+                    rates,
+                    force: FORCE,
+                };
+                close(&collided(forced, &g), &reference(&g, omega, &rates, FORCE));
+            }
+        }
+    }
+
+    /// B-14: equal rates are BGK; one rate for even and one for odd moments are TRT.
+    #[test]
+    fn equal_rates_are_bgk_and_paired_rates_are_trt() {
+        for seed in 0..20 {
+            let g = cell(seed);
+            for omega in [0.3, 1.1, 1.99] {
+                let force = FORCE;
+                let rates = Rates::two(omega, omega);
+                close(
+                    &collided(
+                        Mrt::<true> {
+                            omega,
+                            rates,
+                            force,
+                        },
+                        &g,
+                    ),
+                    &collided(Bgk::<true> { omega, force }, &g),
+                );
+                close(
+                    &collided(
+                        Mrt::<false> {
+                            omega,
+                            rates,
+                            force,
+                        },
+                        &g,
+                    ),
+                    &collided(Bgk::<false> { omega, force }, &g),
+                );
+                let magic = 3.0 / 16.0;
+                let rates = Rates::two(omega, odd_rate(omega, magic));
+                close(
+                    &collided(
+                        Mrt::<true> {
+                            omega,
+                            rates,
+                            force,
+                        },
+                        &g,
+                    ),
+                    &collided(
+                        Trt::<true> {
+                            omega,
+                            magic,
+                            force,
+                        },
+                        &g,
+                    ),
+                );
+                close(
+                    &collided(
+                        Mrt::<false> {
+                            omega,
+                            rates,
+                            force,
+                        },
+                        &g,
+                    ),
+                    &collided(
+                        Trt::<false> {
+                            omega,
+                            magic,
+                            force,
+                        },
+                        &g,
+                    ),
+                );
+            }
+        }
+    }
+
+    /// Rates of a cell's own are the uniform ones where the viscosity is the same.
+    #[test]
+    fn local_rates_are_those_of_the_viscosity() {
+        let operator = Trt::<false> {
+            omega: 1.3,
+            magic: 0.25,
+            force: [0.0; 3],
+        };
+        let g = cell(7);
+        let mut local = g;
+        operator.collide::<D3Q27, f64, 27>(&mut local, &operator.local(1.3));
+        close(&local, &collided(operator, &g));
+    }
+}
