@@ -7,8 +7,10 @@
 
 use decomposition::{Axis, Domain};
 use solver::lbm::boundary::{Condition, Patch, Ramp};
+use solver::lbm::collision::mrt::Rates;
 use solver::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
 use solver::lbm::lanes::Stored;
+use solver::lbm::turbulence::Model;
 use std::time::Instant;
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
@@ -30,10 +32,22 @@ fn measure<S: Stored>(
     cells: [usize; 3],
     steps: usize,
 ) -> f64 {
+    measure_with::<S>(set, operator, Model::None, force, cells, steps)
+}
+
+fn measure_with<S: Stored>(
+    set: Set,
+    operator: Operator,
+    turbulence: Model,
+    force: Force,
+    cells: [usize; 3],
+    steps: usize,
+) -> f64 {
     let setup = Setup {
         set,
         operator,
         relaxation_time: 0.8,
+        turbulence,
         force,
         cells,
         periodic: [false; 3],
@@ -143,6 +157,23 @@ fn main() {
     show(
         "D3Q27 BGK f32",
         measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        216.0,
+    );
+    let mrt = Operator::Mrt(Rates::SUGA);
+    let wale = Model::Wale(0.5);
+    show(
+        "D3Q27 MRT f64",
+        measure::<f64>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
+        432.0,
+    );
+    show(
+        "D3Q27 MRT + WALE + force f64",
+        measure_with::<f64>(Set::D3Q27, mrt, wale, force, cube, steps / 2),
+        468.0,
+    );
+    show(
+        "D3Q27 MRT f32",
+        measure::<f32>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
         216.0,
     );
 }

@@ -69,14 +69,32 @@ fn scatter<S: Stored>(fluid: &mut Fluid<S>, all: &[S], step: u64) {
     }
 }
 
-/// Where a slab lies in the array of populations: shape, start and count.
-fn box_of<S: Stored>(fluid: &Fluid<S>) -> [[usize; 4]; 3] {
+/// Local cells of a slab in the order [z][y][x] with their positions.
+fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
+    let populations = fluid.populations();
+    let [nx, ny, nz] = populations.cells();
+    (0..nz)
+        .flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
+        .map(|at| (at, populations.cell(at.map(usize::cast_signed))))
+}
+
+/// Velocities of a slab from which the next eddy viscosity comes, in the order [z][y][x][component]; none without turbulence.
+fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<Vec<f32>> {
+    let field = fluid.velocities()?;
+    Some(
+        cells_of(fluid)
+            .flat_map(|(_, cell)| field.velocity(cell))
+            .collect(),
+    )
+}
+
+/// Where a slab lies in an array of `q` numbers a cell: shape, start and count.
+fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     let (all, start, count) = (
         fluid.domain_cells(),
         fluid.start(),
         fluid.populations().cells(),
     );
-    let q = fluid.populations().velocities().q();
     [
         [all[2], all[1], all[0], q],
         [start[2], start[1], start[0], 0],
@@ -124,16 +142,29 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
     ) -> Result<(), io::Error> {
         let group = Together(communicator);
         let populations = self.fluid.map(gather);
+        let velocities = self.fluid.and_then(gather_velocities);
         let tables = self.tables();
         let mut arrays = Vec::new();
         if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
-            let [shape, start, count] = box_of(fluid).map(|v| v.to_vec());
+            let q = fluid.populations().velocities().q();
+            let [shape, start, count] = box_of(fluid, q).map(|v| v.to_vec());
             arrays.push(Array {
                 name: "populations",
                 shape,
                 start,
                 count,
                 data: <S as io::data::Element>::data(values),
+            });
+        }
+        attributes["velocities"] = json!(velocities.is_some());
+        if let (Some(fluid), Some(values)) = (self.fluid, &velocities) {
+            let [shape, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
+            arrays.push(Array {
+                name: "velocities",
+                shape,
+                start,
+                count,
+                data: Data::from(values.as_slice()),
             });
         }
         if !self.seepage.is_empty() {
@@ -232,12 +263,21 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let mut hash = StateHash::new();
         if let Some(fluid) = self.fluid {
             let key = field_key("populations");
-            let [shape, start, _] = box_of(fluid);
+            let [shape, start, _] = box_of(fluid, fluid.populations().velocities().q());
             for_each_incoming(fluid, |[x, y, z], i, number| {
                 let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
                 let bits = number.to_f64().to_bits();
                 hash.add(key, (cell * shape[3] + i) as u64, bits);
             });
+            if let Some(field) = fluid.velocities() {
+                let key = field_key("velocities");
+                for ([x, y, z], at) in cells_of(fluid) {
+                    let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                    for (a, u) in field.velocity(at).into_iter().enumerate() {
+                        hash.add(key, (cell * 3 + a) as u64, u64::from(u.to_bits()));
+                    }
+                }
+            }
         }
         if communicator.rank() == 0 {
             let key = field_key("seepage");
@@ -322,12 +362,29 @@ fn table_from_json(value: &Value) -> Table {
 /// # Errors
 /// When the checkpoint holds other populations than the slab needs.
 pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
-    let [_, start, count] = box_of(fluid).map(|v| v.to_vec());
+    let q = fluid.populations().velocities().q();
+    let [_, start, count] = box_of(fluid, q).map(|v| v.to_vec());
     let values: Vec<S> = reader
         .read("populations", &start, &count)
         .map_err(as_error)?;
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
+    if reader.attributes()["velocities"] != json!(true) {
+        // The turbulence was asked for only now.
+        fluid.renew_velocities();
+        return Ok(());
+    }
+    let [_, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
+    let velocities: Vec<f32> = reader
+        .read("velocities", &start, &count)
+        .map_err(as_error)?;
+    let cells: Vec<usize> = cells_of(fluid).map(|(_, cell)| cell).collect();
+    if let Some(field) = fluid.velocities_mut() {
+        for (&cell, u) in cells.iter().zip(velocities.chunks_exact(3)) {
+            field.set_velocity(cell, [u[0], u[1], u[2]]);
+        }
+    }
+    fluid.spread_velocities();
     Ok(())
 }
 

@@ -44,6 +44,10 @@ pub trait FluidView {
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
     /// Deviatoric viscous stress of a cell.
     fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3];
+    /// Viscosity of eddies smaller than a cell; 0 without turbulence.
+    fn eddy_viscosity(&self, _cell: [usize; 3]) -> f64 {
+        0.0
+    }
     /// Id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
     /// Names of the patches of the faces.

@@ -14,3 +14,4 @@ pub mod lanes;
 pub mod lattice;
 pub mod links;
 pub mod populations;
+pub mod turbulence;

@@ -78,6 +78,12 @@ impl LatticeUnits {
         viscosity / (self.spacing * self.velocity_scale())
     }
 
+    /// Kinematic viscosity on the lattice to m2/s.
+    #[must_use]
+    pub fn viscosity_to_si(&self, viscosity: f64) -> f64 {
+        viscosity * (self.spacing * self.velocity_scale())
+    }
+
     /// Relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
     #[must_use]
     pub fn relaxation_time(&self, viscosity: f64) -> f64 {

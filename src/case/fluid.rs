@@ -34,6 +34,9 @@ pub struct LatticeBoltzmann {
     /// Collision operator.
     #[serde(default)]
     pub collision: Collision,
+    /// Model of the eddies that are smaller than a cell; without it all scales are taken as resolved.
+    #[serde(default)]
+    pub turbulence: Option<Turbulence>,
     /// Relaxation time tau, without unit: the viscosity on the lattice is (tau - 1/2)/3 and the time step
     /// (tau - 1/2) h²/(3 nu). Above 0.5.
     #[serde(default)]
@@ -99,6 +102,88 @@ pub enum Collision {
         #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 10))]
         magic: f64,
     },
+    /// Multiple relaxation times on D3Q27 (Suga et al. 2015, B-12): the shear stress relaxes at 1/tau, each other group of
+    /// moments at a rate of its own. For turbulent flow.
+    Mrt {
+        /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2).
+        #[serde(default = "suga::bulk")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        bulk: f64,
+        /// s10, of the energy flux q.
+        #[serde(default = "suga::q")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        q: f64,
+        /// s13, of Psi.
+        #[serde(default = "suga::psi")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        psi: f64,
+        /// s16, of epsilon.
+        #[serde(default = "suga::epsilon")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        epsilon: f64,
+        /// s17, of e cubed.
+        #[serde(default = "suga::e_cubed")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        e_cubed: f64,
+        /// s18, of XX and WW.
+        #[serde(default = "suga::xx")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        xx: f64,
+        /// s20, of XY, YZ and ZX.
+        #[serde(default = "suga::xy")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        xy: f64,
+        /// s23, of the third-order tau.
+        #[serde(default = "suga::tau")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        tau: f64,
+        /// s26, of XYZ.
+        #[serde(default = "suga::xyz")]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        xyz: f64,
+    },
+}
+
+/// Eddy viscosity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Turbulence {
+    /// Wall-adapting local eddy viscosity (Nicoud and Ducros 1999, B-16): none in laminar shear and at walls. 3-D.
+    Wale {
+        /// C_w, without unit: 0.5 (Nicoud and Ducros) to 0.325 in channels.
+        #[serde(default = "one_half")]
+        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+        constant: f64,
+    },
+    /// Smagorinsky (1963).
+    Smagorinsky {
+        /// C_s, without unit: 0.1 in channels to 0.18 in free turbulence.
+        #[serde(default = "smagorinsky")]
+        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+        constant: f64,
+    },
+}
+
+fn one_half() -> f64 {
+    0.5
+}
+
+fn smagorinsky() -> f64 {
+    0.17
+}
+
+/// Rates of Suga et al. where the case gives none.
+mod suga {
+    use crate::lbm::collision::mrt::Rates;
+
+    macro_rules! rates {
+        ($($name:ident)*) => {
+            $(pub(super) fn $name() -> f64 {
+                Rates::SUGA.$name
+            })*
+        };
+    }
+    rates!(bulk q psi epsilon e_cubed xx xy tau xyz);
 }
 
 fn three_sixteenths() -> f64 {

@@ -165,6 +165,8 @@ pub enum FieldName {
     Density,
     /// Vorticity [1/s].
     Vorticity,
+    /// Viscosity of the eddies smaller than a cell [m2/s]; 0 without turbulence.
+    EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
 }

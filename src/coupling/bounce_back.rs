@@ -250,6 +250,10 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
         let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
         self.fluid.stress(position)
     }
+    fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.eddy_viscosity(position)
+    }
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         self.map.body_at(cell)
     }

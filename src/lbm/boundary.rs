@@ -96,6 +96,14 @@ impl Patch {
     }
 }
 
+/// The last patch that holds a position on a face; none where only the default wall does.
+#[must_use]
+pub fn holder(patches: &[Patch], axis: usize, upper: bool, position: [f64; 3]) -> Option<usize> {
+    patches
+        .iter()
+        .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
+}
+
 /// All boundary links of one slab, grouped by rule, ready to be applied without a choice in the loop.
 pub struct Boundaries {
     patches: Vec<Patch>,
@@ -217,12 +225,7 @@ impl Boundaries {
                     .filter(|&a| outside[a])
                     .map(|axis| {
                         let upper = c[axis] > 0;
-                        (0..defaults)
-                            .rev()
-                            .find(|&p| {
-                                let patch = &all.patches[p];
-                                patch.axis == axis && patch.upper == upper && patch.holds(middle)
-                            })
+                        holder(&all.patches[..defaults], axis, upper, middle)
                             .unwrap_or(defaults + 2 * axis + usize::from(upper))
                     })
                     .max_by_key(|&p| all.patches[p].condition.strength())
@@ -291,6 +294,15 @@ impl Boundaries {
         all
     }
 
+    /// Factor of the velocity of a patch at a step: that of its ramp.
+    #[must_use]
+    pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
+        match &self.patches[patch].condition {
+            Condition::Velocity(_, ramp) => ramp.at(step),
+            _ => 0.0,
+        }
+    }
+
     /// Names of the patches, in the order of [`Boundaries::fluxes`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.patches.iter().map(|p| p.name.as_str())
@@ -318,10 +330,7 @@ impl Boundaries {
         free_slip::apply(&self.mirrors, populations);
         wall::apply(
             &self.walls,
-            |patch| match &self.patches[patch].condition {
-                Condition::Velocity(_, ramp) => ramp.at(step),
-                _ => 0.0,
-            },
+            |patch| self.velocity_factor(patch, step),
             populations,
         );
     }

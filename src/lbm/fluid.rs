@@ -7,10 +7,13 @@ use super::collision::mrt::{self, Mrt};
 use super::collision::trt::Trt;
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
-use super::kernel::{Pass, Shared, choose};
+use super::kernel::{Pass, Shared, Update, choose};
 use super::lanes::{Level, Stored};
 use super::lattice::{D2Q9, D3Q19, D3Q27, Lattice, Velocities};
 use super::populations::Populations;
+use super::turbulence::smagorinsky::Smagorinsky;
+use super::turbulence::wale::Wale;
+use super::turbulence::{self, Eddies, Model, Resolved, View};
 use decomposition::Domain;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -98,8 +101,10 @@ pub struct Setup {
     pub set: Set,
     /// Operator.
     pub operator: Operator,
-    /// Relaxation time τ, above ½.
+    /// Relaxation time τ of the fluid itself, above ½.
     pub relaxation_time: f64,
+    /// Eddy viscosity.
+    pub turbulence: Model,
     /// Body force.
     pub force: Force,
     /// Cells of the whole domain along x, y, z.
@@ -110,7 +115,7 @@ pub struct Setup {
     pub patches: Vec<Patch>,
 }
 
-/// An operator with or without a force, chosen once: what it does to some planes at a time.
+/// Operator, force and eddies, chosen once: what a step does to some planes at a time.
 trait Step<S: Stored>: Send + Sync {
     /// One pass over the planes; `force` is that of this step.
     ///
@@ -120,81 +125,126 @@ trait Step<S: Stored>: Send + Sync {
 }
 
 /// A pass function with the operator as a function of the force.
-struct Chosen<S: Stored, C, F> {
-    pass: Pass<S, C>,
+struct Chosen<S: Stored, C, T, F> {
+    pass: Pass<S, C, T>,
     operator: F,
+    eddies: T,
+    viscosity: f64,
 }
 
-impl<S: Stored, C: Collision, F: Fn([f64; 3]) -> C + Send + Sync> Step<S> for Chosen<S, C, F> {
+impl<S, C, T, F> Step<S> for Chosen<S, C, T, F>
+where
+    S: Stored,
+    C: Collision,
+    T: Eddies,
+    F: Fn([f64; 3]) -> C + Send + Sync,
+{
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
-        let operator = (self.operator)(force);
+        let update = Update {
+            collision: (self.operator)(force),
+            eddies: self.eddies,
+            viscosity: self.viscosity,
+        };
         // SAFETY: the planes are the caller's promise; the level was chosen from what the processor offers.
-        unsafe { (self.pass)(shared, &operator, planes) };
+        unsafe { (self.pass)(shared, &update, planes) };
     }
 }
 
-fn chosen<L: Lattice<Q>, C: Collision + 'static, S: Stored, const Q: usize>(
-    level: Level,
-    operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
-) -> Box<dyn Step<S>> {
-    Box::new(Chosen {
-        pass: choose::<L, C, S, Q>(level),
-        operator,
-    })
-}
-
-/// The pass for the set, operator and force of a setup.
-fn pass_of<S: Stored>(setup: &Setup, level: Level) -> Box<dyn Step<S>> {
-    let omega = 1.0 / setup.relaxation_time;
-    let forced = setup.force != Force::None;
-    match setup.set {
-        Set::D2Q9 => step::<D2Q9, S, 9>(setup.operator, omega, forced, level),
-        Set::D3Q19 => step::<D3Q19, S, 19>(setup.operator, omega, forced, level),
-        Set::D3Q27 => step::<D3Q27, S, 27>(setup.operator, omega, forced, level),
-    }
-}
-
-/// The pass of an operator on a velocity set.
-fn step<L: Lattice<Q>, S: Stored, const Q: usize>(
+/// What a pass is chosen by, beside the types.
+#[derive(Clone, Copy)]
+struct Choice {
     operator: Operator,
-    omega: f64,
+    turbulence: Model,
+    relaxation_time: f64,
     forced: bool,
     level: Level,
-) -> Box<dyn Step<S>> {
-    match (operator, forced) {
-        (Operator::Bgk, false) => {
-            chosen::<L, _, S, Q>(level, move |force| Bgk::<false> { omega, force })
+}
+
+impl Choice {
+    fn of(setup: &Setup, level: Level) -> Self {
+        Self {
+            operator: setup.operator,
+            turbulence: setup.turbulence,
+            relaxation_time: setup.relaxation_time,
+            forced: setup.force != Force::None,
+            level,
         }
-        (Operator::Bgk, true) => {
-            chosen::<L, _, S, Q>(level, move |force| Bgk::<true> { omega, force })
+    }
+
+    /// The pass on a velocity set.
+    fn on<S: Stored>(self, set: Set) -> Box<dyn Step<S>> {
+        match set {
+            Set::D2Q9 => self.operator::<D2Q9, S, 9>(),
+            Set::D3Q19 => self.operator::<D3Q19, S, 19>(),
+            Set::D3Q27 => self.operator::<D3Q27, S, 27>(),
         }
-        (Operator::Trt { magic }, false) => {
-            chosen::<L, _, S, Q>(level, move |force| Trt::<false> {
-                omega,
-                magic,
-                force,
-            })
+    }
+
+    fn operator<L: Lattice<Q>, S: Stored, const Q: usize>(self) -> Box<dyn Step<S>> {
+        let omega = 1.0 / self.relaxation_time;
+        match (self.operator, self.forced) {
+            (Operator::Bgk, false) => {
+                self.eddies::<L, _, S, Q>(move |force| Bgk::<false> { omega, force })
+            }
+            (Operator::Bgk, true) => {
+                self.eddies::<L, _, S, Q>(move |force| Bgk::<true> { omega, force })
+            }
+            (Operator::Trt { magic }, false) => {
+                self.eddies::<L, _, S, Q>(move |force| Trt::<false> {
+                    omega,
+                    magic,
+                    force,
+                })
+            }
+            (Operator::Trt { magic }, true) => {
+                self.eddies::<L, _, S, Q>(move |force| Trt::<true> {
+                    omega,
+                    magic,
+                    force,
+                })
+            }
+            // The moments are those of D3Q27, whatever set was asked for.
+            (Operator::Mrt(rates), false) => {
+                self.eddies::<D3Q27, _, S, 27>(move |force| Mrt::<false> {
+                    omega,
+                    rates,
+                    force,
+                })
+            }
+            (Operator::Mrt(rates), true) => {
+                self.eddies::<D3Q27, _, S, 27>(move |force| Mrt::<true> {
+                    omega,
+                    rates,
+                    force,
+                })
+            }
         }
-        (Operator::Trt { magic }, true) => chosen::<L, _, S, Q>(level, move |force| Trt::<true> {
-            omega,
-            magic,
-            force,
-        }),
-        // The moments are those of D3Q27, whatever set was asked for.
-        (Operator::Mrt(rates), false) => {
-            chosen::<D3Q27, _, S, 27>(level, move |force| Mrt::<false> {
-                omega,
-                rates,
-                force,
-            })
+    }
+
+    fn eddies<L: Lattice<Q>, C: Collision + 'static, S: Stored, const Q: usize>(
+        self,
+        operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
+    ) -> Box<dyn Step<S>> {
+        match self.turbulence {
+            Model::None => self.boxed::<L, C, _, S, Q>(operator, Resolved),
+            Model::Wale(constant) => self.boxed::<L, C, _, S, Q>(operator, Wale { constant }),
+            Model::Smagorinsky(constant) => {
+                self.boxed::<L, C, _, S, Q>(operator, Smagorinsky { constant })
+            }
         }
-        (Operator::Mrt(rates), true) => {
-            chosen::<D3Q27, _, S, 27>(level, move |force| Mrt::<true> {
-                omega,
-                rates,
-                force,
-            })
-        }
+    }
+
+    fn boxed<L: Lattice<Q>, C: Collision + 'static, T: Eddies, S: Stored, const Q: usize>(
+        self,
+        operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
+        eddies: T,
+    ) -> Box<dyn Step<S>> {
+        Box::new(Chosen {
+            pass: choose::<L, C, T, S, Q>(self.level),
+            operator,
+            eddies,
+            viscosity: (self.relaxation_time - 0.5) / 3.0,
+        })
     }
 }
 
@@ -203,7 +253,10 @@ pub struct Fluid<S: Stored> {
     populations: Populations<S>,
     boundaries: Boundaries,
     halo: Halo,
-    describe: fn(&mut Populations<S>) -> Shared<S>,
+    turbulence: Model,
+    /// Velocities for the eddy viscosity; none without one.
+    field: Option<turbulence::Field>,
+    describe: fn(&mut Populations<S>, View) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
@@ -229,7 +282,7 @@ impl<S: Stored> Fluid<S> {
         start[split] = planes.start;
         let level = Level::best();
         let velocities = setup.set.velocities();
-        let pass = pass_of(&setup, level);
+        let pass = Choice::of(&setup, level).on(setup.set);
         let describe = match setup.set {
             Set::D2Q9 => Shared::new::<9>,
             Set::D3Q19 => Shared::new::<19>,
@@ -241,6 +294,15 @@ impl<S: Stored> Fluid<S> {
             start,
             periodic: setup.periodic,
         };
+        let field = match setup.turbulence {
+            Model::None => None,
+            _ => Some(turbulence::Field::new(
+                &populations,
+                &frame,
+                &setup.patches,
+                domain,
+            )?),
+        };
         let boundaries = Boundaries::new(&populations, &frame, setup.patches);
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
@@ -249,6 +311,8 @@ impl<S: Stored> Fluid<S> {
             populations,
             boundaries,
             halo,
+            turbulence: setup.turbulence,
+            field,
             describe,
             pass,
             relaxation_time: setup.relaxation_time,
@@ -272,6 +336,7 @@ impl<S: Stored> Fluid<S> {
             half,
             field,
         );
+        self.renew_velocities();
     }
 
     /// One step: collide and stream every cell, exchange, apply the faces. Afterwards every incoming population of the
@@ -284,10 +349,15 @@ impl<S: Stored> Fluid<S> {
         }
         let force = self.half_force().map(|f| 2.0 * f);
         // Faces first: their populations travel while the interior is updated.
-        let shared = (self.describe)(&mut self.populations);
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        let shared = (self.describe)(&mut self.populations, velocity);
         self.run(&shared, force, 0..1);
         if planes > 1 {
             self.run(&shared, force, planes - 1..planes);
+        }
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
         }
         self.populations.flip();
         let reversed = self.populations.parity() == super::populations::Parity::Reversed;
@@ -312,6 +382,64 @@ impl<S: Stored> Fluid<S> {
         let time = self.step as f64;
         self.boundaries
             .apply(&mut self.populations, time, force.map(|f| 0.5 * f));
+        self.complete_velocities();
+    }
+
+    fn complete_velocities(&mut self) {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = self.step as f64;
+        if let Some(field) = &mut self.field {
+            let boundaries = &self.boundaries;
+            field.complete(|patch| boundaries.velocity_factor(patch, time));
+        }
+    }
+
+    /// Sets the velocities from which the next eddy viscosity comes to those of the cells as they are. All ranks together.
+    pub fn renew_velocities(&mut self) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        if self.field.is_none() || planes == 0 {
+            return;
+        }
+        let cells: Vec<usize> = self.populations.interior().map(|(_, cell)| cell).collect();
+        for cell in cells {
+            let (_, u) = self.state(cell);
+            if let Some(field) = &mut self.field {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                field.set_velocity(cell, u.map(|x| x as f32));
+            }
+        }
+        self.spread_velocities();
+    }
+
+    /// Ghosts of the velocities that were set cell by cell. All ranks together.
+    pub fn spread_velocities(&mut self) {
+        if let Some(field) = &mut self.field {
+            field.exchange_start();
+        }
+        self.complete_velocities();
+    }
+
+    /// The velocities from which the next eddy viscosity comes; none without turbulence.
+    #[must_use]
+    pub fn velocities(&self) -> Option<&turbulence::Field> {
+        self.field.as_ref()
+    }
+
+    /// The same, to be set on a restart and inside bodies; then [`Self::spread_velocities`].
+    pub fn velocities_mut(&mut self) -> Option<&mut turbulence::Field> {
+        self.field.as_mut()
+    }
+
+    /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.
+    #[must_use]
+    pub fn eddy_viscosity(&self, cell: usize) -> f64 {
+        let Some(field) = &self.field else { return 0.0 };
+        let gradient = field.gradient(cell);
+        match self.turbulence {
+            Model::None => 0.0,
+            Model::Wale(constant) => Wale { constant }.viscosity(&gradient),
+            Model::Smagorinsky(constant) => Smagorinsky { constant }.viscosity(&gradient),
+        }
     }
 
     /// Collides and streams some planes, each thread its share.
@@ -365,13 +493,15 @@ impl<S: Stored> Fluid<S> {
         (drho, u)
     }
 
-    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units.
+    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with turbulence
+    /// that of eddies smaller than a cell too.
     #[must_use]
     pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
         let (drho, u) = self.state(cell);
         let velocities = self.populations.velocities();
         let mut stress = [[0.0; 3]; 3];
-        let factor = -(1.0 - 0.5 / self.relaxation_time);
+        let time = self.relaxation_time + 3.0 * self.eddy_viscosity(cell);
+        let factor = -(1.0 - 0.5 / time);
         for i in 0..velocities.q() {
             let c = velocities.c[i];
             let g = self.populations.numbers()[self.populations.incoming(cell, i)].to_f64();
@@ -462,6 +592,7 @@ mod tests {
             set,
             operator,
             relaxation_time: tau,
+            turbulence: Model::None,
             force: Force::None,
             cells,
             periodic: [true, false, true],
@@ -547,6 +678,37 @@ mod tests {
         );
     }
 
+    /// B-18: beside walls the derivative of a parabola is exact, beside open faces that of a straight line.
+    #[test]
+    fn the_gradient_beside_faces() {
+        let (cells, nu) = ([4, 8, 3], 0.1);
+        let mut s = setup(
+            Set::D3Q27,
+            Operator::Mrt(mrt::Rates::SUGA),
+            0.5 + 3.0 * nu,
+            cells,
+        );
+        s.turbulence = Model::Smagorinsky(0.17);
+        s.patches.push(Patch {
+            name: "lid".into(),
+            axis: 1,
+            upper: true,
+            range: EVERYWHERE,
+            condition: Condition::Velocity(Box::new(|_| [0.02, 0.0, 0.0]), Ramp::constant(1.0)),
+        });
+        let mut fluid = serial(0, s);
+        // 0 at the floor, 0.02 at the lid.
+        let slope = |y: f64| 0.02 / 8.0 + 1e-4 * (8.0 - 2.0 * y);
+        let profile = |y: f64| 0.02 * y / 8.0 + 1e-4 * y * (8.0 - y);
+        fluid.initialise(&|p: [f64; 3]| (0.0, [profile(p[1]), 0.0, 0.0]));
+        for y in 0..8 {
+            let cell = fluid.populations().cell([1, y, 1]);
+            let exact = 0.17 * 0.17 * slope(y as f64 + 0.5).abs();
+            let found = fluid.eddy_viscosity(cell);
+            assert!((found - exact).abs() < 1e-8, "{y} {found} {exact}");
+        }
+    }
+
     fn swirl(p: [f64; 3]) -> (f64, [f64; 3]) {
         let (x, y) = (p[0] * 0.7, p[1] * 0.9);
         (
@@ -618,7 +780,12 @@ mod tests {
             for periodic in [[false; 3], [false, true, true], [true, true, false]] {
                 let mut results = Vec::new();
                 for axis in 0..axes {
-                    let mut fluid = serial(axis, every_face(periodic, set, cells));
+                    let mut s = every_face(periodic, set, cells);
+                    if set == Set::D3Q27 {
+                        s.operator = Operator::Mrt(mrt::Rates::SUGA);
+                        s.turbulence = Model::Wale(0.5);
+                    }
+                    let mut fluid = serial(axis, s);
                     fluid.initialise(&swirl);
                     for _ in 0..11 {
                         fluid.advance();
@@ -650,7 +817,10 @@ mod tests {
                 for level in [Level::Scalar, Level::best()] {
                     let mut s = every_face([false, true, true], set, cells);
                     s.operator = operator;
-                    let pass = pass_of(&s, level);
+                    if operator != Operator::Bgk {
+                        s.turbulence = Model::Wale(0.5);
+                    }
+                    let pass = Choice::of(&s, level).on(set);
                     let mut fluid = serial(0, s);
                     fluid.pass = pass;
                     fluid.initialise(&swirl);

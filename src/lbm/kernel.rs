@@ -8,10 +8,22 @@ use super::collision::Collision;
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::Populations;
+use super::turbulence::{Eddies, View, rate};
 use std::ops::Range;
 
-/// One pass over some planes of a slab, chosen once at start for lattice, operator, storage and processor.
-pub type Pass<S, C> = unsafe fn(&Shared<S>, &C, Range<usize>);
+/// What happens to a cell: an operator with an eddy viscosity.
+#[derive(Clone, Copy, Debug)]
+pub struct Update<C, T> {
+    /// The operator.
+    pub collision: C,
+    /// Eddy viscosity.
+    pub eddies: T,
+    /// Viscosity of the fluid itself, lattice units.
+    pub viscosity: f64,
+}
+
+/// One pass over some planes of a slab, chosen once at start for lattice, operator, eddies, storage and processor.
+pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, Range<usize>);
 
 /// What the threads of one pass share.
 pub struct Shared<S> {
@@ -22,6 +34,7 @@ pub struct Shared<S> {
     row: usize,
     rows: usize,
     cells: usize,
+    velocity: View,
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each plane of
@@ -30,7 +43,7 @@ unsafe impl<S> Sync for Shared<S> {}
 
 impl<S: Stored> Shared<S> {
     /// Describes the coming pass over `populations`.
-    pub(crate) fn new<const Q: usize>(populations: &mut Populations<S>) -> Self {
+    pub(crate) fn new<const Q: usize>(populations: &mut Populations<S>, velocity: View) -> Self {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
         let unit = |axis: usize| {
@@ -48,19 +61,22 @@ impl<S: Stored> Shared<S> {
             cells: cells[fast],
             first,
             base: populations.base(),
+            velocity,
         }
     }
 }
 
 /// The pass for this lattice, operator, storage and level.
 #[must_use]
-pub fn choose<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(level: Level) -> Pass<S, C> {
+pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, S: Stored, const Q: usize>(
+    level: Level,
+) -> Pass<S, C, T> {
     match level {
-        Level::Scalar => scalar::<L, C, S, Q>,
+        Level::Scalar => scalar::<L, C, T, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => S::avx2::<L, C, Q>(),
+        Level::Avx2 => S::avx2::<L, C, T, Q>(),
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => S::avx512::<L, C, Q>(),
+        Level::Avx512 => S::avx512::<L, C, T, Q>(),
     }
 }
 
@@ -69,71 +85,83 @@ pub fn choose<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(level: Lev
 pub trait OnEveryLevel: Sized {
     /// Pass with AVX2 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx2<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<Self, C>;
+    fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<Self, C, T>;
     /// Pass with AVX-512 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx512<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<Self, C>;
+    fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<Self, C, T>;
 }
 
 macro_rules! on_every_level {
     ($stored:ty, $avx2:ident, $avx512:ident) => {
         impl OnEveryLevel for $stored {
             #[cfg(target_arch = "x86_64")]
-            fn avx2<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<$stored, C> {
-                $avx2::<L, C, Q>
+            fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<$stored, C, T>
+            {
+                $avx2::<L, C, T, Q>
             }
             #[cfg(target_arch = "x86_64")]
-            fn avx512<L: Lattice<Q>, C: Collision, const Q: usize>() -> Pass<$stored, C> {
-                $avx512::<L, C, Q>
+            fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>()
+            -> Pass<$stored, C, T> {
+                $avx512::<L, C, T, Q>
             }
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        unsafe fn $avx2<L: Lattice<Q>, C: Collision, const Q: usize>(
+        unsafe fn $avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>(
             shared: &Shared<$stored>,
-            collision: &C,
+            update: &Update<C, T>,
             planes: Range<usize>,
         ) {
             // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, $stored, super::lanes::Avx2, Q>(shared, collision, planes) }
+            unsafe { pass::<L, C, T, $stored, super::lanes::Avx2, Q>(shared, update, planes) }
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx2,fma")]
-        unsafe fn $avx512<L: Lattice<Q>, C: Collision, const Q: usize>(
+        unsafe fn $avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>(
             shared: &Shared<$stored>,
-            collision: &C,
+            update: &Update<C, T>,
             planes: Range<usize>,
         ) {
             // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, $stored, super::lanes::Avx512, Q>(shared, collision, planes) }
+            unsafe { pass::<L, C, T, $stored, super::lanes::Avx512, Q>(shared, update, planes) }
         }
     };
 }
 on_every_level!(f64, avx2_f64, avx512_f64);
 on_every_level!(f32, avx2_f32, avx512_f32);
 
-unsafe fn scalar<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
+unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, S: Stored, const Q: usize>(
     shared: &Shared<S>,
-    collision: &C,
+    update: &Update<C, T>,
     planes: Range<usize>,
 ) {
     // SAFETY: forwarded from the caller.
-    unsafe { pass::<L, C, S, f64, Q>(shared, collision, planes) }
+    unsafe { pass::<L, C, T, S, f64, Q>(shared, update, planes) }
 }
 
 /// # Safety
 /// No other thread may work on the same planes, and the processor must offer the instructions of `N`.
 #[inline(always)]
-unsafe fn pass<L, C, S, N, const Q: usize>(shared: &Shared<S>, collision: &C, planes: Range<usize>)
-where
+unsafe fn pass<L, C, T, S, N, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    planes: Range<usize>,
+) where
     L: Lattice<Q>,
     C: Collision,
+    T: Eddies,
     S: Memory<N>,
+    f32: Memory<N>,
     N: super::lanes::Lanes,
 {
     // A copy on the stack that nothing else can change keeps the operator's rates in registers.
-    let collision = *collision;
-    let rates = collision.uniform::<N>();
+    let Update {
+        collision,
+        eddies,
+        viscosity,
+    } = *update;
+    let velocity = shared.velocity;
+    let mut rates = collision.uniform::<N>();
     for plane in planes {
         for row in 0..shared.rows {
             let start = plane * shared.plane + row * shared.row;
@@ -142,18 +170,29 @@ where
                 // SAFETY: `first` are positions inside the array for the first row, and the row lies in the slab.
                 at[i] = unsafe { shared.base.add(shared.first[i] + start) };
             });
+            // Population 0 is at its cell, so that its position is that of the cell in other arrays too.
+            let cell = shared.first[0] + start;
             let mut k = 0;
             while k < shared.cells {
+                if T::ACTIVE {
+                    // SAFETY: an interior cell.
+                    let gradient = unsafe { velocity.gradient::<N>(cell + k) };
+                    rates = collision.local(rate(viscosity, eddies.viscosity(&gradient)));
+                }
                 let mut g = [N::splat(0.0); Q];
                 unroll!(populations i < Q => {
                     // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included.
                     g[i] = unsafe { S::load(at[i].add(k)) };
                 });
-                collision.collide::<L, N, Q>(&mut g, &rates);
+                let u = collision.collide::<L, N, Q>(&mut g, &rates);
                 unroll!(populations i < Q => {
                     // SAFETY: as for the load; the opposite of i was read here.
                     unsafe { S::store(at[L::OPPOSITE[i]].add(k), g[i]) };
                 });
+                if T::ACTIVE {
+                    // SAFETY: this cell is ours, and ghosts are renewed after the pass.
+                    unsafe { velocity.leave(cell + k, u) };
+                }
                 k += N::WIDTH;
             }
         }

@@ -19,6 +19,8 @@ pub trait Lanes:
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// `b - self * a`, rounded once.
     fn neg_mul_add(self, a: Self, b: Self) -> Self;
+    /// Square root, rounded once.
+    fn sqrt(self) -> Self;
 }
 
 /// A number at rest in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
@@ -87,6 +89,10 @@ impl Lanes for f64 {
     fn neg_mul_add(self, a: Self, b: Self) -> Self {
         f64::mul_add(-self, a, b)
     }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
 }
 
 impl<S: Stored> Memory<f64> for S {
@@ -115,7 +121,7 @@ mod x86 {
     pub struct Avx512(__m512d);
 
     macro_rules! operators {
-        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident) => {
+        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident) => {
             impl Add for $lanes {
                 type Output = Self;
                 #[inline(always)]
@@ -166,6 +172,11 @@ mod x86 {
                     // SAFETY: as for `add`.
                     Self(unsafe { $fnma(self.0, a.0, b.0) })
                 }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $sqrt(self.0) })
+                }
             }
         };
     }
@@ -178,7 +189,8 @@ mod x86 {
         _mm256_div_pd,
         _mm256_fmadd_pd,
         _mm256_fnmadd_pd,
-        _mm256_set1_pd
+        _mm256_set1_pd,
+        _mm256_sqrt_pd
     );
     operators!(
         Avx512,
@@ -189,7 +201,8 @@ mod x86 {
         _mm512_div_pd,
         _mm512_fmadd_pd,
         _mm512_fnmadd_pd,
-        _mm512_set1_pd
+        _mm512_set1_pd,
+        _mm512_sqrt_pd
     );
 
     macro_rules! memory {

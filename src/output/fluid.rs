@@ -128,6 +128,9 @@ impl<T: Number> Buffers<T> {
                                 let w = w.map(|w| T::of(units.rate_to_si(w)));
                                 to.extend_from_slice(&w[if grid.dimension == 3 { 0 } else { 2 }..]);
                             }
+                            FieldName::EddyViscosity => {
+                                to.push(T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell))));
+                            }
                             FieldName::Solid => {
                                 let body = fluid.body_at(cell);
                                 self.solid.push(u8::from(body.is_some()));
@@ -151,6 +154,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::Pressure => ("pressure", "Pa"),
                 FieldName::Density => ("density", "kg/m3"),
                 FieldName::Vorticity => ("vorticity", "1/s"),
+                FieldName::EddyViscosity => ("eddy_viscosity", "m2/s"),
                 FieldName::Solid => ("solid", "-"),
             };
             let data = if *field == FieldName::Solid {

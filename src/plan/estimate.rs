@@ -36,6 +36,8 @@ pub struct Estimate {
 
 /// Beside the populations of a cell: solid mark, owner, time-averaged load on links.
 const CELL_EXTRA_BYTES: f64 = 12.0;
+/// Two velocities in f32 for the eddy viscosity.
+const EDDY_BYTES: f64 = 24.0;
 /// A grain with its neighbour list, contacts and history.
 const GRAIN_BYTES: f64 = 1500.0;
 /// The program itself, MPI and HDF5 included.
@@ -88,6 +90,9 @@ impl Estimate {
         if let Some(flow) = &scene.flow {
             estimate.bytes_per_cell =
                 count(flow.lattice.velocities()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
+            if flow.turbulence.is_some() {
+                estimate.bytes_per_cell += EDDY_BYTES;
+            }
             estimate.mlups = mlups(flow.lattice, flow.storage);
             let updates = cells * (steps + steps_number(clock.warm_up_steps));
             estimate.seconds_on_one_core += updates / (1e6 * estimate.mlups);

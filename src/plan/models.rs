@@ -2,7 +2,7 @@
 
 use super::Clock;
 use crate::case::coupling::Scheme;
-use crate::case::fluid::{Collision, Precision};
+use crate::case::fluid::{Collision, Precision, Turbulence};
 use crate::scene::Scene;
 use crate::scene::contact::Law;
 use crate::scene::findings::number;
@@ -70,6 +70,9 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                     "D3Q19",
                     "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
                 ),
+                Lattice::D3q27 if matches!(flow.collision, Collision::Mrt { .. }) => {
+                    ("D3Q27", "the moments of the operator are those of this set")
+                }
                 Lattice::D3q27 => ("D3Q27", "asked for: isotropic to fourth order"),
             };
             choose("lattice", name.into(), reason.into());
@@ -87,6 +90,31 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                     format!("TRT, magic parameter {magic}"),
                     "the position of walls does not depend on the viscosity".into(),
                 ),
+                Collision::Mrt { .. } => choose(
+                    "collision",
+                    "multiple relaxation times after Suga".into(),
+                    "asked for; moments that are not hydrodynamic are damped at their own rates"
+                        .into(),
+                ),
+            }
+            let asked = "asked for; from the gradient of the velocity of the step before".into();
+            match flow.turbulence {
+                None => choose(
+                    "turbulence",
+                    "none".into(),
+                    "not asked for: all eddies are taken as resolved, no velocity field is kept"
+                        .into(),
+                ),
+                Some(Turbulence::Wale { constant }) => {
+                    choose("turbulence", format!("WALE, constant {constant}"), asked);
+                }
+                Some(Turbulence::Smagorinsky { constant }) => {
+                    choose(
+                        "turbulence",
+                        format!("Smagorinsky, constant {constant}"),
+                        asked,
+                    );
+                }
             }
             choose(
                 "populations",

@@ -5,7 +5,7 @@ use super::findings::{Findings, number};
 use super::grid::{Grid, count, whole};
 use crate::case::Case;
 use crate::case::boundary::{Condition as Written, VelocityProfile as Profile};
-use crate::case::fluid::{self, Collision, LatticeBoltzmann, LatticeChoice, Precision};
+use crate::case::fluid::{self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::case::geometry::Face;
 use crate::units::LatticeUnits;
 use serde::Serialize;
@@ -25,6 +25,8 @@ pub struct Flow {
     pub lattice: Lattice,
     /// Collision operator.
     pub collision: Collision,
+    /// Eddy viscosity.
+    pub turbulence: Option<Turbulence>,
     /// Number type of the populations at rest.
     pub storage: Precision,
     /// Time step [s].
@@ -219,7 +221,7 @@ impl Flow {
         let Some(fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
             return None;
         };
-        let lattice = lattice(lbm.lattice, grid, findings);
+        let lattice = lattice(lbm, grid, findings);
         let body_force = body_force(lbm, grid, findings);
         let initial = initial(lbm, grid, &case.directory, findings);
         let faces = faces(lbm, grid, &case.directory, findings);
@@ -247,6 +249,7 @@ impl Flow {
             kinematic_viscosity: lbm.kinematic_viscosity,
             lattice,
             collision: lbm.collision,
+            turbulence: lbm.turbulence,
             storage: lbm.storage,
             time_step,
             relaxation_time,
@@ -259,9 +262,11 @@ impl Flow {
     }
 }
 
-fn lattice(choice: LatticeChoice, grid: &Grid, findings: &mut Findings) -> Lattice {
-    let (lattice, dimension) = match choice {
+fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
+    let multiple = matches!(lbm.collision, Collision::Mrt { .. });
+    let (lattice, dimension) = match lbm.lattice {
         LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2q9, 2),
+        LatticeChoice::Auto if multiple => (Lattice::D3q27, 3),
         LatticeChoice::Auto => (Lattice::D3q19, 3),
         LatticeChoice::D2q9 => (Lattice::D2q9, 2),
         LatticeChoice::D3q19 => (Lattice::D3q19, 3),
@@ -275,6 +280,24 @@ fn lattice(choice: LatticeChoice, grid: &Grid, findings: &mut Findings) -> Latti
                 grid.dimension
             ),
             "use auto",
+        );
+    }
+    if multiple && lattice != Lattice::D3q27 {
+        findings.error(
+            &format!("{PATH}.collision.mrt"),
+            "multiple relaxation times are those of D3Q27 (Suga et al. 2015)",
+            if grid.dimension == 2 {
+                "use trt in 2-D"
+            } else {
+                "use the lattice d3q27 or auto, or the collision trt"
+            },
+        );
+    }
+    if grid.dimension == 2 && matches!(lbm.turbulence, Some(Turbulence::Wale { .. })) {
+        findings.error(
+            &format!("{PATH}.turbulence.wale"),
+            "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow",
+            "use smagorinsky, or a domain in 3-D",
         );
     }
     lattice

@@ -1,7 +1,7 @@
 //! From the plan to state: the fluid with its faces, walls, contact law, bodies.
 
 use crate::case::coupling::Scheme as WrittenScheme;
-use crate::case::fluid::Collision;
+use crate::case::fluid::{Collision, Turbulence};
 use crate::coupling::body_map::{GHOSTS, Rules};
 use crate::coupling::bounce_back::Settings as CouplingSettings;
 use crate::coupling::drag::{self, DragLaw, Seepage};
@@ -15,9 +15,11 @@ use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
 use crate::error::Error;
 use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
+use crate::lbm::collision::mrt::Rates;
 use crate::lbm::fluid::{Force, Operator, Set, Setup};
 use crate::lbm::initial::Field;
 use crate::lbm::links::Scheme;
+use crate::lbm::turbulence::Model;
 use crate::plan::Plan;
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{
@@ -53,6 +55,32 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
         operator: match flow.collision {
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
+            Collision::Mrt {
+                bulk,
+                q,
+                psi,
+                epsilon,
+                e_cubed,
+                xx,
+                xy,
+                tau,
+                xyz,
+            } => Operator::Mrt(Rates {
+                bulk,
+                q,
+                psi,
+                epsilon,
+                e_cubed,
+                xx,
+                xy,
+                tau,
+                xyz,
+            }),
+        },
+        turbulence: match flow.turbulence {
+            None => Model::None,
+            Some(Turbulence::Wale { constant }) => Model::Wale(constant),
+            Some(Turbulence::Smagorinsky { constant }) => Model::Smagorinsky(constant),
         },
         relaxation_time: flow.relaxation_time,
         force: force(plan, flow, units),

@@ -255,6 +255,8 @@ mod tests {
             set: Set::D2Q9,
             operator: Operator::Bgk,
             relaxation_time: 0.8,
+
+            turbulence: crate::lbm::turbulence::Model::None,
             force: Force::None,
             cells: plan.scene.grid.cells,
             periodic: [false; 3],

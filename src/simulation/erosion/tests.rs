@@ -224,6 +224,8 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         set: Set::D2Q9,
         operator: Operator::Trt { magic: 3.0 / 16.0 },
         relaxation_time: 1.1,
+
+        turbulence: crate::lbm::turbulence::Model::None,
         force: Force::None,
         cells: [100, 40, 1],
         periodic: [false; 3],
