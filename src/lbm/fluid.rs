@@ -4,7 +4,7 @@ use super::boundary::{Boundaries, Flux, Frame, Patch};
 use super::collision::Collision;
 use super::collision::bgk::Bgk;
 use super::collision::mrt::{self, Mrt};
-use super::collision::trt::Trt;
+use super::collision::trt::{Odd, Trt};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
 use super::kernel::{Pass, Shared, Update, choose};
@@ -13,7 +13,7 @@ use super::lattice::{D2Q9, D3Q19, D3Q27, Lattice, Velocities};
 use super::populations::Populations;
 use super::turbulence::smagorinsky::Smagorinsky;
 use super::turbulence::wale::Wale;
-use super::turbulence::{self, Eddies, Model, Resolved, View};
+use super::turbulence::{self, Eddies, Eddy, Model, Resolved, View};
 use decomposition::Domain;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -180,56 +180,79 @@ impl Choice {
         }
     }
 
+    /// A uniform viscosity has a pass for each operator with and without a force. Where cells have viscosities of their own there is
+    /// one for each family, with the force as a number that may be zero: fewer passes to compile, and what is saved without a force
+    /// is little beside the gradients.
     fn operator<L: Lattice<Q>, S: Stored, const Q: usize>(self) -> Box<dyn Step<S>> {
         let omega = 1.0 / self.relaxation_time;
-        match (self.operator, self.forced) {
-            (Operator::Bgk, false) => {
-                self.eddies::<L, _, S, Q>(move |force| Bgk::<false> { omega, force })
+        let eddy = match self.turbulence {
+            Model::None => None,
+            Model::Wale(constant) => Some(Eddy::Wale(Wale { constant })),
+            Model::Smagorinsky(constant) => Some(Eddy::Smagorinsky(Smagorinsky { constant })),
+        };
+        match (self.operator, eddy, self.forced) {
+            (Operator::Bgk, None, false) => {
+                self.boxed::<L, _, _, S, Q>(move |force| Bgk::<false> { omega, force }, Resolved)
             }
-            (Operator::Bgk, true) => {
-                self.eddies::<L, _, S, Q>(move |force| Bgk::<true> { omega, force })
+            (Operator::Bgk, None, true) => {
+                self.boxed::<L, _, _, S, Q>(move |force| Bgk::<true> { omega, force }, Resolved)
             }
-            (Operator::Trt { magic }, false) => {
-                self.eddies::<L, _, S, Q>(move |force| Trt::<false> {
+            (Operator::Trt { magic }, None, false) => {
+                let trt = move |force| Trt::<false> {
                     omega,
-                    magic,
+                    odd: Odd::Magic(magic),
                     force,
-                })
+                };
+                self.boxed::<L, _, _, S, Q>(trt, Resolved)
             }
-            (Operator::Trt { magic }, true) => {
-                self.eddies::<L, _, S, Q>(move |force| Trt::<true> {
+            (Operator::Trt { magic }, None, true) => {
+                let trt = move |force| Trt::<true> {
                     omega,
-                    magic,
+                    odd: Odd::Magic(magic),
                     force,
-                })
+                };
+                self.boxed::<L, _, _, S, Q>(trt, Resolved)
+            }
+            (Operator::Bgk, Some(eddy), _) => {
+                let bgk = move |force| Trt::<true> {
+                    omega,
+                    odd: Odd::AsEven,
+                    force,
+                };
+                self.boxed::<L, _, _, S, Q>(bgk, eddy)
+            }
+            (Operator::Trt { magic }, Some(eddy), _) => {
+                let trt = move |force| Trt::<true> {
+                    omega,
+                    odd: Odd::Magic(magic),
+                    force,
+                };
+                self.boxed::<L, _, _, S, Q>(trt, eddy)
             }
             // The moments are those of D3Q27, whatever set was asked for.
-            (Operator::Mrt(rates), false) => {
-                self.eddies::<D3Q27, _, S, 27>(move |force| Mrt::<false> {
+            (Operator::Mrt(rates), None, false) => {
+                let mrt = move |force| Mrt::<false> {
                     omega,
                     rates,
                     force,
-                })
+                };
+                self.boxed::<D3Q27, _, _, S, 27>(mrt, Resolved)
             }
-            (Operator::Mrt(rates), true) => {
-                self.eddies::<D3Q27, _, S, 27>(move |force| Mrt::<true> {
+            (Operator::Mrt(rates), None, true) => {
+                let mrt = move |force| Mrt::<true> {
                     omega,
                     rates,
                     force,
-                })
+                };
+                self.boxed::<D3Q27, _, _, S, 27>(mrt, Resolved)
             }
-        }
-    }
-
-    fn eddies<L: Lattice<Q>, C: Collision + 'static, S: Stored, const Q: usize>(
-        self,
-        operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
-    ) -> Box<dyn Step<S>> {
-        match self.turbulence {
-            Model::None => self.boxed::<L, C, _, S, Q>(operator, Resolved),
-            Model::Wale(constant) => self.boxed::<L, C, _, S, Q>(operator, Wale { constant }),
-            Model::Smagorinsky(constant) => {
-                self.boxed::<L, C, _, S, Q>(operator, Smagorinsky { constant })
+            (Operator::Mrt(rates), Some(eddy), _) => {
+                let mrt = move |force| Mrt::<true> {
+                    omega,
+                    rates,
+                    force,
+                };
+                self.boxed::<D3Q27, _, _, S, 27>(mrt, eddy)
             }
         }
     }

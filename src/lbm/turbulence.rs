@@ -54,6 +54,28 @@ impl Eddies for Resolved {
     }
 }
 
+/// One of the models. Which one is asked for each vector of cells, a branch that always goes the same way, so that the pass
+/// need not be compiled for each.
+#[derive(Clone, Copy, Debug)]
+pub enum Eddy {
+    /// WALE.
+    Wale(wale::Wale),
+    /// Smagorinsky.
+    Smagorinsky(smagorinsky::Smagorinsky),
+}
+
+impl Eddies for Eddy {
+    const ACTIVE: bool = true;
+
+    #[inline(always)]
+    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
+        match self {
+            Self::Wale(model) => model.viscosity(gradient),
+            Self::Smagorinsky(model) => model.viscosity(gradient),
+        }
+    }
+}
+
 /// ω = 1 / (3 (ν + ν_t) + ½).
 #[inline(always)]
 pub(crate) fn rate<N: Lanes>(viscosity: f64, eddy: N) -> N {

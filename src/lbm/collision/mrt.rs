@@ -349,7 +349,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
 #[cfg(test)]
 mod tests {
     use super::super::bgk::Bgk;
-    use super::super::trt::{Trt, odd_rate};
+    use super::super::trt::{Odd, Trt, odd_rate};
     use super::*;
     use crate::lbm::initial::equilibrium;
 
@@ -511,7 +511,7 @@ mod tests {
                     &collided(
                         Trt::<true> {
                             omega,
-                            magic,
+                            odd: Odd::Magic(magic),
                             force,
                         },
                         &g,
@@ -529,7 +529,7 @@ mod tests {
                     &collided(
                         Trt::<false> {
                             omega,
-                            magic,
+                            odd: Odd::Magic(magic),
                             force,
                         },
                         &g,
@@ -544,12 +544,21 @@ mod tests {
     fn local_rates_are_those_of_the_viscosity() {
         let operator = Trt::<false> {
             omega: 1.3,
-            magic: 0.25,
+            odd: Odd::Magic(0.25),
             force: [0.0; 3],
         };
         let g = cell(7);
         let mut local = g;
         operator.collide::<D3Q27, f64, 27>(&mut local, &operator.local(1.3));
         close(&local, &collided(operator, &g));
+        let (omega, force) = (1.3, FORCE);
+        let equal = Trt::<true> {
+            omega,
+            odd: Odd::AsEven,
+            force,
+        };
+        let mut local = g;
+        equal.collide::<D3Q27, f64, 27>(&mut local, &equal.local(omega));
+        close(&local, &collided(Bgk::<true> { omega, force }, &g));
     }
 }

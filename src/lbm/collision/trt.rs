@@ -13,10 +13,19 @@ use crate::lbm::lattice::{Lattice, unroll};
 pub struct Trt<const FORCED: bool> {
     /// Rate of the even part, 1/τ.
     pub omega: f64,
-    /// Magic parameter Λ.
-    pub magic: f64,
+    /// Rate of the odd part.
+    pub odd: Odd,
     /// Force density in lattice units.
     pub force: [f64; 3],
+}
+
+/// How the rate of the odd part follows from that of the even part.
+#[derive(Clone, Copy, Debug)]
+pub enum Odd {
+    /// By the magic parameter Λ.
+    Magic(f64),
+    /// The same: BGK.
+    AsEven,
 }
 
 /// Halves of the two rates.
@@ -39,7 +48,10 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
     fn uniform<N: Lanes>(&self) -> Halves<N> {
         Halves {
             even: N::splat(0.5 * self.omega),
-            odd: N::splat(0.5 * odd_rate(self.omega, self.magic)),
+            odd: N::splat(match self.odd {
+                Odd::Magic(magic) => 0.5 * odd_rate(self.omega, magic),
+                Odd::AsEven => 0.5 * self.omega,
+            }),
         }
     }
 
@@ -48,10 +60,11 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
         // ω⁻/2 = a / (2Λω⁺ + a) with a = 1 - ω⁺/2: one division.
         let even = omega * N::splat(0.5);
         let open = N::splat(1.0) - even;
-        Halves {
-            even,
-            odd: open / omega.mul_add(N::splat(2.0 * self.magic), open),
-        }
+        let odd = match self.odd {
+            Odd::Magic(magic) => open / omega.mul_add(N::splat(2.0 * magic), open),
+            Odd::AsEven => even,
+        };
+        Halves { even, odd }
     }
 
     #[inline(always)]
