@@ -261,8 +261,21 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     let options = WindowOptions::default();
     // Without a grain gone, the mean grain is unknown; one ten-thousandth of the sample stands in.
     let jump = mean_jump(&removed, &records).unwrap_or(1e-4 * about.initial_mass);
-    let windows = erosion_windows(&records, jump, about.ramp_end, options);
-    let whole = run_point(&records, jump, about.ramp_end, options);
+    let mut windows = erosion_windows(&records, jump, about.ramp_end, options);
+    let mut whole = run_point(&records, jump, about.ramp_end, options);
+    let left = records.last().map_or(0, |record| record.eroded_grains);
+    if about.cohesion > 0.0 && left > 0 && records.iter().all(|r| r.bonds_broken == 0) {
+        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is whole.
+        for window in windows.iter_mut().chain(whole.as_mut()) {
+            window.eroding = false;
+            window.rate = 0.0;
+            window.rate_median = 0.0;
+        }
+        warnings.push(format!(
+            "{}: no bond broke: the {left} grains that left were loose after the cut, which is no erosion",
+            folder.display()
+        ));
+    }
     if windows.is_empty() {
         warnings.push(format!(
             "{}: too short for a window: fewer than two records after {} s",
@@ -1106,6 +1119,34 @@ mod tests {
             shown.contains("no erosion") && shown.contains("no significant trend"),
             "{shown}"
         );
+    }
+
+    /// what the cut left loose goes at any cohesion; without a broken bond nothing eroded.
+    #[test]
+    fn loose_grains_are_no_erosion() {
+        let root = tempfile::tempdir().unwrap();
+        let runs: Vec<PathBuf> = [0.3, 0.5]
+            .map(|pressure| write_run(root.path(), pressure, 12.7, (1e-3, 9.1), true))
+            .into();
+        let law = |output: &str| {
+            run(&runs, &root.path().join(output))
+                .unwrap()
+                .cohesions
+                .remove(0)
+                .law
+        };
+        assert!(matches!(law("bonds"), Some(Law::Fitted(_))));
+        for folder in &runs {
+            let file = folder.join("erosion.csv");
+            let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
+            assert!(rows.last().unwrap().eroded_grains > 3);
+            for row in &mut rows {
+                row.bonds_broken = 0;
+            }
+            write_rows(&file, &rows).unwrap();
+        }
+        let found = law("none");
+        assert!(matches!(found, Some(Law::LowerBound { .. })), "{found:?}");
     }
 
     #[test]

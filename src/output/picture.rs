@@ -75,7 +75,10 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         scenes.push(Scene {
             time: moment.time,
             water: match &fluid {
-                Some(series) => nearest(series, moment.time)
+                // Only water of the same step: an older one would show grains where they were.
+                Some(series) => series
+                    .moments()
+                    .find(|m| m.step == moment.step)
                     .map(|m| Water::read(&series.heavy(m.step), &request.field))
                     .transpose()?,
                 None => None,
@@ -100,12 +103,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
 
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
-}
-
-fn nearest(series: &Series, time: f64) -> Option<Moment> {
-    series
-        .moments()
-        .min_by(|a, b| (a.time - time).abs().total_cmp(&(b.time - time).abs()))
 }
 
 /// The outputs nearest to the asked times; without any, up to four over the run.
