@@ -122,6 +122,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 Law::Linear { .. } => "linear with friction",
                 Law::CohesiveFrictional => "linear, cohesive-frictional",
                 Law::ContactBond { .. } => "linear with contact bonds",
+                Law::HertzMindlin { .. } => "Hertz-Mindlin with friction",
             };
             let model = match table.rolling {
                 Some(_) => format!("{model}, resistance to rolling"),

@@ -8,6 +8,7 @@ use crate::coupling::drag::{self, DragLaw, Seepage};
 use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use crate::dem::contact::contact_bond::{self, ContactBond};
+use crate::dem::contact::hertz_mindlin::{self, HertzMindlin};
 use crate::dem::contact::linear::{self, Linear};
 use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
@@ -456,6 +457,18 @@ pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
         }
         WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
             parameters: pairs(table, cohesive),
+        }),
+        WrittenLaw::HertzMindlin {
+            attraction,
+            impact_speed,
+        } => Law::HertzMindlin(HertzMindlin {
+            parameters: pairs(table, |p| hertz_mindlin::Parameters {
+                moduli: p.moduli,
+                friction: p.friction_coefficient,
+                damping: p.normal_damping_ratio,
+                attraction,
+                impact_speed,
+            }),
         }),
     }
 }
