@@ -198,6 +198,15 @@ impl Seepage {
                 format!("use a value below {}", written.porosity_cap),
             );
         }
+        if written.resistance == darcy::Resistance::Ergun
+            && written.equations == darcy::Equations::Paper
+        {
+            findings.error(
+                &format!("{PATH}.resistance"),
+                "the equations as printed know the resistance of Kozeny and Carman alone",
+                "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
+            );
+        }
         let edge = self.smallest_edge(grid.dimension);
         let path = if written.grid.is_some() {
             format!("{PATH}.grid.cells")

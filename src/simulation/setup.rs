@@ -576,7 +576,9 @@ pub fn seepage<S: Space>(
     plan: &Plan,
     communicator: &decomposition::Communicator,
 ) -> Result<Option<Seepage<S>>, Error> {
-    use crate::case::darcy::{Drag, Equations, MeanDiameter, PorosityMethod, SeepageCondition};
+    use crate::case::darcy::{
+        Drag, Equations, MeanDiameter, PorosityMethod, Resistance, SeepageCondition,
+    };
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);
     };
@@ -640,6 +642,10 @@ pub fn seepage<S: Space>(
     let settings = drag::Settings {
         liquid,
         permeability: darcy::Permeability {
+            resistance: match written.resistance {
+                Resistance::KozenyCarman => darcy::Resistance::KozenyCarman,
+                Resistance::Ergun => darcy::Resistance::Ergun,
+            },
             diameter,
             porosity_cap: written.porosity_cap,
             least_porosity: written.least_porosity,
