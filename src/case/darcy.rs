@@ -163,6 +163,7 @@ pub enum SeepageCondition {
     /// Rain on the face.
     Rain {
         /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
         rate: f64,
     },
     /// Nothing flows.
