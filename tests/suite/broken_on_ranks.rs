@@ -156,3 +156,27 @@ fn a_lost_grain_is_named() {
     let study = Study::of("collision", &[("time.end", "1"), ("output", "{}")]);
     fails(&study, &["grain ", "outside the box"]);
 }
+
+/// Cases that only the run can refuse: each ends with 4 and the name of what went wrong.
+#[test]
+fn soil_that_cannot_be_is_named() {
+    let _alone = alone();
+    let weak = ("fluid.darcy.max_iterations", "1");
+    fails(&Study::of("seepage", &[weak]), &["did not converge"]);
+    // Water of no viscosity to speak of: conductivities beyond all numbers.
+    let thin = ("fluid.darcy.viscosity", "1e-300");
+    fails(&Study::of("seepage", &[thin]), &["not finite"]);
+    // A thousand metres of head below a pile of four centimetres: above critical everywhere.
+    let inlet = ("fluid.darcy.boundaries[1].condition.head.value", "1000");
+    fails(
+        &Study::of("seepage", &[inlet]),
+        &["grain ", "outside the box"],
+    );
+    // Walls that the cloud falls past.
+    let open = ("walls", "[]");
+    fails(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
+    // A level of trimming below the floor.
+    let level = ("grains.initial.rain.trim_above", "0.001");
+    let short = ("grains.initial.rain.stop.at_most_steps", "2000");
+    fails(&Study::of("rain", &[level, short]), &["trim_above"]);
+}
