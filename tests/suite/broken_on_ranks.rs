@@ -104,9 +104,9 @@ fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
     );
 }
 
-/// Ends with 4, says why once, and leaves a summary.
+/// Ends with 4 and says why once.
 #[track_caller]
-fn fails(study: &Study, words: &[&str]) {
+fn refuses(study: &Study, words: &[&str]) {
     let done = run(2, &study.arguments("run", 1, &[])).expect(4);
     let lines: Vec<&str> = done
         .stderr
@@ -119,6 +119,12 @@ fn fails(study: &Study, words: &[&str]) {
     }
     assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
     assert!(done.elapsed < Duration::from_secs(20), "{:?}", done.elapsed);
+}
+
+/// The same, and leaves a summary.
+#[track_caller]
+fn fails(study: &Study, words: &[&str]) {
+    refuses(study, words);
     let summary = study.summary("run");
     assert_eq!(summary["outcome"], "failed");
     assert!(
@@ -174,9 +180,9 @@ fn soil_that_cannot_be_is_named() {
     );
     // Walls that the cloud falls past.
     let open = ("walls", "[]");
-    fails(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
+    refuses(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
     // A level of trimming below the floor.
     let level = ("grains.initial.rain.trim_above", "0.001");
     let short = ("grains.initial.rain.stop.at_most_steps", "2000");
-    fails(&Study::of("rain", &[level, short]), &["trim_above"]);
+    refuses(&Study::of("rain", &[level, short]), &["trim_above"]);
 }
