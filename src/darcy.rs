@@ -23,7 +23,7 @@ mod reproducible;
 
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
-pub use permeability::{MeanDiameter, Permeability};
+pub use permeability::{MeanDiameter, Permeability, Resistance};
 pub use porosity::{Method, Pores};
 pub use pressure::{Condition, Equations, Liquid, Patch, Pressure, Report, Settings};
 

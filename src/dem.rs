@@ -48,6 +48,7 @@ pub use walls::Wall;
 use contact::ContactLaw;
 use contact::cohesive_frictional::CohesiveFrictional;
 use contact::contact_bond::ContactBond;
+use contact::hertz_mindlin::HertzMindlin;
 use contact::linear::Linear;
 use contact::rolling::Rolling;
 use engine::Engine;
@@ -164,6 +165,7 @@ enum Inner<S: Space> {
     ContactBond(Box<Engine<S, ContactBond>>),
     RollingLinear(Box<Engine<S, Rolling<Linear>>>),
     RollingContactBond(Box<Engine<S, Rolling<ContactBond>>>),
+    HertzMindlin(Box<Engine<S, HertzMindlin>>),
 }
 
 /// The same words for the engine of each law.
@@ -175,6 +177,7 @@ macro_rules! engine {
             Inner::ContactBond($engine) => $body,
             Inner::RollingLinear($engine) => $body,
             Inner::RollingContactBond($engine) => $body,
+            Inner::HertzMindlin($engine) => $body,
         }
     };
 }
@@ -217,6 +220,9 @@ impl<S: Space> Dem<S> {
             }
             Law::RollingContactBond(law) => {
                 Inner::RollingContactBond(Box::new(Engine::new(law, settings, walls)))
+            }
+            Law::HertzMindlin(law) => {
+                Inner::HertzMindlin(Box::new(Engine::new(law, settings, walls)))
             }
         };
         Ok(Self { inner })
@@ -377,6 +383,7 @@ impl Law {
                         Self::ContactBond(law) => stiffness_of::<S, _>(law, &partners),
                         Self::RollingLinear(law) => stiffness_of::<S, _>(law, &partners),
                         Self::RollingContactBond(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::HertzMindlin(law) => stiffness_of::<S, _>(law, &partners),
                     };
                     limit = limit.min((body.mass / stiffness).sqrt());
                 }

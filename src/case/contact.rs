@@ -13,6 +13,8 @@ pub enum Contact {
     CohesiveFrictional(CohesiveFrictional),
     /// The linear law with bonds of given tensile and shear strength (C-03, C-04).
     ContactBond(ContactBond),
+    /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
+    HertzMindlin(HertzMindlin),
 }
 
 /// A quantity of a contact, fixed or proportional to the mean diameter d of the two grains (that of the grain at a
@@ -186,6 +188,56 @@ pub struct CohesiveFrictional {
     /// Other numbers for certain pairs of materials.
     #[serde(default)]
     pub pairs: Vec<Pair>,
+}
+
+/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed; incremental shear
+/// of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and `poisson_ratio` of the materials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HertzMindlin {
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Speed after over speed before a head-on collision, without unit; 1 is elastic.
+    #[serde(default = "elastic")]
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub restitution: f64,
+    /// Whether the dashpot may pull while the grains part. The restitution is the same with and without it.
+    #[serde(default)]
+    pub attraction: bool,
+    /// Fastest approach that is expected [m/s]: the time step is chosen for the stiffness at the overlap that it makes. Without it
+    /// the sum of the two largest speeds at the start and that of a fall through the domain.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub impact_speed: Option<f64>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<ElasticPair>,
+}
+
+/// Numbers of one pair of elastic materials; what is left out is as for all other pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ElasticPair {
+    /// The two materials, in either order.
+    pub materials: [String; 2],
+    /// Friction angle [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Speed after over speed before a head-on collision.
+    #[serde(default)]
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub restitution: Option<f64>,
+}
+
+fn elastic() -> f64 {
+    1.0
 }
 
 fn default_ratio() -> f64 {

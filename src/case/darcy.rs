@@ -33,6 +33,9 @@ pub struct Darcy {
     /// Which mean of the diameters enters the permeability.
     #[serde(default)]
     pub mean_diameter: MeanDiameter,
+    /// Which law of resistance.
+    #[serde(default)]
+    pub resistance: Resistance,
     /// Porosity above which a cell conducts no better (C-11), without unit.
     #[serde(default = "default_cap")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
@@ -160,6 +163,7 @@ pub enum SeepageCondition {
     /// Rain on the face.
     Rain {
         /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
         rate: f64,
     },
     /// Nothing flows.
@@ -192,6 +196,18 @@ pub enum PorosityMethod {
     Exact,
 }
 
+/// Which law of resistance of the bed (C-11).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Resistance {
+    /// Kozeny and Carman: the loss of pressure grows with the flux.
+    #[default]
+    KozenyCarman,
+    /// Ergun 1952: with the inertia of fast water, by repeated solutions; goes with the corrected equations.
+    Ergun,
+}
+
 /// Which mean of the diameters (C-11).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -218,6 +234,6 @@ pub enum Drag {
     Gidaspow,
     /// A single grain, blind to its neighbours.
     Dallavalle,
-    /// What closes the balance of momentum with the permeability of Kozeny and Carman.
+    /// What closes the balance of momentum with the law of resistance, whichever it is.
     KozenyCarman,
 }

@@ -49,4 +49,10 @@ pub struct Material {
     /// Density of the solid [kg/m3]; needed by whatever moves freely, not by walls.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: Option<f64>,
+    /// Young's modulus [Pa]; needed by the Hertz-Mindlin law, of walls too. 1e18 makes a wall rigid.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e18))]
+    pub young_modulus: Option<f64>,
+    /// Poisson's ratio, without unit; needed by the Hertz-Mindlin law.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub poisson_ratio: Option<f64>,
 }

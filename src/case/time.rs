@@ -18,8 +18,8 @@ pub struct Time {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub solid_time_step: Option<f64>,
-    /// Largest solid time step allowed, as a fraction of the critical one 2 sqrt(m/k) of the lightest grain. A grain
-    /// has several contacts, hence at most 0.5.
+    /// Largest solid time step allowed, as a fraction of the critical one 2 sqrt(m/k) of the lightest grain, of elastic spheres
+    /// the shorter one of that and Rayleigh's time. A grain has several contacts, hence at most 0.5.
     #[serde(default = "default_safety")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
     pub solid_time_step_safety: f64,

@@ -20,6 +20,9 @@
 //!
 //! A grain that its contacts hold at rest has `v* = v = 0` in the long run and bears the full drag.
 //!
+//! With Ergun's resistance the permeability falls with the gradient: solution and permeability are repeated until it stays. The
+//! gradient of a cell then grows by a power of the last error of at most one half in every round.
+//!
 //! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
 //! the volume inside the walls of the cells that hold grains: in the others Darcy's resistance has nobody to act on. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
 //! rounding with [`kozeny_carman`] and grains at rest, the misfit of the drag law and the permeability else.
@@ -33,13 +36,20 @@ mod law;
 pub use law::{Bed, DragLaw, Grain};
 
 use super::Flow;
-use crate::darcy::{Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report};
+use crate::darcy::{
+    Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Resistance,
+};
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use decomposition::{Communicator, ExactSum};
 use std::marker::PhantomData;
+
+/// Relative change of the permeability in a round at which Ergun's resistance is settled.
+const SETTLED: f64 = 1e-11;
+/// Rounds after which a run ends: the error halves in each or better.
+const MOST_ROUNDS: u32 = 200;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +98,8 @@ pub struct Seepage<Sp: Space> {
     limited: Vec<f64>,
     source: Vec<f64>,
     before: Vec<f64>,
+    /// Size of the gradient of the reduced pressure in each cell that its permeability is for \[Pa/m\].
+    gradient: Vec<f64>,
     /// There is a porosity from the coupling before.
     has_before: bool,
     report: Report,
@@ -126,6 +138,7 @@ impl<Sp: Space> Seepage<Sp> {
             limited: vec![0.0; n],
             source: vec![0.0; n],
             before: vec![0.0; n],
+            gradient: vec![0.0; n],
             has_before: false,
             report: Report::default(),
             balance: Balance::default(),
@@ -177,8 +190,8 @@ impl<Sp: Space> Seepage<Sp> {
         &self.balance
     }
 
-    /// What a run needs to go on: the reduced pressure of every cell, then its porosity at the last coupling; the same on
-    /// every rank. Nothing before the first coupling.
+    /// What a run needs to go on: the reduced pressure of every cell, then its porosity at the last coupling, then the gradient
+    /// that its permeability was for; the same on every rank. Nothing before the first coupling.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         if !self.has_before {
@@ -186,7 +199,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
         let cells = 0..self.grid().count();
         let pressures = cells.map(|c| self.pressure.reduced(c));
-        pressures.chain(self.before.iter().copied()).collect()
+        let rest = self.before.iter().chain(&self.gradient);
+        pressures.chain(rest.copied()).collect()
     }
 
     /// Takes over what [`Self::state`] gave.
@@ -198,15 +212,16 @@ impl<Sp: Space> Seepage<Sp> {
         if state.is_empty() {
             return Ok(());
         }
-        if state.len() != 2 * n {
+        if state.len() != 3 * n {
             return Err(Error::Io(format!(
                 "the checkpoint holds {} numbers of the seepage, not {}",
                 state.len(),
-                2 * n
+                3 * n
             )));
         }
         self.pressure.restore(&state[..n]).map_err(failed)?;
-        self.before.copy_from_slice(&state[n..]);
+        self.before.copy_from_slice(&state[n..2 * n]);
+        self.gradient.copy_from_slice(&state[2 * n..]);
         self.has_before = true;
         Ok(())
     }
@@ -244,19 +259,43 @@ impl<Sp: Space> Seepage<Sp> {
         self.pores
             .finish(&self.openness, &self.communicator)
             .map_err(failed)?;
-        let law = self.settings.permeability;
+        let (law, liquid) = (self.settings.permeability, self.settings.liquid);
         let (porosity, diameter) = (self.pores.porosity(), self.pores.diameter());
         for cell in 0..porosity.len() {
             self.limited[cell] = law.limited(porosity[cell]);
-            self.permeability[cell] = law.of(porosity[cell], diameter[cell]);
             self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
         }
         let source = (self.settings.transient && self.has_before).then_some(&self.source[..]);
-        self.report = self
-            .pressure
-            .solve(&self.permeability, &self.limited, source)
-            .map_err(failed)?;
+        let mut iterations = 0;
+        for round in 1.. {
+            for cell in 0..porosity.len() {
+                self.permeability[cell] =
+                    law.of(porosity[cell], diameter[cell], liquid, self.gradient[cell]);
+            }
+            self.report = self
+                .pressure
+                .solve(&self.permeability, &self.limited, source)
+                .map_err(failed)?;
+            iterations += self.report.iterations;
+            let mut change = 0.0_f64;
+            for cell in 0..porosity.len() {
+                let reduced = self.pressure.reduced_gradient(cell);
+                let gradient = reduced.iter().map(|g| g * g).sum::<f64>().sqrt();
+                let next = law.of(porosity[cell], diameter[cell], liquid, gradient);
+                change = change.max((next / self.permeability[cell] - 1.0).abs());
+                self.gradient[cell] = gradient;
+            }
+            if law.resistance == Resistance::KozenyCarman || change <= SETTLED {
+                break;
+            }
+            if round >= MOST_ROUNDS || change.is_nan() {
+                return Err(Error::Numerical(format!(
+                    "the resistance of Ergun still changes by {change:e} after {round} solutions of the pressure"
+                )));
+            }
+        }
+        self.report.iterations = iterations;
         self.before.copy_from_slice(self.pores.porosity());
         self.has_before = true;
         Ok(())

@@ -2,13 +2,14 @@
 //!
 //! A law is one file: its parameters (per pair of materials), what it computes once per pair ([`ContactLaw::constants`]), what
 //! it remembers from step to step ([`ContactLaw::Memory`]), and the force. The pair loop is compiled once per law. To add one:
-//! write the file, and add one line to [`Law`] and to the two matches in `dem.rs`.
+//! write the file, and add one line to [`Law`], to the matches in `dem.rs` and to those in `dem/state.rs`.
 //!
 //! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the
 //! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
 pub mod cohesive_frictional;
 pub mod contact_bond;
+pub mod hertz_mindlin;
 pub mod linear;
 pub mod rolling;
 
@@ -185,7 +186,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn unbond(memory: &mut Self::Memory);
     /// The widest gap (m) over which a bonded pair still acts, for mean diameters (m) between the two.
     fn widest_opening(&self, diameters: [f64; 2]) -> f64;
-    /// Normal and shear stiffness (N/m), for the critical time step.
+    /// Normal and shear stiffness (N/m), for the critical time step; where they grow with the overlap, those at the deepest one
+    /// that is expected.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];
     /// How many numbers a memory is.
     const NUMBERS: usize;
@@ -208,6 +210,8 @@ pub enum Law {
     RollingLinear(rolling::Rolling<linear::Linear>),
     /// Contact bonds with resistance to rolling: [`rolling`].
     RollingContactBond(rolling::Rolling<contact_bond::ContactBond>),
+    /// Elastic spheres: [`hertz_mindlin`].
+    HertzMindlin(hertz_mindlin::HertzMindlin),
 }
 
 /// A length of a tangent cut down to `limit`, its direction kept.

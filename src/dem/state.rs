@@ -331,6 +331,7 @@ impl<S: Space> Dem<S> {
             Inner::ContactBond(engine) => save(engine),
             Inner::RollingLinear(engine) => save(engine),
             Inner::RollingContactBond(engine) => save(engine),
+            Inner::HertzMindlin(engine) => save(engine),
         }
     }
 
@@ -346,6 +347,7 @@ impl<S: Space> Dem<S> {
             Inner::ContactBond(engine) => restore(engine, contacts),
             Inner::RollingLinear(engine) => restore(engine, contacts),
             Inner::RollingContactBond(engine) => restore(engine, contacts),
+            Inner::HertzMindlin(engine) => restore(engine, contacts),
         }
     }
 }

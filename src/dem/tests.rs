@@ -2,6 +2,7 @@
 
 mod bonds;
 mod displacement;
+mod elastic;
 mod laws;
 mod same_bits;
 mod spheres;

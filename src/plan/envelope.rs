@@ -7,6 +7,7 @@
 
 use super::Clock;
 use crate::scene::Scene;
+use crate::scene::contact::{ContactTable, Law, TimeLimits};
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{BodyForce, Condition, Flow, Initial, PATH, VelocityProfile};
 use crate::scene::grid::count;
@@ -38,11 +39,13 @@ const MOST_COMPRESSION: f64 = 0.3;
 /// The critical time step and the grain that decides it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Critical {
-    /// 2 sqrt(m/k) [s].
+    /// The shortest limit of any grain [s].
     pub(crate) time_step: f64,
+    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh [s].
+    pub(crate) limits: TimeLimits,
 }
 
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact.
+/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let contact = scene.contact.as_ref()?;
     let mut moving: Vec<(usize, f64)> = Vec::new();
@@ -68,16 +71,24 @@ pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     }
     let free = scene.bodies.iter().filter(|b| b.mobility == Mobility::Free);
     moving.extend(free.map(|b| (b.material, b.radius)));
-    moving
-        .into_iter()
-        .filter(|(material, _)| *material < contact.materials)
-        .map(|(material, radius)| {
-            let stiffness = contact.stiffest(material, 2.0 * radius);
-            2.0 * (scene.mass(material, radius) / stiffness).sqrt()
-        })
-        .filter(|dt| dt.is_finite() && *dt > 0.0)
-        .min_by(f64::total_cmp)
-        .map(|time_step| Critical { time_step })
+    let mut shortest: Option<TimeLimits> = None;
+    for (material, radius) in moving {
+        if material >= contact.materials {
+            continue;
+        }
+        let limits = contact.time_limits(material, radius, scene.mass(material, radius));
+        if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {
+            continue;
+        }
+        shortest = Some(shortest.map_or(limits, |known| TimeLimits {
+            spring: known.spring.min(limits.spring),
+            rayleigh: known.rayleigh.zip(limits.rayleigh).map(|(a, b)| a.min(b)),
+        }));
+    }
+    shortest.map(|limits| Critical {
+        time_step: limits.shorter(),
+        limits,
+    })
 }
 
 /// A velocity the fluid will reach.
@@ -119,6 +130,28 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
             scene.time.solid_time_step_safety,
             "time.solid_time_step_safety",
         ));
+    }
+    if let Some(ContactTable {
+        law: Law::HertzMindlin { impact_speed, .. },
+        ..
+    }) = &scene.contact
+        && let Some(Critical { limits, .. }) = critical_solid_time_step(scene)
+    {
+        let mut share = |limit: &str, time: f64, path: &str| {
+            let safety = scene.time.solid_time_step_safety;
+            margins.push(margin(limit, clock.solid_time_step / time, safety, path));
+        };
+        share(
+            &format!(
+                "solid time step / 2 sqrt(m/k) of an impact at {} m/s",
+                number(*impact_speed)
+            ),
+            limits.spring,
+            "contact.hertz_mindlin.impact_speed",
+        );
+        if let Some(rayleigh) = limits.rayleigh {
+            share("solid time step / Rayleigh's", rayleigh, "materials");
+        }
     }
     margins
 }

@@ -2,6 +2,7 @@
 
 use super::Clock;
 use crate::case::coupling::Scheme;
+use crate::case::darcy::Resistance;
 use crate::case::fluid::{Collision, Precision, Turbulence};
 use crate::scene::Scene;
 use crate::scene::contact::Law;
@@ -42,7 +43,14 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         );
         choose(
             "permeability",
-            format!("Kozeny-Carman, {:?} mean diameter", written.mean_diameter),
+            format!(
+                "{}, {:?} mean diameter",
+                match written.resistance {
+                    Resistance::KozenyCarman => "Kozeny-Carman",
+                    Resistance::Ergun => "Ergun, by repeated solutions",
+                },
+                written.mean_diameter
+            ),
             format!(
                 "porosity by {:?}, at most {}",
                 written.porosity, written.porosity_cap
@@ -150,6 +158,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 Law::Linear { .. } => "linear with friction",
                 Law::CohesiveFrictional => "linear, cohesive-frictional",
                 Law::ContactBond { .. } => "linear with contact bonds",
+                Law::HertzMindlin { .. } => "Hertz-Mindlin with friction",
             };
             let model = match table.rolling {
                 Some(_) => format!("{model}, resistance to rolling"),

@@ -3,7 +3,10 @@
 use super::findings::Findings;
 use super::material;
 use crate::case::Case;
-use crate::case::contact::{Contact, Pair, Rolling, Scaled};
+use crate::case::contact::{Contact, HertzMindlin, Pair, Rolling, Scaled};
+use crate::case::grains::GrainSource;
+use crate::case::solids::Motion;
+use crate::dem::contact::hertz_mindlin::{self, Elastic};
 use serde::Serialize;
 
 /// Which law.
@@ -24,13 +27,22 @@ pub enum Law {
         /// Whether a bond across a gap starts without a force.
         unstressed: bool,
     },
+    /// Elastic spheres.
+    HertzMindlin {
+        /// Whether the dashpot may pull.
+        attraction: bool,
+        /// Fastest approach that is expected [m/s].
+        impact_speed: f64,
+    },
 }
 
 /// Numbers of one pair of materials, in SI.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PairParameters {
-    /// Normal stiffness k_n [N/m].
+    /// Normal stiffness k_n [N/m]; zero in the law of elastic spheres.
     pub normal_stiffness: Scaled,
+    /// Effective moduli E* and G* [Pa] of elastic spheres; zero in other laws.
+    pub moduli: [f64; 2],
     /// k_s/k_n.
     pub shear_to_normal_stiffness: f64,
     /// tan of the friction angle.
@@ -45,6 +57,25 @@ pub struct PairParameters {
     pub shear_damping_ratio: f64,
 }
 
+/// What bounds the solid time step of a grain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeLimits {
+    /// 2 sqrt(m/k) [s] with its stiffest contact; of elastic spheres at the deepest overlap that is expected, shortened
+    /// by the dashpot.
+    pub spring: f64,
+    /// Rayleigh's time [s] of an elastic sphere.
+    pub rayleigh: Option<f64>,
+}
+
+impl TimeLimits {
+    /// The shorter one [s].
+    #[must_use]
+    pub fn shorter(&self) -> f64 {
+        self.rayleigh
+            .map_or(self.spring, |time| time.min(self.spring))
+    }
+}
+
 /// The law with its numbers for every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactTable {
@@ -56,6 +87,8 @@ pub struct ContactTable {
     pub local_damping: f64,
     /// Number of materials n.
     pub materials: usize,
+    /// Moduli of every material in the law of elastic spheres; empty in other laws.
+    pub elastic: Vec<Elastic>,
     /// n x n numbers, symmetric; see [`ContactTable::pair`].
     pub parameters: Vec<PairParameters>,
 }
@@ -67,15 +100,40 @@ impl ContactTable {
         &self.parameters[a * self.materials + b]
     }
 
-    /// The largest k_n or k_s of a grain of this diameter [m] and material against anything [N/m].
+    /// What bounds the time step of a grain of this material, radius [m] and mass [kg] against anything.
     #[must_use]
-    pub fn stiffest(&self, material: usize, diameter: f64) -> f64 {
-        (0..self.materials)
-            .map(|other| {
-                let pair = self.pair(material, other);
-                pair.normal_stiffness.at(diameter) * pair.shear_to_normal_stiffness.max(1.0)
+    pub fn time_limits(&self, material: usize, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = (0..self.materials).map(|other| self.pair(material, other));
+        let Law::HertzMindlin { impact_speed, .. } = self.law else {
+            let stiffest = pairs
+                .map(|pair| {
+                    pair.normal_stiffness.at(2.0 * radius) * pair.shear_to_normal_stiffness.max(1.0)
+                })
+                .fold(0.0, f64::max);
+            return TimeLimits {
+                spring: 2.0 * (mass / stiffest).sqrt(),
+                rayleigh: None,
+            };
+        };
+        let root = radius.sqrt();
+        let spring = pairs
+            .map(|pair| {
+                // At a wall radius and mass are the grain's own: no grain makes a stiffer contact.
+                let [young, shear] = pair.moduli;
+                let overlap =
+                    hertz_mindlin::deepest(mass, 4.0 / 3.0 * young * root, impact_speed).sqrt();
+                let stiffness = (2.0 * young).max(8.0 * shear) * root * overlap;
+                let zeta = pair.normal_damping_ratio;
+                // An explicit oscillator with a dashpot needs a shorter step by sqrt(1 + zeta²) - zeta.
+                2.0 * (mass / stiffness).sqrt() * ((1.0 + zeta * zeta).sqrt() - zeta)
             })
-            .fold(0.0, f64::max)
+            .fold(f64::INFINITY, f64::min);
+        let density = mass / (4.0 / 3.0 * std::f64::consts::PI * radius.powi(3));
+        let rayleigh = self.elastic.get(material);
+        TimeLimits {
+            spring,
+            rayleigh: rayleigh.map(|elastic| elastic.rayleigh_time(radius, density)),
+        }
     }
 
     pub(crate) fn resolve(case: &Case, names: &[String], findings: &mut Findings) -> Option<Self> {
@@ -87,6 +145,7 @@ impl ContactTable {
                 },
                 PairParameters {
                     normal_stiffness: law.normal_stiffness,
+                    moduli: [0.0; 2],
                     shear_to_normal_stiffness: law.shear_to_normal_stiffness,
                     friction_coefficient: law.friction_angle_degrees.to_radians().tan(),
                     cohesion: Scaled::ZERO,
@@ -103,6 +162,7 @@ impl ContactTable {
                 Law::CohesiveFrictional,
                 PairParameters {
                     normal_stiffness: law.normal_stiffness,
+                    moduli: [0.0; 2],
                     shear_to_normal_stiffness: law.shear_to_normal_stiffness,
                     friction_coefficient: law.friction_angle_degrees.to_radians().tan(),
                     cohesion: law.cohesion,
@@ -122,6 +182,7 @@ impl ContactTable {
                 },
                 PairParameters {
                     normal_stiffness: law.normal_stiffness,
+                    moduli: [0.0; 2],
                     shear_to_normal_stiffness: law.shear_to_normal_stiffness,
                     friction_coefficient: law.friction_angle_degrees.to_radians().tan(),
                     cohesion: Scaled::ZERO,
@@ -133,6 +194,7 @@ impl ContactTable {
                 law.rolling,
                 &law.pairs,
             ),
+            Contact::HertzMindlin(law) => return Self::elastic(case, law, names, findings),
         };
         stiffness(
             base.normal_stiffness,
@@ -153,14 +215,7 @@ impl ContactTable {
                 )
             });
             let [Some(a), Some(b)] = found else { continue };
-            if seen.contains(&(a.min(b), a.max(b))) {
-                findings.error(
-                    &format!("{path}.materials"),
-                    "this pair is given twice",
-                    "keep one of the two",
-                );
-            }
-            seen.push((a.min(b), a.max(b)));
+            once(&mut seen, a, b, &format!("{path}.materials"), findings);
             if let Some(value) = pair.normal_stiffness {
                 stiffness(value, &format!("{path}.normal_stiffness"), findings);
             }
@@ -192,14 +247,161 @@ impl ContactTable {
             rolling,
             local_damping,
             materials: n,
+            elastic: Vec::new(),
+            parameters,
+        })
+    }
+
+    /// The law of elastic spheres.
+    fn elastic(
+        case: &Case,
+        law: &HertzMindlin,
+        names: &[String],
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let path = "contact.hertz_mindlin";
+        if case.domain.size.0.len() == 2 {
+            findings.error(
+                path,
+                "this is a law of spheres: the contact of two discs in the plane has no force of its overlap alone",
+                "use linear, or a domain of three dimensions",
+            );
+            return None;
+        }
+        let mut elastic = Vec::new();
+        for (name, material) in &case.materials {
+            let mut need = |value: Option<f64>, field: &str, example: &str| {
+                if value.is_none() {
+                    findings.error(
+                        &format!("materials.{name}.{field}"),
+                        "hertz_mindlin takes the stiffness of contacts from every material",
+                        format!("write for example {example}, glass"),
+                    );
+                }
+                value
+            };
+            let modulus = need(material.young_modulus, "young_modulus", "4.8e10");
+            let ratio = need(material.poisson_ratio, "poisson_ratio", "0.2");
+            elastic.extend(
+                modulus
+                    .zip(ratio)
+                    .map(|(young_modulus, poisson_ratio)| Elastic {
+                        young_modulus,
+                        poisson_ratio,
+                    }),
+            );
+        }
+        let falls = matches!(
+            case.grains.as_ref().map(|grains| &grains.initial),
+            Some(GrainSource::Rain(rain)) if rain.falling_stiffness.is_some()
+        );
+        if falls {
+            findings.error(
+                "grains.initial.rain.falling_stiffness",
+                "hertz_mindlin has no spring to soften",
+                "take it out, or let the grains fall with a softer young_modulus and read them from the file that they save",
+            );
+        }
+        if case
+            .grains
+            .as_ref()
+            .is_some_and(|grains| grains.bond_at_start)
+        {
+            findings.error(
+                "grains.bond_at_start",
+                "hertz_mindlin has no bonds",
+                "take it out, or use contact_bond",
+            );
+        }
+        if elastic.len() < names.len() {
+            return None;
+        }
+        let n = names.len();
+        let numbers = |a: usize, b: usize, friction: f64, restitution: f64| {
+            let zeta = hertz_mindlin::damping(restitution, law.attraction);
+            PairParameters {
+                normal_stiffness: Scaled::ZERO,
+                moduli: elastic[a].effective(elastic[b]),
+                shear_to_normal_stiffness: 0.0,
+                friction_coefficient: friction.to_radians().tan(),
+                cohesion: Scaled::ZERO,
+                strengths: [0.0; 2],
+                normal_damping_ratio: zeta,
+                shear_damping_ratio: zeta,
+            }
+        };
+        let (friction, restitution) = (law.friction_angle_degrees, law.restitution);
+        let mut parameters: Vec<PairParameters> = (0..n * n)
+            .map(|k| numbers(k / n, k % n, friction, restitution))
+            .collect();
+        let mut seen: Vec<(usize, usize)> = Vec::new();
+        for (index, pair) in law.pairs.iter().enumerate() {
+            let path = format!("{path}.pairs[{index}].materials");
+            let found = [0, 1]
+                .map(|i| material(names, &pair.materials[i], &format!("{path}[{i}]"), findings));
+            let [Some(a), Some(b)] = found else { continue };
+            once(&mut seen, a, b, &path, findings);
+            let own = numbers(
+                a,
+                b,
+                pair.friction_angle_degrees.unwrap_or(friction),
+                pair.restitution.unwrap_or(restitution),
+            );
+            parameters[a * n + b] = own;
+            parameters[b * n + a] = own;
+        }
+        Some(Self {
+            law: Law::HertzMindlin {
+                attraction: law.attraction,
+                impact_speed: law.impact_speed.unwrap_or_else(|| fastest_approach(case)),
+            },
+            rolling: None,
+            local_damping: law.local_damping,
+            materials: n,
+            elastic,
             parameters,
         })
     }
 }
 
+/// Each pair is given once.
+fn once(seen: &mut Vec<(usize, usize)>, a: usize, b: usize, path: &str, findings: &mut Findings) {
+    let pair = (a.min(b), a.max(b));
+    if seen.contains(&pair) {
+        findings.error(path, "this pair is given twice", "keep one of the two");
+    }
+    seen.push(pair);
+}
+
+/// From above, how fast two things of a case approach each other [m/s]: the two largest speeds at the start, and a fall through
+/// the domain.
+fn fastest_approach(case: &Case) -> f64 {
+    let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let mut speeds = vec![0.0, 0.0];
+    for body in &case.bodies {
+        if let Motion::Free { velocity, .. } | Motion::Driven { velocity, .. } = &body.motion {
+            speeds.extend(velocity.as_ref().map(|v| size(v.to_array())));
+        }
+    }
+    if let Some(GrainSource::List(list)) = case.grains.as_ref().map(|grains| &grains.initial) {
+        let velocities = list.iter().filter_map(|grain| grain.velocity.as_ref());
+        speeds.extend(velocities.map(|v| size(v.to_array())));
+    }
+    let velocities = case.walls.iter().filter_map(|wall| wall.velocity.as_ref());
+    speeds.extend(velocities.map(|v| size(v.to_array())));
+    speeds.sort_by(|a, b| b.total_cmp(a));
+    let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
+    let extent = case.domain.size.to_array();
+    let fall: f64 = (0..3).map(|a| 2.0 * gravity[a].abs() * extent[a]).sum();
+    let fastest = speeds[0] + speeds[1] + fall.sqrt();
+    // Nothing moves, nothing falls: a creeping millimetre per second.
+    if fastest > 0.0 { fastest } else { 1e-3 }
+}
+
 fn overridden(base: PairParameters, pair: &Pair) -> PairParameters {
     PairParameters {
         normal_stiffness: pair.normal_stiffness.unwrap_or(base.normal_stiffness),
+        moduli: base.moduli,
         shear_to_normal_stiffness: pair
             .shear_to_normal_stiffness
             .unwrap_or(base.shear_to_normal_stiffness),

@@ -267,7 +267,12 @@ impl<S: Space> Rain<S> {
             {
                 let before = grains.len();
                 grains.retain(|(at, _)| at.get(axis) * up <= level * up);
-                if grains.len() < before && !grains.is_empty() {
+                if grains.is_empty() {
+                    return Err(refuse(format!(
+                        "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.rain.trim_above): raise it above the floor"
+                    )));
+                }
+                if grains.len() < before {
                     grains = self.settle(law, grains, &mut report)?;
                 }
             }

@@ -4,6 +4,7 @@ use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count, whole};
 use super::solids::Grains;
+use super::unique;
 use crate::case::Case;
 use crate::case::darcy::{self, Darcy, SeepageCondition};
 use crate::case::fluid::Fluid;
@@ -94,8 +95,15 @@ impl Seepage {
 
     fn patches_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Patch> {
         let mut patches = Vec::new();
+        let mut known = Vec::new();
         for (n, boundary) in self.written.boundaries.iter().enumerate() {
             let path = format!("{PATH}.boundaries[{n}]");
+            unique(
+                &mut known,
+                &boundary.name,
+                &format!("{path}.name"),
+                findings,
+            );
             let axis = boundary.face.axis();
             if axis >= grid.dimension {
                 findings.error(
@@ -144,15 +152,54 @@ impl Seepage {
                     );
                 }
             }
-            patches.push(Patch {
+            let patch = Patch {
                 name: boundary.name.clone(),
                 face: boundary.face,
                 from,
                 to,
                 condition: boundary.condition.clone(),
-            });
+            };
+            if self.closed(&patch, grid.dimension) {
+                let whole = boundary.patch.is_none();
+                let path = format!("{path}.{}", if whole { "face" } else { "patch" });
+                findings.error(
+                    &path,
+                    "all of it lies behind a plane of the enclosure: no water passes",
+                    "move it to where the water is, or the plane",
+                );
+            }
+            patches.push(patch);
         }
         patches
+    }
+
+    /// Whether the enclosure shuts a patch: every cell face of it lies wholly behind one plane.
+    fn closed(&self, patch: &Patch, dimension: usize) -> bool {
+        let axis = patch.face.axis();
+        let level = if patch.face.is_max() {
+            self.end()[axis]
+        } else {
+            self.origin[axis]
+        };
+        let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
+        let cells = across.iter().map(|&a| patch.to[a] - patch.from[a]);
+        (0..cells.product()).all(|mut n: usize| {
+            let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+            (low[axis], high[axis]) = (level, level);
+            for &a in &across {
+                let cells = patch.to[a] - patch.from[a];
+                low[a] = self.origin[a] + count(patch.from[a] + n % cells) * self.spacing[a];
+                high[a] = low[a] + self.spacing[a];
+                n /= cells;
+            }
+            self.planes.iter().any(|(outward, offset)| {
+                // The corner of the face that lies deepest on the side of the water.
+                let deepest: f64 = (0..3)
+                    .map(|a| (outward[a] * low[a]).min(outward[a] * high[a]))
+                    .sum();
+                deepest >= offset - 1e-9 * self.spacing[axis]
+            })
+        })
     }
 
     fn end(&self) -> [f64; 3] {
@@ -196,6 +243,15 @@ impl Seepage {
                 &format!("{PATH}.least_porosity"),
                 "the least porosity must be below the cap",
                 format!("use a value below {}", written.porosity_cap),
+            );
+        }
+        if written.resistance == darcy::Resistance::Ergun
+            && written.equations == darcy::Equations::Paper
+        {
+            findings.error(
+                &format!("{PATH}.resistance"),
+                "the equations as printed know the resistance of Kozeny and Carman alone",
+                "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
             );
         }
         let edge = self.smallest_edge(grid.dimension);
@@ -282,6 +338,18 @@ fn coarse(
                 &path,
                 format!("the grid has no extent along {}", ["x", "y", "z"][a]),
                 "write the lower corner in `from`, the upper one in `to`",
+            );
+            return None;
+        }
+        if from[a] < -1e-9 * grid.size[a] || to[a] > grid.size[a] * (1.0 + 1e-9) {
+            findings.error(
+                &path,
+                format!(
+                    "the grid leaves the domain, which is 0 … {} m along {}",
+                    number(grid.size[a]),
+                    ["x", "y", "z"][a]
+                ),
+                "let it end where the domain ends",
             );
             return None;
         }

@@ -216,10 +216,9 @@ impl ErosionRecorder {
             .regions
             .iter()
             .any(|region| matches!(region.action, Action::Remove { .. }));
-        let bonded = scene
-            .contact
-            .as_ref()
-            .is_some_and(|table| table.law == Law::CohesiveFrictional);
+        let bonded = scene.contact.as_ref().is_some_and(|table| {
+            matches!(table.law, Law::CohesiveFrictional | Law::ContactBond { .. })
+        });
         let opened = (|| {
             Ok::<_, Error>((
                 open(removes, "removed.csv", RemovedGrain::header())?,

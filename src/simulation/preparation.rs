@@ -261,7 +261,9 @@ fn preparation<S: Space>(
     let mean_diameter = 2.0 * growth.radii.mean_power(1);
     let pair = scene.contact.as_ref().map(|c| c.pair(material, material));
     let stiffness = pair.map_or(1e6, |p| {
-        p.normal_stiffness.at(mean_diameter) / mean_diameter
+        // Elastic spheres grow with springs as stiff as they are at an overlap of 1e-4 of the diameter: E* d sqrt(1e-4).
+        let elastic = 1e-2 * p.moduli[0];
+        p.normal_stiffness.at(mean_diameter) / mean_diameter + elastic
     });
     let friction = growth.friction_angle_degrees.map_or_else(
         || pair.map_or(0.0, |p| p.friction_coefficient),

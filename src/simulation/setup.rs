@@ -8,6 +8,7 @@ use crate::coupling::drag::{self, DragLaw, Seepage};
 use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use crate::dem::contact::contact_bond::{self, ContactBond};
+use crate::dem::contact::hertz_mindlin::{self, HertzMindlin};
 use crate::dem::contact::linear::{self, Linear};
 use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
@@ -485,6 +486,18 @@ pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
         WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
             parameters: pairs(table, cohesive),
         }),
+        WrittenLaw::HertzMindlin {
+            attraction,
+            impact_speed,
+        } => Law::HertzMindlin(HertzMindlin {
+            parameters: pairs(table, |p| hertz_mindlin::Parameters {
+                moduli: p.moduli,
+                friction: p.friction_coefficient,
+                damping: p.normal_damping_ratio,
+                attraction,
+                impact_speed,
+            }),
+        }),
     }
 }
 
@@ -591,7 +604,9 @@ pub fn seepage<S: Space>(
     plan: &Plan,
     communicator: &decomposition::Communicator,
 ) -> Result<Option<Seepage<S>>, Error> {
-    use crate::case::darcy::{Drag, Equations, MeanDiameter, PorosityMethod, SeepageCondition};
+    use crate::case::darcy::{
+        Drag, Equations, MeanDiameter, PorosityMethod, Resistance, SeepageCondition,
+    };
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);
     };
@@ -655,6 +670,10 @@ pub fn seepage<S: Space>(
     let settings = drag::Settings {
         liquid,
         permeability: darcy::Permeability {
+            resistance: match written.resistance {
+                Resistance::KozenyCarman => darcy::Resistance::KozenyCarman,
+                Resistance::Ergun => darcy::Resistance::Ergun,
+            },
             diameter,
             porosity_cap: written.porosity_cap,
             least_porosity: written.least_porosity,

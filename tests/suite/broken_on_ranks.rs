@@ -104,9 +104,9 @@ fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
     );
 }
 
-/// Ends with 4, says why once, and leaves a summary.
+/// Ends with 4 and says why once.
 #[track_caller]
-fn fails(study: &Study, words: &[&str]) {
+fn refuses(study: &Study, words: &[&str]) {
     let done = run(2, &study.arguments("run", 1, &[])).expect(4);
     let lines: Vec<&str> = done
         .stderr
@@ -119,6 +119,12 @@ fn fails(study: &Study, words: &[&str]) {
     }
     assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
     assert!(done.elapsed < Duration::from_secs(20), "{:?}", done.elapsed);
+}
+
+/// The same, and leaves a summary.
+#[track_caller]
+fn fails(study: &Study, words: &[&str]) {
+    refuses(study, words);
     let summary = study.summary("run");
     assert_eq!(summary["outcome"], "failed");
     assert!(
@@ -155,4 +161,28 @@ fn a_lost_grain_is_named() {
     let _alone = alone();
     let study = Study::of("collision", &[("time.end", "1"), ("output", "{}")]);
     fails(&study, &["grain ", "outside the box"]);
+}
+
+/// Cases that only the run can refuse: each ends with 4 and the name of what went wrong.
+#[test]
+fn soil_that_cannot_be_is_named() {
+    let _alone = alone();
+    let weak = ("fluid.darcy.max_iterations", "1");
+    fails(&Study::of("seepage", &[weak]), &["did not converge"]);
+    // Water of no viscosity to speak of: conductivities beyond all numbers.
+    let thin = ("fluid.darcy.viscosity", "1e-300");
+    fails(&Study::of("seepage", &[thin]), &["not finite"]);
+    // A thousand metres of head below a pile of four centimetres: above critical everywhere.
+    let inlet = ("fluid.darcy.boundaries[1].condition.head.value", "1000");
+    fails(
+        &Study::of("seepage", &[inlet]),
+        &["grain ", "outside the box"],
+    );
+    // Walls that the cloud falls past.
+    let open = ("walls", "[]");
+    refuses(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
+    // A level of trimming below the floor.
+    let level = ("grains.initial.rain.trim_above", "0.001");
+    let short = ("grains.initial.rain.stop.at_most_steps", "2000");
+    refuses(&Study::of("rain", &[level, short]), &["trim_above"]);
 }

@@ -24,6 +24,10 @@ use Break::{Remove, Set, Text};
 /// A sound analysis of a collapse, to be broken.
 const COLLAPSE: &str = "analysis={\"ground_collapse\": {\"every\": 0.001, \"stages\": {}, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, 0, 0], \"to\": [0.01, 0.01, 0.01]}}]}}";
 
+/// Moduli of the soil.
+const ELASTIC: &str =
+    "materials.soil={\"density\": 2600, \"young_modulus\": 1e8, \"poisson_ratio\": 0.2}";
+
 const LB: &str = "fluid.lattice_boltzmann";
 
 /// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
@@ -725,6 +729,124 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["probes[9].every=1"]),
         "probes[9].every",
     ),
+    // Elastic spheres
+    (
+        "elastic spheres without moduli",
+        "seepage",
+        Set(&["contact={\"hertz_mindlin\": {}}"]),
+        "materials.sand.young_modulus",
+    ),
+    (
+        "elastic walls without moduli",
+        "seepage",
+        Set(&[
+            "contact={\"hertz_mindlin\": {}}",
+            "materials.sand={\"density\": 2600, \"young_modulus\": 1e7, \"poisson_ratio\": 0.2}",
+        ]),
+        "materials.wall.poisson_ratio",
+    ),
+    (
+        "elastic spheres in the plane",
+        "collision",
+        Set(&["contact={\"hertz_mindlin\": {}}"]),
+        "contact.hertz_mindlin",
+    ),
+    (
+        "Poisson's ratio above one half",
+        "seepage",
+        Set(&["materials.sand.poisson_ratio=0.6"]),
+        "materials.sand.poisson_ratio",
+    ),
+    (
+        "Young's modulus of nothing",
+        "seepage",
+        Set(&["materials.sand.young_modulus=0"]),
+        "materials.sand.young_modulus",
+    ),
+    (
+        "no restitution at all",
+        "seepage",
+        Set(&["contact={\"hertz_mindlin\": {\"restitution\": 0}}"]),
+        "contact.hertz_mindlin.restitution",
+    ),
+    (
+        "impact at no speed",
+        "seepage",
+        Set(&["contact={\"hertz_mindlin\": {\"impact_speed\": 0}}"]),
+        "contact.hertz_mindlin.impact_speed",
+    ),
+    (
+        "a spring in the elastic law",
+        "seepage",
+        Set(&["contact={\"hertz_mindlin\": {\"normal_stiffness\": {\"absolute\": 1}}}"]),
+        "contact.hertz_mindlin.normal_stiffness",
+    ),
+    (
+        "an elastic pair twice",
+        "rain",
+        Set(&[
+            ELASTIC,
+            "contact={\"hertz_mindlin\": {\"pairs\": [{\"materials\": [\"soil\", \"soil\"]}, {\"materials\": [\"soil\", \"soil\"]}]}}",
+        ]),
+        "contact.hertz_mindlin.pairs[1].materials",
+    ),
+    (
+        "elastic bonds",
+        "rain",
+        Set(&[ELASTIC, "contact={\"hertz_mindlin\": {}}"]),
+        "grains.bond_at_start",
+    ),
+    (
+        "elastic grains that fall softly",
+        "rain",
+        Set(&[ELASTIC, "contact={\"hertz_mindlin\": {}}"]),
+        "grains.initial.rain.falling_stiffness",
+    ),
+    (
+        "a step longer than Rayleigh's",
+        "rain",
+        Set(&[
+            ELASTIC,
+            "contact={\"hertz_mindlin\": {}}",
+            "grains.bond_at_start=false",
+            "grains.initial.rain.falling_stiffness=null",
+            "time.solid_time_step=1e-3",
+        ]),
+        "time.solid_time_step",
+    ),
+    // Grading
+    (
+        "a class the wrong way round",
+        "rain",
+        Set(&[
+            "grains.initial.rain.grading.by_count[0]={\"min\": 0.0012, \"max\": 0.001, \"part\": 0.8}",
+        ]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "a class of no size",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[0].min=0"]),
+        "grains.initial.rain.grading.by_count[0].min",
+    ),
+    (
+        "a negative part",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count[0].part=-0.8"]),
+        "grains.initial.rain.grading.by_count[0].part",
+    ),
+    (
+        "a grading of no class",
+        "rain",
+        Set(&["grains.initial.rain.grading.by_count=[]"]),
+        "grains.initial.rain.grading.by_count",
+    ),
+    (
+        "a cloud outside the domain",
+        "rain",
+        Set(&["grains.initial.rain.box.from=[-0.004, 0, 0.022]"]),
+        "grains.initial.rain.box",
+    ),
     // Seepage
     (
         "seepage without viscosity",
@@ -782,6 +904,109 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "seepage",
         Set(&["fluid.darcy.least_porosity=0.8"]),
         "fluid.darcy.least_porosity",
+    ),
+    (
+        "seepage of water without mass",
+        "seepage",
+        Set(&["fluid.darcy.density=0"]),
+        "fluid.darcy.density",
+    ),
+    (
+        "seepage that flows nowhere",
+        "seepage",
+        Set(&[
+            "fluid.darcy.boundaries=[{\"name\": \"a\", \"face\": \"z_max\", \"condition\": {\"no_flow\": {}}}]",
+        ]),
+        "fluid.darcy.boundaries",
+    ),
+    (
+        "seepage driven in without an outlet",
+        "seepage",
+        Set(&[
+            "fluid.darcy.boundaries=[{\"name\": \"a\", \"face\": \"z_max\", \"condition\": {\"flux\": {\"value\": 1e-4}}}]",
+        ]),
+        "fluid.darcy.boundaries",
+    ),
+    (
+        "seepage point behind the walls",
+        "seepage",
+        Set(&[
+            "fluid.darcy.enclosure={\"planes\": [{\"point\": [0, 0, 0.005], \"normal\": [0, 0, 1]}]}",
+        ]),
+        "fluid.darcy.boundaries[1].patch",
+    ),
+    (
+        "walls round no water",
+        "seepage",
+        Set(&[
+            "fluid.darcy.enclosure={\"planes\": [{\"point\": [0, 0, 0.5], \"normal\": [0, 0, 1]}]}",
+        ]),
+        "fluid.darcy.boundaries[0].face",
+    ),
+    (
+        "a plane round the water without direction",
+        "seepage",
+        Set(&[
+            "fluid.darcy.enclosure={\"planes\": [{\"point\": [0, 0, 0], \"normal\": [0, 0, 0]}]}",
+        ]),
+        "fluid.darcy.enclosure.planes[0].normal",
+    ),
+    (
+        "seepage grid outside the domain",
+        "seepage",
+        Set(&["fluid.darcy.grid.to=[0.02, 0.02, 0.4]"]),
+        "fluid.darcy.grid",
+    ),
+    (
+        "seepage boundary named twice",
+        "seepage",
+        Set(&["fluid.darcy.boundaries[1].name=rain"]),
+        "fluid.darcy.boundaries[1].name",
+    ),
+    (
+        "rain that falls up",
+        "seepage",
+        Set(&["fluid.darcy.boundaries[0].condition={\"rain\": {\"rate\": -1}}"]),
+        "fluid.darcy.boundaries[0].condition.rain.rate",
+    ),
+    (
+        "Ergun's resistance in the equations as printed",
+        "seepage",
+        Set(&[
+            "fluid.darcy.resistance=ergun",
+            "fluid.darcy.equations=paper",
+        ]),
+        "fluid.darcy.resistance",
+    ),
+    (
+        "a coupling that never comes",
+        "seepage",
+        Set(&["fluid.darcy.coupling_interval=0"]),
+        "fluid.darcy.coupling_interval",
+    ),
+    (
+        "a pressure without error",
+        "seepage",
+        Set(&["fluid.darcy.tolerance=0"]),
+        "fluid.darcy.tolerance",
+    ),
+    (
+        "a grain in another",
+        "seepage",
+        Set(&["grains.initial.list[1].position=[0.001224, 0.001254, 0.00125]"]),
+        "grains.initial.list[1].position",
+    ),
+    (
+        "a grain in the wall of the column",
+        "seepage",
+        Set(&["grains.initial.list[0].position=[0.0002, 0.001254, 0.00125]"]),
+        "grains.initial.list[0].position",
+    ),
+    (
+        "a grain outside the column",
+        "seepage",
+        Set(&["grains.initial.list[0].position=[-0.01, 0.001254, 0.00125]"]),
+        "grains.initial.list[0].position",
     ),
     (
         "seepage with two intervals",

@@ -81,13 +81,15 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
 #[test]
 fn a_pocket_is_named() {
     let _alone = alone();
-    // A plane cuts the opening off from the water above it.
+    // Two planes meet above the opening: the cell below their edge has water in front of either, but of both none.
     let study = Study::of(
         "seepage",
         &[
+            ("fluid.darcy.grid.cells", "[5, 5, 10]"),
             (
                 "fluid.darcy.enclosure",
-                r#"{"planes": [{"point": [0, 0, 0.02], "normal": [0, 0, 1]}]}"#,
+                r#"{"planes": [{"point": [0.01, 0, 0.01], "normal": [1, 0, 0.1]},
+                    {"point": [0.01, 0, 0.01], "normal": [-1, 0, 0.1]}]}"#,
             ),
             (
                 "fluid.darcy.boundaries[0].condition",
@@ -97,7 +99,41 @@ fn a_pocket_is_named() {
     );
     let done = run(2, &study.arguments("cut", 1, &[])).expect(4);
     assert!(
-        done.stderr.contains("a pocket of 216 cells"),
+        done.stderr.contains("a pocket of 70 cells"),
+        "{}",
+        done.stderr
+    );
+}
+
+/// C-19: the search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) to 5 %.
+#[test]
+fn the_search_finds_the_gradient_that_lifts_a_bed() {
+    let _alone = alone();
+    let case = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("jobs/verification/critical-gradient/case.json");
+    let folder = tempfile::tempdir().unwrap();
+    let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+    let mut arguments = words("critical-gradient --json --threads 1 --tolerance 0.01");
+    // Heads at 0.9 and 1.1 of the gradient of a bed of porosity 0.4993 in 0.052 m.
+    arguments.extend(words("--from 0.09066 --to 0.09926 --output"));
+    arguments.push(folder.path().to_str().unwrap().to_owned());
+    arguments.push(case.to_str().unwrap().to_owned());
+    let done = run(0, &arguments).expect(0);
+    let found: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
+    let terzaghi = found["terzaghi"].as_f64().unwrap();
+    assert!((terzaghi / 0.826 - 1.0).abs() < 0.01, "{found:#}");
+    for end in 0..2 {
+        let gradient = found["gradient"][end].as_f64().unwrap();
+        assert!((gradient / terzaghi - 1.0).abs() < 0.05, "{found:#}");
+    }
+    // A search that begins where all is afloat says so.
+    let afloat = "critical-gradient --threads 1 --from 0.11 --to 0.12 --output";
+    let mut arguments = words(afloat);
+    arguments.push(folder.path().join("afloat").to_str().unwrap().to_owned());
+    arguments.push(case.to_str().unwrap().to_owned());
+    let done = run(0, &arguments).expect(4);
+    assert!(
+        done.stderr.contains("inlet erodes at 0.11 m already"),
         "{}",
         done.stderr
     );

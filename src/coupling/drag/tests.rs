@@ -15,6 +15,7 @@ const WATER: Liquid = Liquid {
 struct Bench {
     method: Method,
     drag: DragLaw,
+    resistance: Resistance,
     equations: Equations,
     gravity: f64,
     drop: f64,
@@ -26,6 +27,7 @@ impl Default for Bench {
         Self {
             method: Method::Exact,
             drag: DragLaw::KozenyCarman,
+            resistance: Resistance::KozenyCarman,
             equations: Equations::Corrected,
             gravity: -9.81,
             drop: 300.0,
@@ -70,6 +72,7 @@ impl Bench {
         let settings = Settings {
             liquid: WATER,
             permeability: Permeability {
+                resistance: self.resistance,
                 diameter: MeanDiameter::Sauter,
                 porosity_cap: 0.95,
                 least_porosity: 0.05,
@@ -213,6 +216,67 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     for line in table.lines().skip(2) {
         let row: Vec<f64> = line.split(',').map(|v| v.trim().parse().unwrap()).collect();
         assert!(((row[0] - 1.0) * (1.0 - row[1]) - row[2]).abs() < 1e-12);
+    }
+}
+
+/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss, and the drag of
+/// the resistance closes the balance of momentum as it does without inertia.
+#[test]
+fn momentum_closes_with_the_resistance_of_ergun() {
+    let mut seepage = Bench {
+        resistance: Resistance::Ergun,
+        ..Bench::default()
+    }
+    .seepage();
+    bed(&mut seepage);
+    let balance = *seepage.balance();
+    assert!(balance.closure < 1e-10, "{balance:?}");
+    let slower = {
+        let mut linear = Bench::default().seepage();
+        bed(&mut linear);
+        linear.report().inflow
+    };
+    assert!(seepage.report().inflow < 0.8 * slower);
+    for cell in 0..seepage.grid().count() {
+        let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (eps, d) = (
+            seepage.pores().porosity()[cell],
+            seepage.pores().diameter()[cell],
+        );
+        let q = size(seepage.pressure().flux()[cell]);
+        let loss = 150.0 * (1.0 - eps).powi(2) * 1e-3 * q / (eps.powi(3) * d * d)
+            + 1.75 * (1.0 - eps) * 1000.0 * q * q / (eps.powi(3) * d);
+        let gradient = size(seepage.pressure().reduced_gradient(cell));
+        assert!((loss / gradient - 1.0).abs() < 1e-9, "{loss} {gradient}");
+    }
+}
+
+/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell: the load stays that
+/// of a bed at the cap.
+#[test]
+fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
+    let mut seepage = Bench::default().seepage();
+    let mut particles = Particles::<Volume>::new();
+    let radius = 1e-3;
+    for (id, x, z) in [
+        (0, 0.005, 0.02 - radius + 1e-9),
+        (1, 0.015, 0.02 - radius + 1e-14),
+        (2, 0.025, 0.045),
+    ] {
+        let motion = Motion {
+            position: Vector3::new(x, 0.015, z),
+            ..Motion::default()
+        };
+        particles.insert(Body::uniform::<Volume>(id, radius, 2650.0, 0), motion);
+    }
+    seepage.advance(&mut particles, &Alone).unwrap();
+    let volume = Volume::measure(radius);
+    // At the cap the drag is eps/(1 - eps) of the push of the pressure on the grain's volume.
+    let gradient = 300.0 / 0.06;
+    let most = volume * gradient / (1.0 - 0.95) + volume * 1000.0 * 9.81;
+    for load in &particles.fluid[..3] {
+        let force = load.force[2];
+        assert!(force > 0.0 && force < 1.05 * most, "{force} {most}");
     }
 }
 

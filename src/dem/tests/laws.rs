@@ -3,6 +3,7 @@
 use approx::assert_relative_eq;
 use nalgebra::{Vector2, Vector3};
 
+use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::*;
 
 /// The nearest whole number.
@@ -334,6 +335,87 @@ fn grains_roll_or_slide_down_an_incline() {
             slides,
             max_relative = 5e-3
         );
+    }
+}
+
+/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is but for the
+/// deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
+#[test]
+fn a_block_slides_or_stays_on_an_incline() {
+    const G: f64 = 9.81;
+    let body = Body {
+        inertia: 1e30,
+        ..Body::uniform::<Volume>(1, 0.05, 2600.0, 0)
+    };
+    let moduli = [1e9, 4e8];
+    for row in rows(include_str!("../../../tests/reference/block_incline.csv")) {
+        let [slope, friction, acceleration, ..] = row[..] else {
+            panic!()
+        };
+        let (sin, cos) = slope.to_radians().sin_cos();
+        let weight = body.mass * G;
+        let friction = friction.to_radians().tan();
+        // The overlap that bears the weight, and the shear stiffness there.
+        let hertz = 4.0 / 3.0 * moduli[0] * 0.05_f64.sqrt();
+        let deep = (weight * cos / hertz).powf(2.0 / 3.0);
+        let laws = [
+            (
+                Law::Linear(Linear {
+                    parameters: PairTable::uniform(
+                        1,
+                        linear::Parameters {
+                            normal_stiffness: 1e7,
+                            friction,
+                            normal_damping: 0.3,
+                            // Critical: an overshoot of the sudden load would slip.
+                            shear_damping: 1.0,
+                            ..SPRINGS
+                        },
+                    ),
+                }),
+                weight * cos / 1e7,
+                1e7,
+            ),
+            (
+                Law::HertzMindlin(HertzMindlin {
+                    parameters: PairTable::uniform(
+                        1,
+                        hertz_mindlin::Parameters {
+                            moduli,
+                            friction,
+                            damping: 1.0,
+                            attraction: false,
+                            impact_speed: 0.1,
+                        },
+                    ),
+                }),
+                deep,
+                8.0 * moduli[1] * (0.05 * deep).sqrt(),
+            ),
+        ];
+        for (law, overlap, stiffness) in laws {
+            let mut settings = Settings::new(about_origin::<Volume>(3.0), 1e-5, 1e-2);
+            settings.gravity = Vector3::new(sin, 0.0, -cos) * G;
+            let floor = Wall::new(Vector3::zeros(), Vector3::z(), 0);
+            let mut dem = Dem::new(law, settings, vec![floor]).unwrap();
+            let mut particles = Particles::new();
+            let motion = Motion {
+                position: Vector3::new(0.0, 0.0, 0.05 - overlap),
+                ..Motion::default()
+            };
+            particles.insert(body, motion);
+            dem.advance_many(&mut particles, &Alone, 20_000).unwrap();
+            let motion = &particles.motion[0];
+            if acceleration > 0.0 {
+                let (speed, way) = (acceleration * 0.2, 0.5 * acceleration * 0.04);
+                assert_relative_eq!(motion.velocity[0], speed, max_relative = 5e-3);
+                assert_relative_eq!(motion.position[0], way, max_relative = 5e-3);
+            } else {
+                let deflection = weight * sin / stiffness;
+                assert_relative_eq!(motion.position[0], deflection, max_relative = 1e-3);
+                assert!(motion.velocity[0].abs() < 1e-9, "{}", motion.velocity[0]);
+            }
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::super::contact::contact_bond::{self, ContactBond};
+use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::super::contact::rolling::{self, Rolling};
 use super::super::state::{Contacts, Table};
 use super::same_bits::{Crew, bits};
@@ -16,6 +17,7 @@ enum Which {
     RollingLinear,
     Bonds,
     RollingBonds,
+    Elastic,
 }
 
 const STEPS: u64 = 600;
@@ -56,6 +58,19 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         Which::RollingBonds => Law::RollingContactBond(Rolling {
             law: clay,
             parameters,
+        }),
+        // As stiff as the springs of the others at the overlaps of this heap.
+        Which::Elastic => Law::HertzMindlin(HertzMindlin {
+            parameters: PairTable::uniform(
+                1,
+                hertz_mindlin::Parameters {
+                    moduli: [1.2e8, 5e7],
+                    friction: 0.4,
+                    damping: 0.1,
+                    attraction: false,
+                    impact_speed: 0.3,
+                },
+            ),
         }),
     };
     let region = Region::closed(Vector3::zeros(), Vector3::new(0.03, 0.012, 0.014), 1e-3);
@@ -204,7 +219,12 @@ fn run(
 #[test]
 fn ranks_skins_and_restarts_do_not_show() {
     let mut touched = std::collections::BTreeSet::new();
-    for which in [Which::RollingLinear, Which::Bonds, Which::RollingBonds] {
+    for which in [
+        Which::RollingLinear,
+        Which::Bonds,
+        Which::RollingBonds,
+        Which::Elastic,
+    ] {
         let one = run(which, 2e-4, 0, &[0, 30], None, STEPS);
         assert!(
             one.contacts.grains.rows() > 50,
@@ -215,7 +235,7 @@ fn ranks_skins_and_restarts_do_not_show() {
         let facets = one.contacts.walls.get_whole("facet").unwrap();
         touched.extend(at_walls.iter().copied());
         assert!(facets.iter().max() > Some(&5));
-        let bonded = !matches!(which, Which::RollingLinear);
+        let bonded = !matches!(which, Which::RollingLinear | Which::Elastic);
         assert_eq!(
             bonded,
             one.breaks.len() > 20,

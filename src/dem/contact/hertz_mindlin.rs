@@ -1,0 +1,352 @@
+//! The law of Hertz along the normal and of Mindlin without slip across it, with Coulomb friction, for spheres of elastic
+//! material.
+//!
+//! ```text
+//! F_n = 4/3 E* sqrt(R*) overlap^(3/2) - c_n d(gap)/dt                 pushing; pulling only with `attraction`
+//! F_s = cut(F_s' min(1, a/a') - k_s slip dt - c_s slip)               cut to length mu max(F_n, 0)
+//! k_n = 2 E* a,   k_s = 8 G* a,   a = sqrt(R* overlap)                tangent stiffnesses, radius of the contact
+//! c_n = 2 sqrt(5/6) zeta sqrt(m* k_n),   c_s = 2 sqrt(5/6) zeta sqrt(m* k_s)
+//!
+//! 1/E* = (1 - nu1²)/E1 + (1 - nu2²)/E2,    1/G* = 2 (2 - nu1)(1 + nu1)/E1 + 2 (2 - nu2)(1 + nu2)/E2
+//! ```
+//!
+//! The variant is the incremental one with the tangent stiffness of Mindlin's contact that does not slip (H-MDns of Di Renzo
+//! and Di Maio): the partial slip of Mindlin and Deresiewicz at the edge of the contact is left out. `F_s'` is the spring's
+//! force of the last step, turned with the contact; where the contact has shrunk from radius a' to a, it keeps the part that
+//! the smaller contact bears, without which a spring loaded at large and unloaded at small overlaps would give off more work
+//! than it took in (Thornton et al.).
+//!
+//! The dashpots make restitution a number of the material: with z = overlap^(5/4) the head-on collision is that of the
+//! linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), whatever the speed. With
+//! attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`; a dashpot that only pushes restitutes as the pushing linear one
+//! (Schwager and Pöschel), and [`damping`] finds the zeta of either.
+//!
+//! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder Technology 71
+//! (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004) 525,
+//! doi:10.1016/j.ces.2003.09.037 and 60 (2005) 1303, doi:10.1016/j.ces.2004.10.004; T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465,
+//! doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004, doi:10.1209/0295-5075/94/50004;
+//! C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30, doi:10.1016/j.powtec.2012.08.012.
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::super::space::{Components, Space};
+use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+
+/// An isotropic elastic material.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Elastic {
+    /// Young's modulus E (Pa).
+    pub young_modulus: f64,
+    /// Poisson's ratio nu.
+    pub poisson_ratio: f64,
+}
+
+impl Elastic {
+    /// The effective moduli E* and G* (Pa) of a contact of two materials.
+    #[must_use]
+    pub fn effective(self, other: Self) -> [f64; 2] {
+        let part = |m: Self| {
+            let (e, nu) = (m.young_modulus, m.poisson_ratio);
+            [(1.0 - nu * nu) / e, 2.0 * (2.0 - nu) * (1.0 + nu) / e]
+        };
+        let (a, b) = (part(self), part(other));
+        [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
+    }
+
+    /// The time (s) in which Rayleigh's surface wave runs round half a sphere of this radius (m) and density (kg/m³):
+    /// `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
+    #[must_use]
+    pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
+        let shear_modulus = 0.5 * self.young_modulus / (1.0 + self.poisson_ratio);
+        PI * radius * (density / shear_modulus).sqrt() / (0.1631 * self.poisson_ratio + 0.8766)
+    }
+}
+
+/// Restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
+#[must_use]
+pub fn restitution(zeta: f64, attraction: bool) -> f64 {
+    if zeta <= 0.0 {
+        return 1.0;
+    }
+    if attraction {
+        return if zeta < 1.0 {
+            (-PI * zeta / (1.0 - zeta * zeta).sqrt()).exp()
+        } else {
+            0.0
+        };
+    }
+    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a logarithm.
+    let phase_over_root = if (zeta - 1.0).abs() < 1e-9 {
+        2.0
+    } else if zeta < 1.0 {
+        2.0 * zeta.acos() / (1.0 - zeta * zeta).sqrt()
+    } else {
+        let w = (zeta * zeta - 1.0).sqrt();
+        2.0 * (zeta + w).ln() / w
+    };
+    (-zeta * phase_over_root).exp()
+}
+
+/// The fraction of critical damping that restitutes `e`, above 0 to 1.
+#[must_use]
+pub fn damping(e: f64, attraction: bool) -> f64 {
+    if e >= 1.0 {
+        return 0.0;
+    }
+    if attraction {
+        let log = e.ln();
+        return -log / (PI * PI + log * log).sqrt();
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    while restitution(high, false) > e && high < 1e6 {
+        high *= 2.0;
+    }
+    // Restitution falls with damping.
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if restitution(middle, false) > e {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Effective moduli E* and G* (Pa): [`Elastic::effective`].
+    pub moduli: [f64; 2],
+    /// Coefficient of friction, the tangent of the friction angle.
+    pub friction: f64,
+    /// Dashpots as a fraction zeta of critical damping: [`damping`].
+    #[serde(default)]
+    pub damping: f64,
+    /// Whether the normal dashpot may pull.
+    #[serde(default)]
+    pub attraction: bool,
+    /// Fastest approach (m/s) that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
+    pub impact_speed: f64,
+}
+
+/// The law: see the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HertzMindlin {
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+/// Per pair of materials: what multiplies the roots of radius and mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// 4/3 E* (Pa).
+    normal: f64,
+    /// 8 G* (Pa).
+    shear: f64,
+    /// sqrt(5) zeta sqrt(4/3 E*), and 2 sqrt(5/6) zeta sqrt(8 G*).
+    dashpots: [f64; 2],
+    friction: f64,
+    least: f64,
+    impact_speed: f64,
+}
+
+/// Per pair of grains: sqrt(R*) (m^1/2), and sqrt(m* sqrt(R*)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    radius: f64,
+    mass: f64,
+}
+
+/// Per pair: the normal force over overlap^(3/2) (N m^-3/2), the shear stiffness over overlap^(1/2) (N m^-3/2), the
+/// dashpots over overlap^(1/4) (N s m^-5/4), friction, and the least normal force (N).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    normal: f64,
+    shear: f64,
+    dashpots: [f64; 2],
+    friction: f64,
+    least: f64,
+    scale: Scale,
+    impact_speed: f64,
+}
+
+/// The force of the shear spring (N) on the second partner, and the root of the overlap (m^1/2) it was loaded at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory<S: Space> {
+    shear: S::Tangent,
+    root: f64,
+}
+
+impl<S: Space> ContactLaw<S> for HertzMindlin {
+    type Row = Row;
+    type Scale = Scale;
+    type Constants = Constants;
+    type Memory = Memory<S>;
+    const NUMBERS: usize = S::Tangent::COUNT + 1;
+
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(|p| {
+            let [normal, shear] = [4.0 / 3.0 * p.moduli[0], 8.0 * p.moduli[1]];
+            Row {
+                normal,
+                shear,
+                dashpots: [
+                    5.0_f64.sqrt() * p.damping * normal.sqrt(),
+                    2.0 * (5.0_f64 / 6.0).sqrt() * p.damping * shear.sqrt(),
+                ],
+                friction: p.friction,
+                least: if p.attraction { f64::NEG_INFINITY } else { 0.0 },
+                impact_speed: p.impact_speed,
+            }
+        })
+    }
+
+    fn scale(_: &Row, partners: &Partners) -> Scale {
+        let radius = partners.rolling_radius.sqrt();
+        Scale {
+            radius,
+            mass: (partners.mass * radius).sqrt(),
+        }
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, scale: &Scale, _: f64) -> Constants {
+        Constants {
+            normal: row.normal * scale.radius,
+            shear: row.shear * scale.radius,
+            dashpots: row.dashpots.map(|c| c * scale.mass),
+            friction: row.friction,
+            least: row.least,
+            scale: *scale,
+            impact_speed: row.impact_speed,
+        }
+    }
+
+    #[inline(always)]
+    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
+        let overlap = touch.overlap.max(0.0);
+        let root = overlap.sqrt();
+        let fourth = root.sqrt();
+        let normal = (c.normal * overlap * root - c.dashpots[0] * fourth * touch.separation_rate)
+            .max(c.least);
+        let mut held = S::turn(&memory.shear, &touch.normal);
+        if root < memory.root {
+            held = held * (root / memory.root);
+        }
+        let spring = held - touch.slip * (c.shear * root * touch.time_step);
+        let total = spring - touch.slip * (c.dashpots[1] * fourth);
+        let (length, limit) = (total.length(), c.friction * normal.max(0.0));
+        let tangent = cut_to(total, length, limit);
+        *memory = Memory {
+            shear: if length > limit { tangent } else { spring },
+            root,
+        };
+        Reply {
+            normal,
+            tangent,
+            moment: S::Spin::default(),
+            failure: None,
+        }
+    }
+
+    #[inline(always)]
+    fn bonded(_: &Memory<S>) -> bool {
+        false
+    }
+
+    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
+        false
+    }
+
+    fn normal_spring(c: &Constants, _: &Memory<S>, overlap: f64) -> f64 {
+        let overlap = overlap.max(0.0);
+        c.normal * overlap * overlap.sqrt()
+    }
+
+    fn unbond(_: &mut Memory<S>) {}
+
+    fn widest_opening(&self, _: [f64; 2]) -> f64 {
+        0.0
+    }
+
+    /// Tangent stiffnesses (N/m) at the overlap of an elastic impact of the expected speed:
+    /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
+    fn stiffness(c: &Constants) -> [f64; 2] {
+        let mass = c.scale.mass * c.scale.mass / c.scale.radius;
+        let overlap = deepest(mass, c.normal, c.impact_speed);
+        let root = overlap.sqrt();
+        [1.5 * c.normal * root, c.shear * root]
+    }
+
+    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&memory.shear, numbers);
+        numbers.push(memory.root);
+    }
+
+    fn load(numbers: &[f64]) -> Memory<S> {
+        Memory {
+            shear: load_tangent(numbers),
+            root: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
+        }
+    }
+}
+
+/// Overlap (m) at which an elastic head-on impact at `speed` (m/s) turns: mass m* (kg), force over overlap^(3/2)
+/// (N m^-3/2).
+#[must_use]
+pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {
+    (1.25 * mass * speed * speed / normal).powf(0.4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// `e = exp(-2 zeta acos(zeta)/w)` is continuous through critical damping, falls, and is inverted.
+    #[test]
+    fn damping_inverts_restitution() {
+        for attraction in [false, true] {
+            for e in [0.05, 0.1, 0.135_335_283, 0.2, 0.5, 0.9, 0.98, 1.0] {
+                let zeta = damping(e, attraction);
+                assert_relative_eq!(restitution(zeta, attraction), e, max_relative = 1e-9);
+            }
+        }
+        // Table lsd_collision of validation.md 4.1: e with attraction, zeta, e without.
+        for (e, zeta, pushing) in [
+            (0.9, 0.033_518_45, 0.902_026_07),
+            (0.5, 0.215_453_76, 0.550_283_17),
+            (0.1, 0.591_155_03, 0.252_729_38),
+        ] {
+            assert_relative_eq!(damping(e, true), zeta, max_relative = 1e-6);
+            assert_relative_eq!(restitution(zeta, false), pushing, max_relative = 1e-6);
+        }
+        assert_relative_eq!(
+            restitution(1.0 - 1e-7, false),
+            restitution(1.0 + 1e-7, false),
+            max_relative = 1e-6
+        );
+    }
+
+    /// k_s/k_n of two of a kind is Mindlin's 2 (1 - nu)/(2 - nu).
+    #[test]
+    fn the_ratio_of_stiffnesses_is_mindlins() {
+        for nu in [0.0, 0.2, 0.3, 0.5] {
+            let material = Elastic {
+                young_modulus: 7e10,
+                poisson_ratio: nu,
+            };
+            let [e, g] = material.effective(material);
+            assert_relative_eq!(
+                8.0 * g / (2.0 * e),
+                2.0 * (1.0 - nu) / (2.0 - nu),
+                max_relative = 1e-14
+            );
+        }
+    }
+}
