@@ -1,7 +1,7 @@
 //! The narrow phase: do two blocks touch, where, in which direction, how deep and over which area (B-06 … B-10).
 //!
 //! 1. The plane that separated the pair in the last step is tried first: two passes over the vertices.
-//! 2. The linear program decides ([`super::linear_program`]), starting from its last basis. Where it finds a plane between the
+//! 2. The linear program decides (`linear_program.rs`), starting from its last basis. Where it finds a plane between the
 //!    blocks the vertices confirm it, and it is kept. What rounding leaves open, all separating axes decide: no contact is
 //!    dropped, and none invented.
 //! 3. The contact is condensed to one point, normal and depth, by one of two models:
