@@ -102,7 +102,9 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
     };
     let count = count.next_multiple_of(4);
     let afresh = [0, 1, 2, 3].map(|k| count + k);
-    let tolerance = 1e-15 * reach;
+    // Heights are known to rounding of the largest offset, be it a mountain's against a pebble's.
+    let scale = planes.iter().map(|p| p.offset.abs()).fold(reach, f64::max);
+    let tolerance = 1e-15 * scale;
     let mut names = *basis;
     let valid = names.iter().all(|&name| name < count + 4);
     let mut current = names.map(get);

@@ -336,3 +336,52 @@ fn memory_survives_as_numbers() {
         assert_eq!(Memory::load(&memory.save()), memory);
     }
 }
+
+#[test]
+fn a_pebble_on_a_mountain() {
+    // Sizes 1 : 1000, a thin slab among them; the gap to 1e-12 of the larger.
+    let large = [
+        Polyhedron::cuboid(Vector3::new(100.0, 80.0, 60.0)).unwrap(),
+        Polyhedron::cuboid(Vector3::new(100.0, 80.0, 0.1)).unwrap(),
+    ];
+    let mut narrow = Narrow::default();
+    for id in 0..600 {
+        let mut draw = Stream::new(23, id, 0);
+        let pebble = {
+            let axes = Vector3::repeat(0.1);
+            let points: Vec<Vector3<f64>> = (0..9)
+                .map(|_| direction(&mut draw).component_mul(&axes))
+                .collect();
+            Polyhedron::from_vertices(&points).unwrap().shape
+        };
+        let slab = &large[usize::from(id % 2 == 1)];
+        let shapes = if id % 4 < 2 {
+            [slab, &pebble]
+        } else {
+            [&pebble, slab]
+        };
+        let orientations = [attitude(&mut draw), attitude(&mut draw)];
+        let mut pair = Pair {
+            shapes,
+            orientations,
+            separation: direction(&mut draw) * between(&mut draw, 0.0, 60.0),
+        };
+        let (axis, gap) = pair.oracle();
+        let size = 10_f64.powf(between(&mut draw, -9.0, -3.0));
+        let wanted = if id % 3 == 0 { size } else { -size };
+        pair.separation += axis * (wanted - gap);
+        let (_, gap) = pair.oracle();
+        for model in [Model::Patch, Model::Point { rounding: 2e-3 }] {
+            let touch = pair.look(&mut narrow, &model, &mut Memory::default());
+            assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
+            if let Some(touch) = touch {
+                assert!(
+                    touch.depth > 0.0 && touch.depth < 1e-2,
+                    "pair {id}: {gap:e} {touch:?}"
+                );
+            }
+        }
+    }
+    println!("{:?}", narrow.ways);
+    assert_eq!(narrow.ways.exhaustive, 0);
+}
