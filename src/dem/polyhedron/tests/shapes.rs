@@ -159,10 +159,10 @@ fn random_hulls_survive_every_way_round() {
             third.shape.half_spaces().len(),
             again.shape.half_spaces().len()
         );
-        // Triangles in the single precision of STL.
+        // Triangles in the single precision of STL: 24 bits.
         let coarse: Vec<[Vector3<f64>; 3]> = triangles(&solid)
             .into_iter()
-            .map(|t| t.map(|c| c.map(|x| f64::from(x as f32))))
+            .map(|t| t.map(|c| c.map(|x| x + 2_f64.powi(29) * x - 2_f64.powi(29) * x)))
             .collect();
         let stl = Polyhedron::from_triangles(&coarse).unwrap();
         check(&stl.shape);
