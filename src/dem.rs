@@ -18,6 +18,7 @@
 //! | `contact` | contact laws, one file each |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
+//! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per pair; not in the engine yet |
 //! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
 //! | `state` | grains and contacts as named columns |
@@ -29,6 +30,7 @@ mod ghosts;
 mod integrate;
 mod neighbors;
 pub mod particles;
+pub mod polyhedron;
 pub mod ranks;
 pub mod relax;
 pub mod space;

@@ -1,0 +1,201 @@
+//! Vertices and faces of a set of half-spaces: a cube cut by one plane after the other.
+//!
+//! Each cut sorts vertices into inside, on and outside, with a tolerance, and derives everything else from that: the faces keep
+//! a consistent topology whatever rounding does. The cap's corners are sorted by angle, since it is convex.
+//! Where a cube is much larger than what is left of it, the cuts are done again from a smaller one, so that no corner stands
+//! on an edge far longer than the solid.
+
+use nalgebra::Vector3;
+
+use super::HalfSpace;
+
+/// Corners closer to a cut than this over the size of the cube are on it.
+const ON: f64 = 1e-10;
+
+/// A convex solid between planes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cut {
+    /// Corners (m).
+    pub(super) vertices: Vec<Vector3<f64>>,
+    /// Which half-space, and its corners counter-clockwise seen from outside.
+    pub(super) faces: Vec<(usize, Vec<u32>)>,
+}
+
+impl Cut {
+    /// A cube of half-width `half` (m) round the origin; its faces belong to no half-space.
+    fn cube(half: f64) -> Self {
+        let vertices = (0..8_u32)
+            .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
+            .collect();
+        let faces = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        Self {
+            vertices,
+            faces: faces
+                .iter()
+                .map(|corners| (usize::MAX, corners.to_vec()))
+                .collect(),
+        }
+    }
+
+    /// What is left inside half-space number `name`; false where nothing is.
+    fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
+        let heights: Vec<f64> = self.vertices.iter().map(|v| plane.height(v)).collect();
+        let side = |v: u32| {
+            let height = heights[v as usize];
+            if height > tolerance {
+                1
+            } else if height < -tolerance {
+                -1
+            } else {
+                0
+            }
+        };
+        let corners = || self.faces.iter().flat_map(|(_, corners)| corners);
+        if corners().all(|&v| side(v) <= 0) {
+            return true;
+        }
+        if corners().all(|&v| side(v) >= 0) {
+            return false;
+        }
+        let mut on: Vec<u32> = corners().copied().filter(|&v| side(v) == 0).collect();
+        on.sort_unstable();
+        on.dedup();
+        // New corners, each found by both faces of its edge.
+        let mut crossings: Vec<([u32; 2], u32)> = Vec::new();
+        let mut faces = Vec::with_capacity(self.faces.len() + 1);
+        for (plane_name, corners) in std::mem::take(&mut self.faces) {
+            let mut kept = Vec::with_capacity(corners.len() + 1);
+            for (k, &a) in corners.iter().enumerate() {
+                let b = corners[(k + 1) % corners.len()];
+                if side(a) <= 0 {
+                    kept.push(a);
+                }
+                if side(a) * side(b) < 0 {
+                    let edge = [a.min(b), a.max(b)];
+                    let known = crossings.iter().find(|(e, _)| *e == edge).map(|(_, v)| *v);
+                    kept.push(known.unwrap_or_else(|| {
+                        let [from, to] = edge.map(|v| v as usize);
+                        let part = heights[from] / (heights[from] - heights[to]);
+                        let new = number(self.vertices.len());
+                        let (p, q) = (self.vertices[from], self.vertices[to]);
+                        self.vertices.push(p + (q - p) * part);
+                        crossings.push((edge, new));
+                        on.push(new);
+                        new
+                    }));
+                }
+            }
+            // What is left of a face of which only an edge or a corner touches the cut is no face.
+            let inside = |&v: &u32| (v as usize) < heights.len() && side(v) < 0;
+            if kept.len() >= 3 && kept.iter().any(inside) {
+                faces.push((plane_name, kept));
+            }
+        }
+        self.faces = faces;
+        if on.len() >= 3 {
+            let cap = self.around(&on, &plane.normal);
+            self.faces.push((name, cap));
+        }
+        true
+    }
+
+    /// Corners of a convex polygon in counter-clockwise order about `normal`.
+    fn around(&self, corners: &[u32], normal: &Vector3<f64>) -> Vec<u32> {
+        let at = |v: u32| self.vertices[v as usize];
+        let middle =
+            corners.iter().map(|&v| at(v)).sum::<Vector3<f64>>() / count_f64(corners.len());
+        let (s, t) = across(normal);
+        let mut order: Vec<(f64, u32)> = corners
+            .iter()
+            .map(|&v| {
+                let arm = at(v) - middle;
+                (arm.dot(&t).atan2(arm.dot(&s)), v)
+            })
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.into_iter().map(|(_, v)| v).collect()
+    }
+
+    /// The largest coordinate of a corner of a face (m).
+    fn extent(&self) -> f64 {
+        self.faces
+            .iter()
+            .flat_map(|(_, corners)| corners)
+            .map(|&v| self.vertices[v as usize].amax())
+            .fold(0.0, f64::max)
+    }
+
+    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` (m) along the axes; none where
+    /// nothing of it is left, or it is not closed.
+    pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
+        let mut half = reach;
+        for _ in 0..6 {
+            let mut cut = Self::cube(half);
+            for (name, plane) in planes.iter().enumerate() {
+                if !cut.by(plane, name, ON * half) {
+                    return None;
+                }
+            }
+            let extent = cut.extent();
+            if half <= 8.0 * extent {
+                let closed = cut.faces.iter().all(|(name, _)| *name != usize::MAX);
+                return closed.then(|| cut.compact());
+            }
+            half = 2.0 * extent;
+        }
+        None
+    }
+
+    /// Without the corners that no face has.
+    fn compact(mut self) -> Self {
+        let mut new = vec![u32::MAX; self.vertices.len()];
+        let mut vertices = Vec::new();
+        for (_, corners) in &mut self.faces {
+            for v in corners {
+                let entry = &mut new[*v as usize];
+                if *entry == u32::MAX {
+                    *entry = number(vertices.len());
+                    vertices.push(self.vertices[*v as usize]);
+                }
+                *v = *entry;
+            }
+        }
+        self.vertices = vertices;
+        self
+    }
+}
+
+/// Two unit vectors across a unit normal, right-handed with it.
+#[inline]
+pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    // J. R. Duff et al., JCGT 6 (2017) 1: no branch but the sign.
+    let sign = 1_f64.copysign(normal.z);
+    let a = -1.0 / (sign + normal.z);
+    let b = normal.x * normal.y * a;
+    (
+        Vector3::new(
+            1.0 + sign * normal.x * normal.x * a,
+            sign * b,
+            -sign * normal.x,
+        ),
+        Vector3::new(b, sign + normal.y * normal.y * a, -normal.y),
+    )
+}
+
+/// A place in a list as the number that faces hold.
+pub(super) fn number(k: usize) -> u32 {
+    u32::try_from(k).unwrap_or(u32::MAX)
+}
+
+/// A count as a number.
+#[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
+pub(super) fn count_f64(k: usize) -> f64 {
+    k as f64
+}

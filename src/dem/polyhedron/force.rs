@@ -1,0 +1,184 @@
+//! The force of a contact of blocks (B-04): springs along and across the normal, friction, dashpots.
+//!
+//! ```text
+//! F_n = k_n depth - c_n d(gap)/dt, at least 0
+//! F_s = cut(F_s' - k_s slip dt - c_s slip)      cut to length mu F_n
+//! M_t = cut(M_t' - k_t spin_n dt - c_t spin_n)  cut to mu F_n R,   R = 2/3 of the radius of the patch
+//! M_r = cut(-c_r spin across n)                 cut to F_n times the patch's radius of gyration
+//! ```
+//!
+//! The stiffness is given per contact (N/m), or per area of contact (Pa/m) as joints of rock are: then `k = (per area) times
+//! area`, and with [`super::Model::Patch`] the normal force is the sum of a bed of springs. `F_s'` is the spring's force of the last
+//! step, carried along with the contact: turned as the normal turned and with the mean spin of both blocks about it, its
+//! length kept. `M_t` holds a face against twisting on a face, with the patch's polar moment J: `k_t = k_s J/area`, and for a disc `R` is
+//! that of an even pressure; without it one point on the axis would let a block spin freely on another. The dashpots are spread over
+//! the patch like the springs: `c_t = c_s J/area`, `c_r = c_n J/(2 area)`; a dashpot at one point would leave rocking undamped.
+//! Force and moment are equal and opposite at one point: momentum and angular momentum are kept.
+//! Source: R. Hart, P. A. Cundall, J. Lemos, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 25 (1988) 117; they damp by mass
+//! ([`super::Damping`]), the dashpots are for collisions.
+
+use nalgebra::Vector3;
+
+use super::contact::{Geometry, Memory};
+
+/// Stiffness of a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stiffness {
+    /// The same for every contact.
+    PerContact {
+        /// Along the normal (N/m).
+        normal: f64,
+        /// Across it (N/m).
+        shear: f64,
+    },
+    /// In proportion to the area of contact.
+    PerArea {
+        /// Along the normal (Pa/m).
+        normal: f64,
+        /// Across it (Pa/m).
+        shear: f64,
+    },
+}
+
+/// The law of a pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Law {
+    /// Stiffness.
+    pub stiffness: Stiffness,
+    /// Coefficient of friction mu.
+    pub friction: f64,
+    /// Normal dashpot as a fraction of critical damping of the pair.
+    pub normal_damping: f64,
+    /// Shear dashpot as a fraction of critical damping.
+    pub shear_damping: f64,
+}
+
+/// How the second moves relative to the first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach {
+    /// Velocity (m/s) of the second's centre less that of the first's.
+    pub velocity: Vector3<f64>,
+    /// Spins (rad/s, in space).
+    pub spins: [Vector3<f64>; 2],
+    /// From the first's centre to the second's (m).
+    pub separation: Vector3<f64>,
+    /// Effective mass (kg): `m1 m2/(m1 + m2)`, the block's own against what does not move.
+    pub mass: f64,
+    /// Time step (s).
+    pub time_step: f64,
+}
+
+/// What a contact does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Action {
+    /// Force (N) on the second; the first feels the opposite.
+    pub force: Vector3<f64>,
+    /// Moment (N m) on the first about its centre.
+    pub on_first: Vector3<f64>,
+    /// Moment (N m) on the second about its centre.
+    pub on_second: Vector3<f64>,
+}
+
+impl Law {
+    /// Normal and shear stiffness (N/m) of a contact over `area` (m²): for the critical time step, `0.1 sqrt(m/k)` or less.
+    #[must_use]
+    pub fn stiffness(&self, area: f64) -> [f64; 2] {
+        match self.stiffness {
+            Stiffness::PerContact { normal, shear } => [normal, shear],
+            Stiffness::PerArea { normal, shear } => [normal * area, shear * area],
+        }
+    }
+
+    /// The action of a contact; its springs live in `memory`.
+    pub fn act(&self, touch: &Geometry, memory: &mut Memory, approach: &Approach) -> Action {
+        let dt = approach.time_step;
+        let n = touch.normal;
+        let [spin, other] = approach.spins;
+        let arms = [touch.arm, touch.arm - approach.separation];
+        let relative = approach.velocity + other.cross(&arms[1]) - spin.cross(&arms[0]);
+        let rate = n.dot(&relative);
+        let slip = relative - n * rate;
+        let [stiff, shear_stiff] = self.stiffness(touch.area);
+        let dashpots = [
+            2.0 * self.normal_damping * (approach.mass * stiff).sqrt(),
+            2.0 * self.shear_damping * (approach.mass * shear_stiff).sqrt(),
+        ];
+        let normal = (stiff * touch.depth - dashpots[0] * rate).max(0.0);
+        let limit = self.friction * normal;
+
+        let turning = 0.5 * dt * (spin + other).dot(&n);
+        let carried = carry(&memory.shear, &memory.normal, &n, turning);
+        let spring = carried - slip * (shear_stiff * dt);
+        let total = spring - slip * dashpots[1];
+        let length = total.norm();
+        let (shear, spring) = if length > limit {
+            let cut = total * (limit / length);
+            (cut, cut)
+        } else {
+            (total, spring)
+        };
+
+        let (mut twist, mut moment) = (0.0, Vector3::zeros());
+        if touch.area > 0.0 && touch.polar > 0.0 {
+            let spread = touch.polar / touch.area;
+            let turning = other - spin;
+            let about = turning.dot(&n);
+            let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
+            twist = memory.twist - shear_stiff * spread * about * dt;
+            let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
+            twist = twist.clamp(-limit, limit);
+            // The mean of both moments of the area across the normal: half the polar.
+            let rocking = (turning - n * about) * (-0.5 * spread * dashpots[0]);
+            let most = normal * (0.5 * spread).sqrt();
+            let size = rocking.norm();
+            let rocking = if size > most {
+                rocking * (most / size)
+            } else {
+                rocking
+            };
+            moment = n * total + rocking;
+        }
+        memory.normal = n;
+        memory.shear = spring;
+        memory.twist = twist;
+
+        let force = n * normal + shear;
+        Action {
+            force,
+            on_first: -arms[0].cross(&force) - moment,
+            on_second: arms[1].cross(&force) + moment,
+        }
+    }
+}
+
+/// A tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
+fn carry(
+    tangent: &Vector3<f64>,
+    old: &Vector3<f64>,
+    new: &Vector3<f64>,
+    angle: f64,
+) -> Vector3<f64> {
+    let length = tangent.norm();
+    if length <= 0.0 {
+        return Vector3::zeros();
+    }
+    let axis = old.cross(new);
+    let cos = old.dot(new);
+    // Rodrigues' turn of a vector at right angles to the old normal; a normal turned back to front starts afresh.
+    let turned = if cos > -0.9 {
+        tangent + axis.cross(tangent) + axis * (axis.dot(tangent) / (1.0 + cos))
+            - tangent * (1.0 - cos)
+    } else {
+        return Vector3::zeros();
+    };
+    let (sin, cos) = angle.sin_cos();
+    let about = turned * cos + new.cross(&turned) * sin;
+    // Rounding: across the normal, and of the same length.
+    let flat = about - new * new.dot(&about);
+    let size = flat.norm();
+    if size > 0.0 {
+        flat * (length / size)
+    } else {
+        Vector3::zeros()
+    }
+}

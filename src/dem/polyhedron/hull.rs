@@ -1,0 +1,105 @@
+//! Half-spaces of the convex hull of points.
+//!
+//! Every plane through three points that has no point outside is a face. All triples are tried, save those within a face that
+//! is already known: n³ at worst, done once per block, and with nothing that rounding can lead astray, as the incremental
+//! algorithms have it with many points on one plane or line. For the few dozen corners of a block it takes microseconds.
+
+use nalgebra::Vector3;
+
+use super::HalfSpace;
+use super::shape::ShapeError;
+
+/// The most points of a hull.
+pub(super) const MOST: usize = 1000;
+
+/// The hull's half-spaces; points within `tolerance` (m) of a plane are on it.
+pub(super) fn half_spaces(
+    points: &[Vector3<f64>],
+    tolerance: f64,
+) -> Result<Vec<HalfSpace>, ShapeError> {
+    let mut known: Vec<(HalfSpace, Vec<bool>)> = Vec::new();
+    let n = points.len();
+    for i in 0..n {
+        for j in i + 1..n {
+            let edge = points[j] - points[i];
+            for k in j + 1..n {
+                if known.iter().any(|(_, on)| on[i] && on[j] && on[k]) {
+                    continue;
+                }
+                let other = points[k] - points[i];
+                let cross = edge.cross(&other);
+                let area = cross.norm();
+                // The height of the triangle must stand out from the tolerance, else it says nothing of a plane.
+                if area <= 4.0 * tolerance * edge.norm().max(other.norm()) {
+                    continue;
+                }
+                for normal in [cross / area, -cross / area] {
+                    let offset = normal.dot(&points[i]);
+                    if points.iter().any(|p| normal.dot(p) - offset > tolerance) {
+                        continue;
+                    }
+                    let face = fit(points, &normal, offset, tolerance);
+                    let on: Vec<bool> = points
+                        .iter()
+                        .map(|p| face.height(p) >= -2.0 * tolerance)
+                        .collect();
+                    if !known.iter().any(|(_, old)| subset(&on, old)) {
+                        known.push((face, on));
+                    }
+                }
+            }
+        }
+    }
+    if known.len() < 4 {
+        return Err(ShapeError::Flat {
+            thickness: 0.0,
+            width: 0.0,
+        });
+    }
+    Ok(known.into_iter().map(|(face, _)| face).collect())
+}
+
+fn subset(a: &[bool], b: &[bool]) -> bool {
+    a.iter().zip(b).all(|(a, b)| !a || *b)
+}
+
+/// The plane of all points on a face: its normal from the widest triangle, so that no short edge decides it; no point outside.
+fn fit(points: &[Vector3<f64>], normal: &Vector3<f64>, offset: f64, tolerance: f64) -> HalfSpace {
+    let on: Vec<&Vector3<f64>> = points
+        .iter()
+        .filter(|p| normal.dot(p) - offset >= -tolerance)
+        .collect();
+    let far = |from: &Vector3<f64>| {
+        on.iter().copied().max_by(|a, b| {
+            (*a - from)
+                .norm_squared()
+                .total_cmp(&(*b - from).norm_squared())
+        })
+    };
+    let mut best = *normal;
+    if let Some(a) = on.first().and_then(|first| far(first))
+        && let Some(b) = far(a)
+    {
+        let edge = b - a;
+        let wide = on.iter().copied().max_by(|p, q| {
+            let area = |p: &Vector3<f64>| edge.cross(&(p - a)).norm_squared();
+            area(p).total_cmp(&area(q))
+        });
+        if let Some(c) = wide {
+            let cross = edge.cross(&(c - a));
+            let area = cross.norm();
+            if area > 0.0 {
+                let unit = cross / area;
+                best = if unit.dot(normal) < 0.0 { -unit } else { unit };
+            }
+        }
+    }
+    let offset = points
+        .iter()
+        .map(|p| best.dot(p))
+        .fold(f64::NEG_INFINITY, f64::max);
+    HalfSpace {
+        normal: best,
+        offset,
+    }
+}

@@ -1,0 +1,64 @@
+//! The exhaustive test of two convex polyhedra: the widest gap over all face normals and all products of edges.
+//!
+//! One of these directions separates them if any does (S. Gottschalk, M. C. Lin, D. Manocha, SIGGRAPH 1996, for boxes; true for
+//! all convex polyhedra), and if none does the one of least overlap is the shortest way out. It takes the product of both
+//! numbers of edges, and no iteration that could fail: what the linear program leaves open is decided here (B-09).
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::shape::Polyhedron;
+
+/// Of two edges this parallel (sine) the product is no direction of its own.
+const PARALLEL: f64 = 1e-10;
+
+/// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap (m) along
+/// it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the first sees it.
+pub(super) fn widest_gap(
+    first: &Polyhedron,
+    second: &Polyhedron,
+    turn: &Matrix3<f64>,
+    separation: &Vector3<f64>,
+) -> (Vector3<f64>, f64) {
+    let mut best = (Vector3::x(), f64::NEG_INFINITY);
+    let mut offer = |axis: Vector3<f64>| {
+        let wide = gap(first, second, turn, separation, &axis);
+        if wide > best.1 {
+            best = (axis, wide);
+        }
+    };
+    for plane in first.half_spaces() {
+        offer(plane.normal);
+    }
+    for plane in second.half_spaces() {
+        offer(-(turn * plane.normal));
+    }
+    let along = |shape: &Polyhedron, ends: [u32; 2]| {
+        shape.vertices()[ends[1] as usize] - shape.vertices()[ends[0] as usize]
+    };
+    for one in first.edges() {
+        let p = along(first, one.ends);
+        for other in second.edges() {
+            let q = turn * along(second, other.ends);
+            let cross = p.cross(&q);
+            let length = cross.norm();
+            if length > PARALLEL * p.norm() * q.norm() {
+                offer(cross / length);
+                offer(-cross / length);
+            }
+        }
+    }
+    best
+}
+
+/// The gap (m) along a unit axis of the first's frame that points to the second.
+#[inline]
+pub(super) fn gap(
+    first: &Polyhedron,
+    second: &Polyhedron,
+    turn: &Matrix3<f64>,
+    separation: &Vector3<f64>,
+    axis: &Vector3<f64>,
+) -> f64 {
+    let near = second.support(&-turn.tr_mul(axis)).1;
+    axis.dot(separation) - near - first.support(axis).1
+}
