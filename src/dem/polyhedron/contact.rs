@@ -33,8 +33,8 @@
 //! Which to take: `Patch` unless the published form is asked for. Measured in frictionless elastic collisions of boxes: a patch keeps
 //! energy to 3e-10 face on face, 2e-12 corner on face and 3e-5 edge on edge; a point to 1e-3, 4e-2 and 3e-2, and it
 //! gains half of it face on face where the rounding is a hundred times the overlap, since then the gradient beside an edge leans
-//! over by tens of degrees while the surface does not. Ten blocks stand with either for a million steps, and come to rest to 1e-12
-//! m/s. A patch costs less besides: no Newton iteration.
+//! over by tens of degrees while the surface does not. With mass damping of 10/s ten blocks stand for a million steps, at rest to 1e-12
+//! m/s, with either. A patch costs less besides: no Newton iteration.
 //!
 //! All is computed in the frame of the first block, so that places far from the origin cost no digits. Nothing is allocated once
 //! the buffers of [`Narrow`] have grown.
