@@ -6,6 +6,7 @@
 //! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
 
 pub mod bgk;
+pub mod cumulant;
 pub mod mrt;
 pub mod trt;
 

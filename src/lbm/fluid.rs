@@ -3,6 +3,7 @@
 use super::boundary::{Boundaries, Flux, Frame, Patch};
 use super::collision::Collision;
 use super::collision::bgk::Bgk;
+use super::collision::cumulant::Cumulant;
 use super::collision::mrt::{self, Mrt};
 use super::collision::trt::{Odd, Trt};
 use super::halo::{Halo, wrap};
@@ -53,6 +54,11 @@ pub enum Operator {
     },
     /// Multiple relaxation times, on D3Q27 only.
     Mrt(mrt::Rates),
+    /// Cumulants, on D3Q27 only.
+    Cumulant {
+        /// Rate of the trace of the stress.
+        bulk: f64,
+    },
 }
 
 /// Uniform body force per volume in lattice units.
@@ -245,6 +251,14 @@ impl Choice {
                     force,
                 };
                 self.boxed::<D3Q27, _, _, S, 27>(mrt, Resolved)
+            }
+            (Operator::Cumulant { bulk }, None, _) => {
+                let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, S, 27>(cumulant, Resolved)
+            }
+            (Operator::Cumulant { bulk }, Some(eddy), _) => {
+                let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, S, 27>(cumulant, eddy)
             }
             (Operator::Mrt(rates), Some(eddy), _) => {
                 let mrt = move |force| Mrt::<true> {
@@ -831,8 +845,10 @@ mod tests {
                 Operator::Bgk,
                 Operator::Trt { magic: 0.25 },
                 Operator::Mrt(mrt::Rates::SUGA),
+                Operator::Cumulant { bulk: 1.0 },
             ] {
-                if set == Set::D2Q9 && matches!(operator, Operator::Mrt(_)) {
+                let only_27 = matches!(operator, Operator::Mrt(_) | Operator::Cumulant { .. });
+                if set == Set::D2Q9 && only_27 {
                     continue;
                 }
                 let cells = [9, 13, if set == Set::D2Q9 { 1 } else { 6 }];

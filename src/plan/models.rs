@@ -78,7 +78,12 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                     "D3Q19",
                     "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
                 ),
-                Lattice::D3q27 if matches!(flow.collision, Collision::Mrt { .. }) => {
+                Lattice::D3q27
+                    if matches!(
+                        flow.collision,
+                        Collision::Mrt { .. } | Collision::Cumulant { .. }
+                    ) =>
+                {
                     ("D3Q27", "the moments of the operator are those of this set")
                 }
                 Lattice::D3q27 => ("D3Q27", "asked for: isotropic to fourth order"),
@@ -97,6 +102,11 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                     "collision",
                     format!("TRT, magic parameter {magic}"),
                     "the position of walls does not depend on the viscosity".into(),
+                ),
+                Collision::Cumulant { .. } => choose(
+                    "collision",
+                    "cumulants".into(),
+                    "asked for; robust at high Reynolds numbers".into(),
                 ),
                 Collision::Mrt { .. } => choose(
                     "collision",

@@ -263,10 +263,14 @@ impl Flow {
 }
 
 fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
-    let multiple = matches!(lbm.collision, Collision::Mrt { .. });
+    let multiple = match lbm.collision {
+        Collision::Mrt { .. } => Some("mrt"),
+        Collision::Cumulant { .. } => Some("cumulant"),
+        _ => None,
+    };
     let (lattice, dimension) = match lbm.lattice {
         LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2q9, 2),
-        LatticeChoice::Auto if multiple => (Lattice::D3q27, 3),
+        LatticeChoice::Auto if multiple.is_some() => (Lattice::D3q27, 3),
         LatticeChoice::Auto => (Lattice::D3q19, 3),
         LatticeChoice::D2q9 => (Lattice::D2q9, 2),
         LatticeChoice::D3q19 => (Lattice::D3q19, 3),
@@ -282,10 +286,12 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             "use auto",
         );
     }
-    if multiple && lattice != Lattice::D3q27 {
+    if let Some(name) = multiple
+        && lattice != Lattice::D3q27
+    {
         findings.error(
-            &format!("{PATH}.collision.mrt"),
-            "multiple relaxation times are those of D3Q27 (Suga et al. 2015)",
+            &format!("{PATH}.collision.{name}"),
+            "the moments of this operator are those of D3Q27",
             if grid.dimension == 2 {
                 "use trt in 2-D"
             } else {

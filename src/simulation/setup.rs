@@ -56,6 +56,7 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
         operator: match flow.collision {
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
+            Collision::Cumulant { bulk } => Operator::Cumulant { bulk },
             Collision::Mrt {
                 bulk,
                 q,

@@ -92,7 +92,7 @@ pub struct Mrt<const FORCED: bool> {
 }
 
 /// Number of the population with these components: 0 for 0, 1 for +1, 2 for -1.
-const POPULATION: [[[usize; 3]; 3]; 3] = {
+pub(super) const POPULATION: [[[usize; 3]; 3]; 3] = {
     let mut table = [[[0; 3]; 3]; 3];
     let mut i = 0;
     while i < 27 {
