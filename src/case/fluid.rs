@@ -105,42 +105,42 @@ pub enum Collision {
     /// Multiple relaxation times on D3Q27 (Suga et al. 2015, B-12): the shear stress relaxes at 1/tau, each other group of
     /// moments at a rate of its own. For turbulent flow.
     Mrt {
-        /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2).
-        #[serde(default = "suga::bulk")]
+        /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2); 1.54 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        bulk: f64,
-        /// s10, of the energy flux q.
-        #[serde(default = "suga::q")]
+        bulk: Option<f64>,
+        /// s10, of the energy flux q; 1.5 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        q: f64,
-        /// s13, of Psi.
-        #[serde(default = "suga::psi")]
+        q: Option<f64>,
+        /// s13, of Psi; 1.83 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        psi: f64,
-        /// s16, of epsilon.
-        #[serde(default = "suga::epsilon")]
+        psi: Option<f64>,
+        /// s16, of epsilon; 1.4 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        epsilon: f64,
-        /// s17, of e cubed.
-        #[serde(default = "suga::e_cubed")]
+        epsilon: Option<f64>,
+        /// s17, of e cubed; 1.61 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        e_cubed: f64,
-        /// s18, of XX and WW.
-        #[serde(default = "suga::xx")]
+        e_cubed: Option<f64>,
+        /// s18, of XX and WW; 1.98 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xx: f64,
-        /// s20, of XY, YZ and ZX.
-        #[serde(default = "suga::xy")]
+        xx: Option<f64>,
+        /// s20, of XY, YZ and ZX; 1.98 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xy: f64,
-        /// s23, of the third-order tau.
-        #[serde(default = "suga::tau")]
+        xy: Option<f64>,
+        /// s23, of the third-order tau; 1.74 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        tau: f64,
-        /// s26, of XYZ.
-        #[serde(default = "suga::xyz")]
+        tau: Option<f64>,
+        /// s26, of XYZ; 1.74 without it.
+        #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xyz: f64,
+        xyz: Option<f64>,
     },
     /// Cumulants on D3Q27 (Geier et al. 2015): all moments beyond the stress go to those of a Gaussian. The most robust choice near
     /// tau = 0.5; the position of walls depends weakly on tau.
@@ -182,20 +182,6 @@ fn one_half() -> f64 {
 
 fn smagorinsky() -> f64 {
     0.17
-}
-
-/// Rates of Suga et al. where the case gives none.
-mod suga {
-    use crate::lbm::collision::mrt::Rates;
-
-    macro_rules! rates {
-        ($($name:ident)*) => {
-            $(pub(super) fn $name() -> f64 {
-                Rates::SUGA.$name
-            })*
-        };
-    }
-    rates!(bulk q psi epsilon e_cubed xx xy tau xyz);
 }
 
 fn three_sixteenths() -> f64 {
