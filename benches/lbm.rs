@@ -172,6 +172,17 @@ fn main() {
         468.0,
     );
     show(
+        "D3Q27 cumulant f64",
+        measure::<f64>(
+            Set::D3Q27,
+            Operator::Cumulant { bulk: 1.0 },
+            Force::None,
+            cube,
+            steps / 2,
+        ),
+        432.0,
+    );
+    show(
         "D3Q27 MRT f32",
         measure::<f32>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
         216.0,

@@ -16,7 +16,7 @@ use super::Collision;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
-use super::mrt::POPULATION;
+use super::mrt::{POPULATION, n};
 
 /// Cumulants, with a uniform body force where `FORCED`.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +56,28 @@ fn compose<N: Lanes>([zeroth, first, second]: [N; 3], u: N, k: f64) -> [N; 3] {
     ]
 }
 
+/// Moments of fourth order of a Gaussian from those of second order, without the part of the weights.
+#[derive(Clone, Copy)]
+struct Gaussian<N> {
+    drho: N,
+    inverse: N,
+}
+
+impl<N: Lanes> Gaussian<N> {
+    /// κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
+    #[inline(always)]
+    fn fourth(self, a: N, b: N, square: N) -> N {
+        let rest = square.mul_add(n::<N>(2.0), self.drho * n::<N>(-1.0 / 9.0));
+        a.mul_add(b, (a + b).mul_add(n::<N>(1.0 / 3.0), rest)) * self.inverse
+    }
+
+    /// κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
+    #[inline(always)]
+    fn mixed(self, a: N, straight: N, one: N, other: N) -> N {
+        (a + n::<N>(1.0 / 3.0)).mul_add(straight, one * other * n::<N>(2.0)) * self.inverse
+    }
+}
+
 impl<const FORCED: bool> Collision for Cumulant<FORCED> {
     type Rates<N: Lanes> = N;
 
@@ -76,10 +98,9 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the cumulants are those of D3Q27") };
-        let n = |x: f64| N::splat(x);
         // Density and velocity first: the moments are about it.
-        let mut sums = [[n(0.0); 3]; 3];
-        let mut m = [n(0.0); 3];
+        let mut sums = [[n::<N>(0.0); 3]; 3];
+        let mut m = [n::<N>(0.0); 3];
         unroll!(axes x < 3 => {
             unroll!(axes y < 3 => {
                 let (plus, minus) = (g[POPULATION[x][y][1]], g[POPULATION[x][y][2]]);
@@ -87,7 +108,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
                 m[2] = m[2] + (plus - minus);
             });
         });
-        let mut by_x = [n(0.0); 3];
+        let mut by_x = [n::<N>(0.0); 3];
         unroll!(axes x < 3 => {
             by_x[x] = sums[x][0] + (sums[x][1] + sums[x][2]);
             m[1] = m[1] + (sums[x][1] - sums[x][2]);
@@ -96,15 +117,15 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         m[0] = by_x[1] - by_x[2];
         if FORCED {
             unroll!(axes a < 3 => {
-                m[a] = m[a] + n(0.5 * self.force[a]);
+                m[a] = m[a] + n::<N>(0.5 * self.force[a]);
             });
         }
-        let rho = n(1.0) + drho;
-        let inverse = n(1.0) / rho;
+        let rho = N::splat(1.0) + drho;
+        let inverse = N::splat(1.0) / rho;
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
         // Sweeps along z, y, x; only moments up to the second order are needed before the collision.
-        let mut t = [[[n(0.0); 3]; 3]; 3];
+        let mut t = [[[n::<N>(0.0); 3]; 3]; 3];
         unroll!(axes x < 3 => {
             unroll!(axes y < 3 => {
                 let row = [
@@ -121,37 +142,39 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
                 t[x][2][c] = column[2];
             });
         });
-        let along_x = |b: usize, c: usize| {
-            analyse(
-                [t[0][b][c], t[1][b][c], t[2][b][c]],
-                u[0],
-                MOMENT[b] * MOMENT[c],
-            )
-        };
-        let [_, _, xx] = along_x(0, 0);
-        let [yy, ..] = along_x(2, 0);
-        let [zz, ..] = along_x(0, 2);
-        let [_, xy, _] = along_x(1, 0);
-        let [_, zx, _] = along_x(0, 1);
-        let [yz, ..] = along_x(1, 1);
+        macro_rules! along_x {
+            ($b:literal, $c:literal) => {
+                analyse(
+                    [t[0][$b][$c], t[1][$b][$c], t[2][$b][$c]],
+                    u[0],
+                    MOMENT[$b] * MOMENT[$c],
+                )
+            };
+        }
+        let [_, _, xx] = along_x!(0, 0);
+        let [yy, ..] = along_x!(2, 0);
+        let [zz, ..] = along_x!(0, 2);
+        let [_, xy, _] = along_x!(1, 0);
+        let [_, zx, _] = along_x!(0, 1);
+        let [yz, ..] = along_x!(1, 1);
 
         // Rates of strain of the axes, as the moments show them.
         let trace = (xx + yy + zz) - drho;
         let shear = omega * inverse;
         let d_x = (xx + xx - yy - zz).neg_mul_add(
-            shear * n(0.5),
-            n(0.0) - trace * (inverse * n(0.5 * self.bulk)),
+            shear * n::<N>(0.5),
+            n::<N>(0.0) - trace * (inverse * n::<N>(0.5 * self.bulk)),
         );
-        let d_y = (xx - yy).mul_add(shear * n(1.5), d_x);
-        let d_z = (xx - zz).mul_add(shear * n(1.5), d_x);
+        let d_y = (xx - yy).mul_add(shear * n::<N>(1.5), d_x);
+        let d_z = (xx - zz).mul_add(shear * n::<N>(1.5), d_x);
         let (ux, uy, uz) = (u[0] * u[0] * d_x, u[1] * u[1] * d_y, u[2] * u[2] * d_z);
-        let keep = n(1.0) - omega;
-        let open = omega.neg_mul_add(n(0.5), n(1.0)) * rho * n(3.0);
-        let sum = trace.mul_add(n(1.0 - self.bulk), drho)
-            - (ux + uy + uz) * rho * n(3.0 * (1.0 - 0.5 * self.bulk));
-        let x_y = (xx - yy).mul_add(keep, n(0.0) - open * (ux - uy));
-        let x_z = (xx - zz).mul_add(keep, n(0.0) - open * (ux - uz));
-        let third = n(1.0 / 3.0);
+        let keep = n::<N>(1.0) - omega;
+        let open = omega.neg_mul_add(n::<N>(0.5), n::<N>(1.0)) * rho * n::<N>(3.0);
+        let sum = trace.mul_add(n::<N>(1.0 - self.bulk), drho)
+            - (ux + uy + uz) * rho * n::<N>(3.0 * (1.0 - 0.5 * self.bulk));
+        let x_y = (xx - yy).mul_add(keep, n::<N>(0.0) - open * (ux - uy));
+        let x_z = (xx - zz).mul_add(keep, n::<N>(0.0) - open * (ux - uz));
+        let third = n::<N>(1.0 / 3.0);
         let a = (sum + x_y + x_z) * third;
         let b = a - x_y;
         let c = a - x_z;
@@ -159,40 +182,34 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
 
         // The Gaussian with these second moments; without the part of the weights.
         let (pp, qq, rr) = (p * p, q * q, r * r);
-        let ninth = drho * n(-1.0 / 9.0);
-        let fourth = |a: N, b: N, square: N| {
-            a.mul_add(b, (a + b).mul_add(third, square.mul_add(n(2.0), ninth))) * inverse
-        };
-        let mixed = |a: N, straight: N, one: N, other: N| {
-            (a + third).mul_add(straight, one * other * n(2.0)) * inverse
-        };
+        let of = Gaussian { drho, inverse };
         let pairs = a.mul_add(b, b.mul_add(c, c * a));
-        let sixth = (a + b + c).mul_add(n(1.0 / 9.0), pairs.mul_add(third, a * b * c))
-            + (a.mul_add(pp, b.mul_add(qq, c * rr)) + (pp + qq + rr) * third) * n(2.0)
-            + p * q * r * n(8.0)
-            - drho.mul_add(drho, drho + drho) * n(1.0 / 27.0);
-        let zero = n(0.0);
+        let sixth = (a + b + c).mul_add(n::<N>(1.0 / 9.0), pairs.mul_add(third, a * b * c))
+            + (a.mul_add(pp, b.mul_add(qq, c * rr)) + (pp + qq + rr) * third) * n::<N>(2.0)
+            + p * q * r * n::<N>(8.0)
+            - drho.mul_add(drho, drho + drho) * n::<N>(1.0 / 27.0);
+        let zero = n::<N>(0.0);
         let mut first = [zero; 3];
         if FORCED {
             unroll!(axes a < 3 => {
-                first[a] = n(0.5 * self.force[a]);
+                first[a] = n::<N>(0.5 * self.force[a]);
             });
         }
         t = [
             [
                 [drho, first[2], c],
                 [first[1], p, zero],
-                [b, zero, fourth(b, c, pp)],
+                [b, zero, of.fourth(b, c, pp)],
             ],
             [
                 [first[0], q, zero],
-                [r, zero, mixed(c, r, q, p)],
-                [zero, mixed(b, q, r, p), zero],
+                [r, zero, of.mixed(c, r, q, p)],
+                [zero, of.mixed(b, q, r, p), zero],
             ],
             [
-                [a, zero, fourth(c, a, qq)],
-                [zero, mixed(a, p, r, q), zero],
-                [fourth(a, b, rr), zero, sixth * inverse * inverse],
+                [a, zero, of.fourth(c, a, qq)],
+                [zero, of.mixed(a, p, r, q), zero],
+                [of.fourth(a, b, rr), zero, sixth * inverse * inverse],
             ],
         ];
 

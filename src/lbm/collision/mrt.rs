@@ -111,6 +111,13 @@ const fn place(c: i8) -> usize {
     }
 }
 
+/// The same number in every lane. A function and not a closure, as everything here that makes lanes: closures do not get the vector
+/// instructions of the pass, and are calls in the cell loop then.
+#[inline(always)]
+pub(super) fn n<N: Lanes>(x: f64) -> N {
+    N::splat(x)
+}
+
 /// Numbers (rest, +, -) to moments (1, c, P = 3c² - 2).
 #[inline(always)]
 fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
@@ -155,20 +162,19 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the moments of Suga are those of D3Q27") };
-        let n = |x: f64| N::splat(x);
         // Along x and y within each plane of c_z, then along z: t[a][b][c] is the moment of the product of polynomials a, b, c.
-        let mut t = [[[n(0.0); 3]; 3]; 3];
+        let mut t = [[[n::<N>(0.0); 3]; 3]; 3];
         unroll!(axes z < 3 => {
-            let row = |y: usize| {
-                analyse(
+            let mut rows = [[n::<N>(0.0); 3]; 3];
+            unroll!(axes y < 3 => {
+                rows[y] = analyse(
                     g[POPULATION[0][y][z]],
                     g[POPULATION[1][y][z]],
                     g[POPULATION[2][y][z]],
-                )
-            };
-            let (rest, plus, minus) = (row(0), row(1), row(2));
+                );
+            });
             unroll!(axes a < 3 => {
-                let column = analyse(rest[a], plus[a], minus[a]);
+                let column = analyse(rows[0][a], rows[1][a], rows[2][a]);
                 t[a][0][z] = column[0];
                 t[a][1][z] = column[1];
                 t[a][2][z] = column[2];
@@ -181,61 +187,61 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         });
 
         let drho = t[0][0][0];
-        let mut force = [n(0.0); 3];
+        let mut force = [N::splat(0.0); 3];
         let mut m = [t[1][0][0], t[0][1][0], t[0][0][1]];
         if FORCED {
             unroll!(axes a < 3 => {
-                force[a] = n(self.force[a]);
-                m[a] = m[a] + n(0.5 * self.force[a]);
+                force[a] = n::<N>(self.force[a]);
+                m[a] = m[a] + n::<N>(0.5 * self.force[a]);
             });
         }
-        let inverse = n(1.0) / (n(1.0) + drho);
+        let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
         // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and source 2s goes to
         // t - rate (t - (q - s)) + 2s.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
-        let mut square_source = [n(0.0); 3];
-        let mut cross_source = [n(0.0); 3];
+        let mut square_source = [n::<N>(0.0); 3];
+        let mut cross_source = [n::<N>(0.0); 3];
         let mut linear = m;
         if FORCED {
             unroll!(axes a < 3 => {
                 let b = (a + 1) % 3;
                 square_source[a] = force[a] * u[a];
-                cross_source[a] = force[a].mul_add(u[b], force[b] * u[a]) * n(0.5);
+                cross_source[a] = force[a].mul_add(u[b], force[b] * u[a]) * n::<N>(0.5);
                 square[a] = square[a] - square_source[a];
                 cross[a] = cross[a] - cross_source[a];
                 // Of the odd moments the source is ±F.
-                linear[a] = m[a] - n(0.5 * self.force[a]);
+                linear[a] = m[a] - n::<N>(0.5 * self.force[a]);
             });
         }
         let k = &self.rates;
 
         // What a moment is short of its equilibrium: the change is the rate times this.
         // Second moments P_a: equilibrium -δρ + 3 m_a u_a.
-        let mut short = [n(0.0); 3];
+        let mut short = [n::<N>(0.0); 3];
         let diagonal = [t[2][0][0], t[0][2][0], t[0][0][2]];
         unroll!(axes a < 3 => {
-            short[a] = square[a].mul_add(n(3.0), n(0.0) - (drho + diagonal[a]));
+            short[a] = square[a].mul_add(n::<N>(3.0), n::<N>(0.0) - (drho + diagonal[a]));
         });
-        let mean = (short[0] + short[1] + short[2]) * (n(k.bulk) - omega) * n(1.0 / 3.0);
+        let mean = (short[0] + short[1] + short[2]) * (n::<N>(k.bulk) - omega) * n::<N>(1.0 / 3.0);
         unroll!(axes a < 3 => {
             let mut value = short[a].mul_add(omega, diagonal[a]) + mean;
             if FORCED {
-                value = square_source[a].mul_add(n(6.0), value);
+                value = square_source[a].mul_add(n::<N>(6.0), value);
             }
             let (x, y, z) = ([2, 0, 0][a], [0, 2, 0][a], [0, 0, 2][a]);
-            t[x][y][z] = value * n(scale(2, 0, 0));
+            t[x][y][z] = value * n::<N>(scale(2, 0, 0));
         });
         // c_a c_b: m_a u_b.
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
             let mut value = (cross[a] - t[x][y][z]).mul_add(omega, t[x][y][z]);
             if FORCED {
-                value = cross_source[a].mul_add(n(2.0), value);
+                value = cross_source[a].mul_add(n::<N>(2.0), value);
             }
-            t[x][y][z] = value * n(scale(1, 1, 0));
+            t[x][y][z] = value * n::<N>(scale(1, 1, 0));
         });
         // c_a P_b, c_a P_c: -m_a each, relaxed as sum and difference; and c_a P_b P_c: m_a.
         unroll!(axes a < 3 => {
@@ -253,19 +259,19 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
                 t[second[0]][second[1]][second[2]],
                 t[third[0]][third[1]][third[2]],
             );
-            let sum = linear[a].neg_mul_add(n(2.0), n(0.0) - (p + q));
-            let difference = (p - q) * n(0.5 * k.tau * scale(1, 2, 0));
-            let change = sum * n(0.5 * k.q * scale(1, 2, 0));
-            let mut p = p.mul_add(n(scale(1, 2, 0)), change - difference);
-            let mut q = q.mul_add(n(scale(1, 2, 0)), change + difference);
+            let sum = linear[a].neg_mul_add(n::<N>(2.0), n::<N>(0.0) - (p + q));
+            let difference = (p - q) * n::<N>(0.5 * k.tau * scale(1, 2, 0));
+            let change = sum * n::<N>(0.5 * k.q * scale(1, 2, 0));
+            let mut p = p.mul_add(n::<N>(scale(1, 2, 0)), change - difference);
+            let mut q = q.mul_add(n::<N>(scale(1, 2, 0)), change + difference);
             let mut psi = psi.mul_add(
-                n((1.0 - k.psi) * scale(1, 2, 2)),
-                linear[a] * n(k.psi * scale(1, 2, 2)),
+                n::<N>((1.0 - k.psi) * scale(1, 2, 2)),
+                linear[a] * n::<N>(k.psi * scale(1, 2, 2)),
             );
             if FORCED {
-                p = force[a].neg_mul_add(n(scale(1, 2, 0)), p);
-                q = force[a].neg_mul_add(n(scale(1, 2, 0)), q);
-                psi = force[a].mul_add(n(scale(1, 2, 2)), psi);
+                p = force[a].neg_mul_add(n::<N>(scale(1, 2, 0)), p);
+                q = force[a].neg_mul_add(n::<N>(scale(1, 2, 0)), q);
+                psi = force[a].mul_add(n::<N>(scale(1, 2, 2)), psi);
             }
             t[first[0]][first[1]][first[2]] = p;
             t[second[0]][second[1]][second[2]] = q;
@@ -276,53 +282,54 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         let quartic = [t[0][2][2], t[2][0][2], t[2][2][0]];
         unroll!(axes a < 3 => {
             // a is the axis that is not in the product.
-            short[a] = (total - square[a]).neg_mul_add(n(3.0), drho - quartic[a]);
+            short[a] = (total - square[a]).neg_mul_add(n::<N>(3.0), drho - quartic[a]);
         });
-        let mean = (short[0] + short[1] + short[2]) * n((k.epsilon - k.xx) / 3.0 * scale(2, 2, 0));
-        let mut sources = n(0.0);
+        let mean =
+            (short[0] + short[1] + short[2]) * n::<N>((k.epsilon - k.xx) / 3.0 * scale(2, 2, 0));
+        let mut sources = n::<N>(0.0);
         if FORCED {
-            sources = (square_source[0] + square_source[1] + square_source[2]) * n(6.0);
+            sources = (square_source[0] + square_source[1] + square_source[2]) * n::<N>(6.0);
         }
         unroll!(axes a < 3 => {
             let mut value = short[a].mul_add(
-                n(k.xx * scale(2, 2, 0)),
-                quartic[a].mul_add(n(scale(2, 2, 0)), mean),
+                n::<N>(k.xx * scale(2, 2, 0)),
+                quartic[a].mul_add(n::<N>(scale(2, 2, 0)), mean),
             );
             if FORCED {
-                let source = square_source[a].neg_mul_add(n(6.0), sources);
-                value = source.neg_mul_add(n(scale(2, 2, 0)), value);
+                let source = square_source[a].neg_mul_add(n::<N>(6.0), sources);
+                value = source.neg_mul_add(n::<N>(scale(2, 2, 0)), value);
             }
             let (x, y, z) = ([0, 2, 2][a], [2, 0, 2][a], [2, 2, 0][a]);
             t[x][y][z] = value;
         });
-        let target = total.mul_add(n(3.0), n(0.0) - drho);
+        let target = total.mul_add(n::<N>(3.0), n::<N>(0.0) - drho);
         t[2][2][2] = t[2][2][2].mul_add(
-            n((1.0 - k.e_cubed) * scale(2, 2, 2)),
-            target * n(k.e_cubed * scale(2, 2, 2)),
+            n::<N>((1.0 - k.e_cubed) * scale(2, 2, 2)),
+            target * n::<N>(k.e_cubed * scale(2, 2, 2)),
         );
         if FORCED {
-            t[2][2][2] = sources.mul_add(n(scale(2, 2, 2)), t[2][2][2]);
+            t[2][2][2] = sources.mul_add(n::<N>(scale(2, 2, 2)), t[2][2][2]);
         }
         // c_a c_b P_c: -m_a u_b; c_x c_y c_z: 0.
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 2, 1][a], [1, 1, 2][a], [2, 1, 1][a]);
             let mut value = t[x][y][z].mul_add(
-                n((1.0 - k.xy) * scale(1, 1, 2)),
-                cross[a] * n(-k.xy * scale(1, 1, 2)),
+                n::<N>((1.0 - k.xy) * scale(1, 1, 2)),
+                cross[a] * n::<N>(-k.xy * scale(1, 1, 2)),
             );
             if FORCED {
-                value = cross_source[a].neg_mul_add(n(2.0 * scale(1, 1, 2)), value);
+                value = cross_source[a].neg_mul_add(n::<N>(2.0 * scale(1, 1, 2)), value);
             }
             t[x][y][z] = value;
         });
-        t[1][1][1] = t[1][1][1] * n((1.0 - k.xyz) * scale(1, 1, 1));
-        t[0][0][0] = drho * n(scale(0, 0, 0));
+        t[1][1][1] = t[1][1][1] * n::<N>((1.0 - k.xyz) * scale(1, 1, 1));
+        t[0][0][0] = drho * n::<N>(scale(0, 0, 0));
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 0, 0][a], [0, 1, 0][a], [0, 0, 1][a]);
             if FORCED {
                 t[x][y][z] = t[x][y][z] + force[a];
             }
-            t[x][y][z] = t[x][y][z] * n(scale(1, 0, 0));
+            t[x][y][z] = t[x][y][z] * n::<N>(scale(1, 0, 0));
         });
 
         unroll!(axes x < 3 => {
@@ -331,7 +338,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             });
         });
         unroll!(axes z < 3 => {
-            let mut columns = [[n(0.0); 3]; 3];
+            let mut columns = [[n::<N>(0.0); 3]; 3];
             unroll!(axes a < 3 => {
                 columns[a] = compose([t[a][0][z], t[a][1][z], t[a][2][z]]);
             });

@@ -19,8 +19,10 @@ pub struct Wale {
 /// S:S
 #[inline(always)]
 pub(crate) fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
-    let half = |a: usize, b: usize| (g[a][b] + g[b][a]) * N::splat(0.5);
-    let (xy, yz, zx) = (half(0, 1), half(1, 2), half(2, 0));
+    let half = N::splat(0.5);
+    let xy = (g[0][1] + g[1][0]) * half;
+    let yz = (g[1][2] + g[2][1]) * half;
+    let zx = (g[2][0] + g[0][2]) * half;
     let shear = xy.mul_add(xy, yz.mul_add(yz, zx * zx));
     let stretch = g[0][0].mul_add(g[0][0], g[1][1].mul_add(g[1][1], g[2][2] * g[2][2]));
     shear.mul_add(N::splat(2.0), stretch)
