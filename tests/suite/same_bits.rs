@@ -74,6 +74,47 @@ fn fluid_without_grains() {
     study.same("straight", "two along y");
 }
 
+/// Eddies in 3-D: the velocity of the step before is part of the state.
+#[test]
+fn turbulence_on_any_ranks_and_over_a_restart() {
+    let _alone = alone();
+    let study = Study::of(
+        "taylor-green",
+        &[
+            (
+                "domain",
+                r#"{"size": [0.0024, 0.002, 0.0018], "spacing": 1e-4, "periodic": ["x", "y"]}"#,
+            ),
+            ("fluid.lattice_boltzmann.collision", r#"{"mrt": {}}"#),
+            ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+            ("fluid.lattice_boltzmann.relaxation_time", "0.51"),
+            (
+                "fluid.lattice_boltzmann.initial.taylor_green.velocity",
+                "0.2",
+            ),
+            ("probes", "[]"),
+            (
+                "output.fluid",
+                r#"{"every": 5e-4, "fields": ["velocity", "eddy_viscosity"], "precision": "f64"}"#,
+            ),
+            ("checkpoint.every", "0.0008"),
+            ("time.end", "0.003"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("two", 2, 2, "domain.split=y"),
+        ("three", 3, 1, "domain.split=z"),
+        ("four", 4, 1, "domain.split=x"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0015"]);
+    study.restart("parts", 3, &["time.end=0.003"]).expect(0);
+    study.same("straight", "parts");
+}
+
 #[test]
 fn grains_without_fluid() {
     let _alone = alone();
