@@ -458,7 +458,8 @@ row_P13() {
 
 header() {
   local commit solver_commit
-  solver_commit=$(sed -n 's/.*"commit": "\(.*\)".*/\1/p' "$work"/*/summary.json 2>/dev/null | sort -u | tr '\n' ' ')
+  # Rows of the benches alone leave no summary.
+  solver_commit=$( (sed -n 's/.*"commit": "\(.*\)".*/\1/p' "$work"/*/summary.json 2>/dev/null || true) | sort -u | tr '\n' ' ')
   commit=$(git -C "$root" rev-parse --short=12 HEAD 2>/dev/null || echo unknown)
   [ -z "$(git -C "$root" status --porcelain --untracked-files=no 2>/dev/null)" ] || commit="$commit with changes"
   echo "# commit: $commit"
