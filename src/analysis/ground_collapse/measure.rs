@@ -114,7 +114,7 @@ pub struct Sample {
     pub surface: Vec<Option<f64>>,
     /// How far each column has gone down [m].
     pub settlement: Vec<Option<f64>>,
-    /// Largest settlement that a column shares with two beside it [m].
+    /// Largest settlement [m].
     pub settlement_max: f64,
     /// Mean settlement over the middle third along the long axis [m].
     pub settlement_middle: f64,
@@ -439,7 +439,6 @@ impl Ground {
         }
         let surface = surface(&self.cells, grains, self.diameter);
         let settlement = self.settlement(&surface);
-        let shared = self.shared(&settlement);
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = limits.percentile / 100.0 * number(sorted.len().max(1) - 1);
@@ -448,40 +447,14 @@ impl Ground {
             voids: distinct.len() as u64,
             void_volume: distinct.iter().map(|hole| self.missing(hole, &solid)).sum(),
             points: above,
-            settlement_max: shared.iter().flatten().copied().fold(0.0, f64::max),
+            settlement_max: sorted.last().copied().unwrap_or(0.0),
             settlement_percentile: sorted.get(rank).copied().unwrap_or(0.0),
             settlement_middle: self.middle(&settlement),
-            depression: self.depression(&shared, limits.settled),
+            depression: self.depression(&settlement, limits.settled),
             inward: self.inward(grains, points),
             surface,
             settlement,
         }
-    }
-
-    /// How far each column has gone down together with two of the four beside it: where one grain rolls off the surface, its
-    /// column alone drops to what lies below, which is no sinkhole.
-    #[must_use]
-    pub fn shared(&self, settlement: &[Option<f64>]) -> Vec<Option<f64>> {
-        let [nx, ny, _] = self.cells.count;
-        let value = |long: usize, across: usize| {
-            let inside = long < nx && across < ny;
-            let found = inside.then(|| settlement[self.cells.column(long, across)]);
-            found.flatten().unwrap_or(f64::NEG_INFINITY)
-        };
-        let columns = (0..ny).flat_map(|across| (0..nx).map(move |long| (long, across)));
-        columns
-            .map(|(long, across)| {
-                let own = settlement[self.cells.column(long, across)]?;
-                let mut beside = [
-                    value(long.wrapping_sub(1), across),
-                    value(long + 1, across),
-                    value(long, across.wrapping_sub(1)),
-                    value(long, across + 1),
-                ];
-                beside.sort_by(f64::total_cmp);
-                Some(own.min(beside[2]).max(own.min(0.0)))
-            })
-            .collect()
     }
 
     /// Mean over the middle third along the long axis.
