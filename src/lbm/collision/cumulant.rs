@@ -7,8 +7,8 @@
 //! κ_220 = ρ (s_xx s_yy + 2 s_xy²), κ_211 = ρ (s_xx s_yz + 2 s_xy s_xz),
 //! κ_222 = ρ (s_xx s_yy s_zz + 2 s_xx s_yz² + 2 s_yy s_zx² + 2 s_zz s_xy² + 8 s_xy s_yz s_zx).
 //!
-//! The relaxation of the diagonal carries the correction of the cubic error in u (their equations 64 to 66, from the strain that the
-//! moments themselves show), so that viscosity does not depend on the velocity of the frame. There is no magic parameter: where a
+//! The relaxation of the diagonal carries the correction of the cubic error in u (from the strain that the moments
+//! themselves show), so that viscosity does not depend on the velocity of the frame. There is no magic parameter: where a
 //! wall lies depends weakly on τ. Transforms are three sweeps of nine, on deviations from the moments of the weights, so
 //! that the fluid at rest is exact. A force flips the first central moment, -F/2 to F/2.
 
@@ -268,7 +268,7 @@ mod tests {
             .product()
     }
 
-    /// The same by moments written out and a system of 27 equations, with the cumulants of Geier et al. (2015), equations 19 to 23.
+    /// The same by moments written out and a system of 27 equations, with the cumulants in the form of Geier et al. (2015).
     fn reference(g: &[f64; 27], omega: f64, bulk: f64, force: [f64; 3]) -> [f64; 27] {
         let f: Vec<f64> = (0..27).map(|i| g[i] + D3Q27::W[i]).collect();
         let rho: f64 = f.iter().sum();
