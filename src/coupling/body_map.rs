@@ -513,8 +513,7 @@ impl BodyMap {
                     (after, 1.0)
                 };
                 if let Some((entry, frame)) = self.nearest(body, cell) {
-                    let force =
-                        momentum.map(|m| i128::from(crate::lbm::boundary::quanta(sign * m)));
+                    let force = momentum.map(|m| crate::lbm::boundary::quanta(sign * m));
                     let middle = std::array::from_fn(|a| {
                         if a < self.dimension {
                             2 * (cell[a] - frame[a]) + 1

@@ -33,6 +33,8 @@ pub mod rotation;
 mod separating_axes;
 pub mod shape;
 
+pub(crate) use cut::across;
+
 pub use contact::{Geometry, Memory, Model, Narrow, Placed};
 pub use force::{Action, Law, Stiffness};
 pub use rotation::{Attitude, Damping};
