@@ -14,6 +14,7 @@
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles`, `ghosts` | the grains of a rank, who owns and who sees them |
+//! | `blocks` | shapes and attitudes of the blocks among them |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
@@ -24,6 +25,7 @@
 //! | `state` | grains and contacts as named columns |
 //! | `ranks` | what is asked of the ranks |
 
+mod blocks;
 pub mod contact;
 mod engine;
 mod ghosts;

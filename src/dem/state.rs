@@ -5,6 +5,9 @@
 //! rank the rows of all ranks, each keeps what its lists need. A run restored from them goes on bit by bit as the
 //! uninterrupted one.
 
+use std::sync::Arc;
+
+use super::blocks::{self, ATTITUDE, Blocks};
 use super::contact::ContactLaw;
 use super::engine::{Engine, Key};
 use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
@@ -154,6 +157,15 @@ pub struct Contacts {
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+const ATTITUDES: [&str; ATTITUDE] = [
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+    "orientation_w",
+    "angular_momentum_x",
+    "angular_momentum_y",
+    "angular_momentum_z",
+];
 
 fn components<C: Components>(
     table: &mut Table,
@@ -242,11 +254,19 @@ impl<S: Space> Particles<S> {
         if let Some(start) = &self.start {
             components(&mut table, "start", start[..owned].iter().copied());
         }
+        if let Some(blocks) = &self.blocks {
+            let shapes = blocks.shape[..owned].iter();
+            table.whole("shape", shapes.map(|&shape| u64::from(shape)));
+            for (k, name) in ATTITUDES.iter().enumerate() {
+                let attitudes = blocks.attitude[..owned].iter();
+                table.real(*name, attitudes.map(|one| blocks::numbers(one)[k]));
+            }
+        }
         table
     }
 
     /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. `lengths` of the box along periodic
-    /// axes are set when the lists are made.
+    /// axes are set when the lists are made. Where there are blocks, [`Self::set_shapes`] has to give their shapes back.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type.
@@ -315,10 +335,27 @@ impl<S: Space> Particles<S> {
         if table.columns.iter().any(|(name, _)| name == "start_x") {
             particles.start = Some(read_components::<S::Vector>(table, "start")?);
         }
+        // Only scenes with blocks write these.
+        if table.columns.iter().any(|(name, _)| name == "shape") {
+            particles.blocks = Some(read_blocks(table)?);
+        }
         particles.owned = table.rows();
         particles.loaded = true;
         Ok(particles)
     }
+}
+
+fn read_blocks(table: &Table) -> Result<Blocks, Error> {
+    let mut columns = [&[][..]; ATTITUDE];
+    for (column, name) in columns.iter_mut().zip(ATTITUDES) {
+        *column = table.get_real(name)?;
+    }
+    let mut blocks = Blocks::new(Arc::default(), 0);
+    for (row, shape) in table.get_whole("shape")?.iter().enumerate() {
+        let attitude = blocks::from_numbers(columns.map(|column| column[row]));
+        blocks.push(small(*shape)?, attitude);
+    }
+    Ok(blocks)
 }
 
 impl<S: Space> Dem<S> {
