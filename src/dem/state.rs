@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use super::blocks::{self, ATTITUDE, Blocks};
 use super::contact::ContactLaw;
+use super::engine::bodies::Bodies;
 use super::engine::{Engine, Key};
 use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
 use super::space::{Components, Space};
@@ -369,6 +370,7 @@ impl<S: Space> Dem<S> {
             Inner::RollingLinear(engine) => save(engine),
             Inner::RollingContactBond(engine) => save(engine),
             Inner::HertzMindlin(engine) => save(engine),
+            Inner::Blocks(engine) => save(engine),
         }
     }
 
@@ -385,6 +387,7 @@ impl<S: Space> Dem<S> {
             Inner::RollingLinear(engine) => restore(engine, contacts),
             Inner::RollingContactBond(engine) => restore(engine, contacts),
             Inner::HertzMindlin(engine) => restore(engine, contacts),
+            Inner::Blocks(engine) => restore(engine, contacts),
         }
     }
 }
@@ -414,7 +417,7 @@ fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Mem
         .collect())
 }
 
-fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
+fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     let (pairs, at_walls) = engine.saved();
     let mut grains = Table::default();
     grains.whole("first", pairs.iter().map(|(key, _)| key.first));
@@ -461,7 +464,7 @@ fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
     }
 }
 
-fn restore<S: Space, L: ContactLaw<S>>(
+fn restore<S: Space, L: Bodies<S>>(
     engine: &mut Engine<S, L>,
     contacts: &Contacts,
 ) -> Result<(), Error> {
