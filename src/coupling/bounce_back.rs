@@ -135,7 +135,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 extra[a] = now;
                 extra[6 + a] = 0.0;
             }
-            let volume = Sp::measure(particles.body[k].radius);
+            let volume = particles.volume(k);
             particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
         }
         Ok(())

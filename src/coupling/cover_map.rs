@@ -7,7 +7,7 @@
 //! the cells of its own.
 
 use super::body_map::Grid;
-use super::solid_fraction::{Form, Method, Scratch};
+use super::solid_fraction::{Form, Method, Plane, Scratch, faces};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
@@ -33,7 +33,26 @@ struct Mapped {
     /// Its cells by rising position.
     cells: Vec<Cell>,
     next: Vec<Cell>,
+    /// Faces of a polyhedron; none of a disc or sphere.
+    planes: Vec<Plane>,
     moved: bool,
+}
+
+impl Mapped {
+    fn form(&self, pose: &Pose, dimension: usize) -> Form<'_> {
+        let Pose { centre, radius, .. } = *pose;
+        if !self.planes.is_empty() {
+            Form::Block {
+                planes: &self.planes,
+                centre,
+                radius,
+            }
+        } else if dimension == 2 {
+            Form::Disc { centre, radius }
+        } else {
+            Form::Ball { centre, radius }
+        }
+    }
 }
 
 /// Where a body stands, in cells, and how large it is.
@@ -41,6 +60,8 @@ struct Mapped {
 struct Pose {
     centre: [f64; 3],
     radius: f64,
+    /// Quaternion of a polyhedron.
+    orientation: [f64; 4],
 }
 
 /// The lattice as rows of cells.
@@ -134,12 +155,21 @@ impl CoverMap {
         }
         for (k, body) in self.bodies.iter_mut().enumerate() {
             let motion = rigid(particles, k, &self.grid, velocity, spin);
+            let block = particles.polyhedron(k);
             let pose = Pose {
                 centre: motion.position,
                 radius: motion.radius,
+                orientation: block.map_or([0.0; 4], |(_, attitude)| {
+                    attitude.orientation.coords.into()
+                }),
             };
             body.moved = body.at != Some(pose);
             body.at = Some(pose);
+            if let (true, Some((shape, attitude))) = (body.moved, block) {
+                let rotation = attitude.matrix();
+                let spacing = self.grid.spacing;
+                faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
+            }
             let frame = frame(&self.grid, self.dimension, body.name.1);
             cover.set(
                 body.slot,
@@ -154,18 +184,10 @@ impl CoverMap {
         let look = |scratch: &mut Scratch, body: &mut Mapped| {
             if let (true, Some(pose)) = (body.moved, body.at) {
                 let frame = frame(grid, dimension, body.name.1);
-                let form = if dimension == 2 {
-                    Form::Disc {
-                        centre: pose.centre,
-                        radius: pose.radius,
-                    }
-                } else {
-                    Form::Ball {
-                        centre: pose.centre,
-                        radius: pose.radius,
-                    }
-                };
-                rows.walk(&form, frame, dimension, method, scratch, &mut body.next);
+                let mut next = std::mem::take(&mut body.next);
+                let form = body.form(&pose, dimension);
+                rows.walk(&form, frame, dimension, method, scratch, &mut next);
+                body.next = next;
             }
         };
         if rayon::current_num_threads() > 1 && self.bodies.len() > 16 {

@@ -88,25 +88,40 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
     /// What the water inside took of the force on owned grain `k` in the last step; keeps the present motion for the next.
     fn inner_water(&self, particles: &mut Particles<Sp>, k: usize) {
         let (motion, body) = (particles.motion[k], particles.body[k]);
+        let water = self.units.density * particles.volume(k) / self.units.time_step;
+        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
+        let (turning, moment): ([f64; 3], f64) = match particles.polyhedron(k) {
+            Some((_, attitude)) => (attitude.angular_momentum.into(), water / body.mass),
+            None => {
+                let spin = |a| {
+                    if a < Sp::Spin::COUNT {
+                        motion.spin.get(a)
+                    } else {
+                        0.0
+                    }
+                };
+                (
+                    std::array::from_fn(spin),
+                    water * Sp::inertia(1.0, body.radius),
+                )
+            }
+        };
         let extra = &mut particles.extra[k];
+        let load = &mut particles.fluid[k];
         let known = extra[6] > 0.0;
-        let ratio = self.units.density * Sp::measure(body.radius) / self.units.time_step;
         for a in 0..Sp::DIMENSION {
             let v = motion.velocity.get(a);
             if known {
-                let force = &mut particles.fluid[k].force;
-                force.set(a, force.get(a) + ratio * (v - extra[a]));
+                load.force.set(a, load.force.get(a) + water * (v - extra[a]));
             }
             extra[a] = v;
         }
-        let ratio = ratio * Sp::inertia(1.0, body.radius);
         for a in 0..Sp::Spin::COUNT {
-            let w = motion.spin.get(a);
             if known {
-                let torque = &mut particles.fluid[k].torque;
-                torque.set(a, torque.get(a) + ratio * (w - extra[3 + a]));
+                let more = moment * (turning[a] - extra[3 + a]);
+                load.torque.set(a, load.torque.get(a) + more);
             }
-            extra[3 + a] = w;
+            extra[3 + a] = turning[a];
         }
         extra[6] = 1.0;
     }
@@ -136,7 +151,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         for k in 0..particles.owned() {
             let centre = rigid(particles, k, &self.grid, velocity, spin).position;
             let load = about_centre(centre, &self.loads[k]);
-            let volume = Sp::measure(particles.body[k].radius);
+            let volume = particles.volume(k);
             particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
             if self.settings.without_inner_water {
                 self.inner_water(particles, k);

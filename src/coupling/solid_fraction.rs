@@ -14,7 +14,8 @@
 //! All lengths are in cells, in the raw frame of the body.
 
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
-use nalgebra::Vector3;
+use crate::dem::polyhedron::Polyhedron;
+use nalgebra::{Matrix3, Vector3};
 
 /// How fractions are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,24 @@ pub struct Plane {
     pub normal: [f64; 3],
     /// Distance from the origin along it.
     pub offset: f64,
+}
+
+/// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+pub fn faces(
+    shape: &Polyhedron,
+    rotation: &Matrix3<f64>,
+    centre: [f64; 3],
+    spacing: f64,
+    planes: &mut Vec<Plane>,
+) {
+    planes.clear();
+    planes.extend(shape.half_spaces().iter().map(|face| {
+        let normal: [f64; 3] = (rotation * face.normal).into();
+        Plane {
+            normal,
+            offset: face.offset / spacing + dot(normal, centre),
+        }
+    }));
 }
 
 /// A body as geometry.
