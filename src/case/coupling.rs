@@ -99,12 +99,15 @@ impl Default for PartiallySaturated {
 #[schemars(inline)]
 pub enum SolidOperator {
     /// Bounce-back of what departs from equilibrium (Noble and Torczynski 1998, E-07).
-    #[default]
     NonEquilibriumBounceBack,
     /// Equilibrium at the velocity of the solid, the departure relaxed by the rate of the water.
     Superposition,
     /// Bounce-back of what departs from equilibrium at the velocity of the solid (Holdych 2003).
     BounceBackAboutSolid,
+    /// Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; it asks no
+    /// weighting.
+    #[default]
+    ViscosityMatched,
 }
 
 /// How much a filled part ε counts.

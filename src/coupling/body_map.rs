@@ -257,7 +257,13 @@ impl BodyMap {
                 let turned = &mut self.blocks[k];
                 turned.quaternion = attitude.orientation.coords.into();
                 let (rotation, spacing) = (attitude.matrix(), self.grid.spacing);
-                faces(shape, &rotation, rigid.position, spacing, &mut turned.planes);
+                faces(
+                    shape,
+                    &rotation,
+                    rigid.position,
+                    spacing,
+                    &mut turned.planes,
+                );
             } else if let Some(turned) = self.blocks.get_mut(k) {
                 turned.planes.clear();
             }
@@ -481,9 +487,8 @@ impl BodyMap {
         let rigid = &self.motion[k];
         let frame = self.frame(self.bodies[k].shift);
         let reach = rigid.radius + 1.5;
-        let low: [i32; 3] = std::array::from_fn(|a| {
-            floor(rigid.position[a] - reach).max(-GHOSTS - frame[a])
-        });
+        let low: [i32; 3] =
+            std::array::from_fn(|a| floor(rigid.position[a] - reach).max(-GHOSTS - frame[a]));
         let high: [i32; 3] = std::array::from_fn(|a| {
             floor(rigid.position[a] + reach).min(self.local[a] + GHOSTS - 1 - frame[a])
         });

@@ -159,9 +159,8 @@ impl CoverMap {
             let pose = Pose {
                 centre: motion.position,
                 radius: motion.radius,
-                orientation: block.map_or([0.0; 4], |(_, attitude)| {
-                    attitude.orientation.coords.into()
-                }),
+                orientation: block
+                    .map_or([0.0; 4], |(_, attitude)| attitude.orientation.coords.into()),
             };
             body.moved = body.at != Some(pose);
             body.at = Some(pose);
@@ -376,3 +375,6 @@ fn tell(cover: &mut Cover, slot: u32, old: &[Cell], new: &[Cell]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -112,7 +112,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         for a in 0..Sp::DIMENSION {
             let v = motion.velocity.get(a);
             if known {
-                load.force.set(a, load.force.get(a) + water * (v - extra[a]));
+                load.force
+                    .set(a, load.force.get(a) + water * (v - extra[a]));
             }
             extra[a] = v;
         }

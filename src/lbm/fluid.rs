@@ -62,6 +62,18 @@ pub enum Operator {
     },
 }
 
+impl Operator {
+    /// Relaxation of what is odd.
+    fn odd(&self) -> saturation::Odd {
+        match *self {
+            Self::Bgk => saturation::Odd::AsEven,
+            Self::Trt { magic } => saturation::Odd::Magic(magic),
+            Self::Mrt(rates) => saturation::Odd::Fixed(1.0 / rates.q - 0.5),
+            Self::Cumulant { .. } => saturation::Odd::Fixed(0.5),
+        }
+    }
+}
+
 /// Uniform body force per volume in lattice units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Force {
@@ -372,7 +384,7 @@ impl<S: Stored> Fluid<S> {
         let tau = setup.relaxation_time;
         let cover = setup
             .saturation
-            .map(|method| Cover::new(&populations, method, tau, threads));
+            .map(|method| Cover::new(&populations, method, tau, setup.operator.odd(), threads));
         let boundaries = Boundaries::new(&populations, &frame, setup.patches);
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;

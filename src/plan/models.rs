@@ -205,8 +205,10 @@ fn name(coupling: &Coupling) -> String {
         SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
         SolidOperator::Superposition => "superposition",
         SolidOperator::BounceBackAboutSolid => "bounce-back about the solid's velocity",
+        SolidOperator::ViscosityMatched => "matched to the viscosity",
     };
     let weighting = match written.weighting {
+        _ if written.solid_operator == SolidOperator::ViscosityMatched => "no weighting",
         Weighting::Fraction => "weighted by the solid fraction",
         Weighting::Viscous => "weighted by fraction and viscosity",
     };

@@ -70,6 +70,7 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
             SolidOperator::NonEquilibriumBounceBack => Reflection::NonEquilibrium,
             SolidOperator::Superposition => Reflection::Superposition,
             SolidOperator::BounceBackAboutSolid => Reflection::AboutSolid,
+            SolidOperator::ViscosityMatched => Reflection::Matched,
         },
         weighting: match written.weighting {
             WrittenWeighting::Fraction => Weighting::Fraction,

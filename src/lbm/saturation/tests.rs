@@ -4,7 +4,7 @@ use super::super::turbulence::Model;
 use super::*;
 use decomposition::{Axis, Domain};
 
-const METHODS: [Method; 3] = [
+const METHODS: [Method; 4] = [
     Method {
         reflection: Reflection::NonEquilibrium,
         weighting: Weighting::Viscous,
@@ -15,6 +15,10 @@ const METHODS: [Method; 3] = [
     },
     Method {
         reflection: Reflection::AboutSolid,
+        weighting: Weighting::Viscous,
+    },
+    Method {
+        reflection: Reflection::Matched,
         weighting: Weighting::Viscous,
     },
 ];
@@ -61,6 +65,7 @@ fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
             }
         }
     }
+    let deep = [1, 3, 5, 6].map(|x| position(fluid, [x, 7, 0]));
     let cover = fluid.cover_mut().unwrap();
     cover.make_room(2);
     for slot in 0..2 {
@@ -89,6 +94,9 @@ fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
     }
     for (position, slot, part) in all {
         cover.cover(position, slot, part);
+    }
+    for (position, part) in deep.into_iter().zip([DEEP, 1.0, 0.999, 1e-7]) {
+        cover.cover(position, 1, part);
     }
 }
 
@@ -161,6 +169,7 @@ fn mass_and_momentum_close() {
     for method in METHODS {
         for (set, operator, cells) in [
             (Set::D2Q9, Operator::Bgk, [11, 9, 1]),
+            (Set::D3Q19, Operator::Trt { magic: 0.1875 }, [11, 9, 6]),
             (Set::D3Q27, Operator::Cumulant { bulk: 1.0 }, [11, 9, 6]),
         ] {
             let mut fluid = serial(Axis::X, setup(set, operator, 0.8, cells, method));
@@ -202,12 +211,12 @@ fn mass_and_momentum_close() {
     }
 }
 
-/// Between walls at rest and a moving slab of full cells the flow is a straight line, with the slab's velocity where its cells end: exactly
-/// for bounce-back about the solid's velocity, as for links that bounce; the others smear the surface: at these few cells by 1.4 % of the
+/// Between walls at rest and a moving slab of full cells the flow is a straight line, with the slab's velocity where its cells end: but
+/// for what leaks (0.2 % here) for those that reverse what enters; the others smear the surface: at these few cells by 1.4 % of the
 /// drag (non-equilibrium bounce-back) and 15 % (superposition) at the larger relaxation time.
 #[test]
 fn couette_flow_beside_a_covered_slab() {
-    for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 1e-9]) {
+    for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
         for tau in [0.6, 1.4] {
             let (gap, cells) = (8_usize, [4, 16, 1]);
             let operator = Operator::Trt { magic: 3.0 / 16.0 };
