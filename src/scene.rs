@@ -12,6 +12,7 @@ pub mod grid;
 pub mod observe;
 pub mod packing;
 pub mod rain;
+pub mod rock;
 pub mod sample;
 pub mod seepage;
 pub mod solids;

@@ -445,6 +445,26 @@ impl Polyhedron {
 }
 
 impl Solid {
+    /// Its half-spaces (m) where it stood, in the order of the faces.
+    #[must_use]
+    pub fn half_spaces(&self) -> Vec<HalfSpace> {
+        let standing = |plane: &HalfSpace| {
+            let normal = self.orientation * plane.normal;
+            HalfSpace {
+                normal,
+                offset: plane.offset + normal.dot(&self.position),
+            }
+        };
+        self.shape.half_spaces().iter().map(standing).collect()
+    }
+
+    /// Its vertices (m) where it stood.
+    #[must_use]
+    pub fn vertices(&self) -> Vec<Vector3<f64>> {
+        let standing = |v: &Vector3<f64>| self.position + self.orientation * v;
+        self.shape.vertices().iter().map(standing).collect()
+    }
+
     fn moved(mut self, by: &Vector3<f64>) -> Self {
         self.position += by;
         self
@@ -529,7 +549,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
 }
 
 /// Volume, centroid, and second moments of the coordinates about `origin`.
-fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
+pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (_, corners) in &cut.faces {
         let at = |k: usize| cut.vertices[corners[k] as usize] - origin;
