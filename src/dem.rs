@@ -7,23 +7,25 @@
 //! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
 //! ```
 //!
-//! Everything is written over [`Space`], so that discs and spheres share the engine, and compiled once per contact law. The
+//! Everything is written over [`Space`], so that discs, spheres and blocks share the engine, and compiled once per contact law. The
 //! same bits come out on any number of ranks and threads, whenever lists are made, and across a restart.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles`, `ghosts` | the grains of a rank, who owns and who sees them |
+//! | `blocks` | shapes and attitudes of the blocks among them |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
-//! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per pair; not in the engine yet |
+//! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per body and per pair |
 //! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
 //! | `state` | grains and contacts as named columns |
 //! | `ranks` | what is asked of the ranks |
 
+mod blocks;
 pub mod contact;
 mod engine;
 mod ghosts;
@@ -48,6 +50,7 @@ pub use surface::Surface;
 pub use walls::Wall;
 
 use contact::ContactLaw;
+use contact::blocks::Blocks;
 use contact::cohesive_frictional::CohesiveFrictional;
 use contact::contact_bond::ContactBond;
 use contact::hertz_mindlin::HertzMindlin;
@@ -168,6 +171,7 @@ enum Inner<S: Space> {
     RollingLinear(Box<Engine<S, Rolling<Linear>>>),
     RollingContactBond(Box<Engine<S, Rolling<ContactBond>>>),
     HertzMindlin(Box<Engine<S, HertzMindlin>>),
+    Blocks(Box<Engine<S, Blocks>>),
 }
 
 /// The same words for the engine of each law.
@@ -180,6 +184,7 @@ macro_rules! engine {
             Inner::RollingLinear($engine) => $body,
             Inner::RollingContactBond($engine) => $body,
             Inner::HertzMindlin($engine) => $body,
+            Inner::Blocks($engine) => $body,
         }
     };
 }
@@ -188,7 +193,8 @@ impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
     ///
     /// # Errors
-    /// Where the time step, skin or damping is out of range, or a wall faces along a periodic axis.
+    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
+    /// and the scene plane or with walls of facets.
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::Numerical(what));
         let positive = |value: f64| value.is_finite() && value > 0.0;
@@ -226,6 +232,15 @@ impl<S: Space> Dem<S> {
             Law::HertzMindlin(law) => {
                 Inner::HertzMindlin(Box::new(Engine::new(law, settings, walls)))
             }
+            Law::Blocks(_) if S::DIMENSION != 3 => {
+                return refuse("a contact law of blocks in two dimensions".into());
+            }
+            Law::Blocks(_) if walls.iter().any(|wall| wall.surface.is_some()) => {
+                return refuse(
+                    "a wall of facets in a scene with blocks: planes and fixed blocks are what blocks can rest on".into(),
+                );
+            }
+            Law::Blocks(law) => Inner::Blocks(Box::new(Engine::new(law, settings, walls))),
         };
         Ok(Self { inner })
     }
@@ -386,6 +401,7 @@ impl Law {
                         Self::RollingLinear(law) => stiffness_of::<S, _>(law, &partners),
                         Self::RollingContactBond(law) => stiffness_of::<S, _>(law, &partners),
                         Self::HertzMindlin(law) => stiffness_of::<S, _>(law, &partners),
+                        Self::Blocks(law) => stiffness_of::<S, _>(law, &partners),
                     };
                     limit = limit.min((body.mass / stiffness).sqrt());
                 }

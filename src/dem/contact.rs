@@ -2,11 +2,13 @@
 //!
 //! A law is one file: its parameters (per pair of materials), what it computes once per pair ([`ContactLaw::constants`]), what
 //! it remembers from step to step ([`ContactLaw::Memory`]), and the force. The pair loop is compiled once per law. To add one:
-//! write the file, and add one line to [`Law`], to the matches in `dem.rs` and to those in `dem/state.rs`.
+//! write the file, and add one line to [`Law`], to the matches in `dem.rs` and to those in `dem/state.rs`, and its name to the laws
+//! of spheres in `dem/engine/bodies.rs`.
 //!
 //! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the
 //! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
+pub mod blocks;
 pub mod cohesive_frictional;
 pub mod contact_bond;
 pub mod hertz_mindlin;
@@ -212,6 +214,8 @@ pub enum Law {
     RollingContactBond(rolling::Rolling<contact_bond::ContactBond>),
     /// Elastic spheres: [`hertz_mindlin`].
     HertzMindlin(hertz_mindlin::HertzMindlin),
+    /// Convex polyhedra, and spheres among them; in space only: [`blocks`].
+    Blocks(blocks::Blocks),
 }
 
 /// A length of a tangent cut down to `limit`, its direction kept.

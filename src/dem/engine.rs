@@ -1,4 +1,4 @@
-//! The solid step, compiled once per contact law.
+//! The solid step, compiled once per contact law; [`bodies`] says where a law has other bodies than spheres.
 //!
 //! Lists are made when a grain may have moved half the skin since they were last made. Nothing depends on when: separations
 //! come from raw positions and whole box lengths, forces are added in the order of the other grain's id (walls after
@@ -6,12 +6,14 @@
 //! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
 //! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
 
+mod blocks;
+pub(super) mod bodies;
 mod ledger;
 mod pairs;
 
 use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
 use super::ghosts::{self, Region};
-use super::integrate::{self, Kick};
+use super::integrate::{self, Fastest, Kick};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles};
 use super::ranks::{Ranks, Reader, Writer, agree};
@@ -20,11 +22,12 @@ use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
+use bodies::Bodies;
 use pairs::*;
 
 /// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
-struct Pair<C, M> {
+pub(super) struct Pair<C, M> {
     first: u32,
     second: u32,
     /// Sum of the radii (m).
@@ -48,7 +51,7 @@ impl<C, M> Pair<C, M> {
 
 /// A listed pair of a wall and an owned grain.
 #[derive(Clone, Copy, Debug)]
-struct WallPair<C, M> {
+pub(super) struct WallPair<C, M> {
     wall: u32,
     grain: u32,
     radius: f64,
@@ -186,7 +189,7 @@ impl<S: Space> Default for Action<S> {
 
 /// Contacts and lists of one law.
 #[derive(Debug)]
-pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
+pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) law: L,
     rows: PairTable<L::Row>,
     pub(super) settings: Settings<S>,
@@ -225,12 +228,10 @@ pub(super) struct Engine<S: Space, L: ContactLaw<S>> {
     cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
+    scratch: L::Scratch,
 }
 
-/// Own grains per thread from which threads pay.
-const PER_THREAD: usize = 3000;
-
-impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Takes the walls of these indices out of the way; the contacts of all others stay.
     pub(super) fn open_walls(&mut self, walls: &[usize]) {
         for &wall in walls {
@@ -275,6 +276,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             cursor: Vec::new(),
             failures: Vec::new(),
             wall_failures: Vec::new(),
+            scratch: L::Scratch::default(),
         }
     }
 
@@ -290,7 +292,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             self.rebuild(particles, ranks)?;
         }
         if ranks.maximum(flag(!particles.loaded))? > 0.5 {
-            self.forces(particles, 0.0);
+            L::forces(self, particles, 0.0);
         }
         particles.loaded = true;
         Ok(())
@@ -311,7 +313,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         };
         let dt = kick.time_step;
         for step in 0..steps {
-            let fastest = integrate::drift(particles, &kick, step > 0, self.parallel);
+            let fastest = self.law.drift(particles, &kick, step > 0, self.parallel);
             self.steps += 1;
             let mut speed = fastest.speed_squared.sqrt();
             for wall in self.walls.iter_mut().filter(|wall| !wall.open) {
@@ -333,14 +335,15 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 self.rebuild(particles, ranks)?;
             } else {
                 particles.refresh_ghosts(ranks)?;
+                L::pose(&mut self.scratch, particles, self.parallel);
                 if self.path > self.activated {
                     self.activate(particles);
                 }
             }
-            self.forces(particles, dt);
+            L::forces(self, particles, dt);
         }
         if steps > 0 {
-            integrate::finish(particles, &kick);
+            self.law.finish(particles, &kick);
         }
         Ok(())
     }
@@ -353,7 +356,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         particles.lengths = region.periodic_lengths();
         particles.origin = region.origin();
         particles.drop_ghosts();
-        agree(ranks, ghosts::wrap(particles, &region))?;
+        agree(
+            ranks,
+            L::check(particles).and_then(|()| ghosts::wrap(particles, &region)),
+        )?;
         if ranks.size() > 1 {
             self.migrate(particles, &region, ranks)?;
         }
@@ -401,6 +407,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             self.settings.ghost_margin,
             ranks,
         )?;
+        L::pose(&mut self.scratch, particles, self.parallel);
         self.list(particles, gap);
         particles.stale = false;
         self.listed = true;
@@ -575,7 +582,10 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             };
             let row = self.rows.place(a.material, b.material);
             let reach = a.radius + b.radius;
-            let squared = separation(&particles.motion, (i, j), &offset, periodic).1;
+            let (between, squared) = separation(&particles.motion, (i, j), &offset, periodic);
+            if !L::near(&self.scratch, (i, j), &between, gap) {
+                return;
+            }
             let held = self
                 .memories
                 .binary_search_by_key(&key, |(key, _)| *key)
@@ -624,7 +634,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.wall_memories.clear();
         self.path = 0.0;
         let threads = rayon::current_num_threads();
-        self.parallel = threads > 1 && particles.owned() >= PER_THREAD * threads;
+        self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
         self.activate(particles);
     }
 
@@ -716,10 +726,12 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         self.active.clear();
         for (k, pair) in (0..).zip(&mut self.pairs) {
             let offset = &self.offsets[pair.offset as usize];
-            let squared = separation(&particles.motion, pair.ends(), offset, periodic).1;
+            let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
             // The slack is far above the rounding of a separation, far below any gap that costs.
-            let far = pair.reach * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
-            if squared <= far * far || L::bonded(&pair.memory) {
+            let gap = 2.0 * self.look * (1.0 + 1e-9);
+            let far = pair.reach * (1.0 + 1e-12) + gap;
+            let near = squared <= far * far && L::near(&self.scratch, pair.ends(), &between, gap);
+            if near || L::bonded(&pair.memory) {
                 self.active.push(k);
             } else {
                 pair.memory = L::Memory::default();
@@ -779,8 +791,8 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
     }
 
-    /// Contact loads of all owned grains at the present positions and velocities; histories advance by `dt` (s).
-    fn forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` (s).
+    fn sphere_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         self.tested += self.active.len() as u64;
         self.failures.clear();
         self.wall_failures.clear();
@@ -829,7 +841,6 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         particles: &mut Particles<S>,
         dt: f64,
     ) {
-        use rayon::prelude::*;
         let owned = particles.owned();
         let Particles {
             motion, contact, ..
@@ -851,8 +862,14 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 }
             }
         }
+        self.gather(&mut contact[..owned]);
+    }
+
+    /// Adds the actions of the active pairs up by grain, in their order.
+    fn gather(&self, contact: &mut [Load<S>]) {
+        use rayon::prelude::*;
         let (start, incident, actions) = (&self.incident_start, &self.incident, &self.actions);
-        contact[..owned]
+        contact
             .par_iter_mut()
             .with_min_len(512)
             .enumerate()
@@ -876,30 +893,9 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
             motion, contact, ..
         } = particles;
         for pair in &mut self.wall_pairs {
-            let (wall, grain) = (
-                &self.walls[pair.wall as usize],
-                &motion[pair.grain as usize],
-            );
-            let distance = wall.distance(&grain.position);
-            if distance >= pair.radius && !L::bonded(&pair.memory) {
-                pair.memory = L::Memory::default();
-                continue;
-            }
-            let load = &mut contact[pair.grain as usize];
-            let failure = act_at_wall::<S, L>(
-                (&pair.constants, &mut pair.memory),
-                (pair.radius, distance, &wall.normal),
-                (grain, &wall.velocity),
-                load,
-                dt,
-            );
-            if let Some(mode) = failure {
-                self.wall_failures.push(WallFailure {
-                    grain: pair.grain,
-                    wall: pair.wall,
-                    arm: wall.normal * -distance,
-                    mode,
-                });
+            let wall = &self.walls[pair.wall as usize];
+            if let Some(failure) = act_at_plane::<S, L>(pair, wall, motion, contact, dt) {
+                self.wall_failures.push(failure);
             }
         }
     }
@@ -973,7 +969,8 @@ fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     match (0..particles.owned()).find(|&k| {
         let motion = &particles.motion[k];
         !(finite(&motion.position)
-            && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT)
+            && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT
+            && motion.spin.scalar(&motion.spin).is_finite())
     }) {
         None => Ok(()),
         Some(k) => Err(ghosts::lost(particles, k, "has no finite motion")),

@@ -271,8 +271,7 @@ pub(super) fn make<S: Space>(
     }
     for (k, shift) in images {
         plan.images.push((index(k), index(particles.len())));
-        let (body, motion) = (particles.body[k], particles.motion[k]);
-        particles.push(body, motion, shift);
+        particles.push_image(k, shift);
     }
     for (source, bytes) in ranks.exchange(messages)? {
         let start = particles.len();

@@ -8,6 +8,8 @@
 //! damping (P. A. Cundall 1987) shortens each component of the total force by the fraction `damping` where it
 //! pushes along the velocity and lengthens it where it pushes against.
 
+pub(super) mod blocks;
+
 use rayon::prelude::*;
 
 use super::particles::{Load, Mobility, Motion, Particles};
@@ -29,7 +31,7 @@ pub(super) struct Fastest {
 }
 
 impl Fastest {
-    fn or(self, other: Self) -> Self {
+    pub(super) fn or(self, other: Self) -> Self {
         Self {
             speed_squared: self.speed_squared.max(other.speed_squared),
             bad: self.bad || other.bad,
@@ -39,6 +41,21 @@ impl Fastest {
 
 /// Beyond this squared speed (m²/s²) a grain counts as blown up.
 pub(super) const SPEED_LIMIT: f64 = 1e16;
+
+/// A component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
+#[inline(always)]
+fn damped(a: f64, v: f64, damping: f64) -> f64 {
+    let power = a * v;
+    // Three constants to choose from: no branch that vibration could make unpredictable.
+    let factor = if power > 0.0 {
+        1.0 - damping
+    } else if power < 0.0 {
+        1.0 + damping
+    } else {
+        1.0
+    };
+    a * factor
+}
 
 #[inline(always)]
 fn kick<S: Space, const DAMPED: bool>(
@@ -53,18 +70,7 @@ fn kick<S: Space, const DAMPED: bool>(
         (contact.force + fluid.force) * mobility.inverse_mass + kick.gravity * mobility.free;
     let mut angular = (contact.torque + fluid.torque) * mobility.inverse_inertia;
     if DAMPED {
-        let damp = |a: f64, v: f64| {
-            let power = a * v;
-            // Three constants to choose from: no branch that vibration could make unpredictable.
-            let factor = if power > 0.0 {
-                1.0 - kick.damping
-            } else if power < 0.0 {
-                1.0 + kick.damping
-            } else {
-                1.0
-            };
-            a * factor
-        };
+        let damp = |a: f64, v: f64| damped(a, v, kick.damping);
         linear = linear.combine(&motion.velocity, damp);
         angular = angular.combine(&motion.spin, damp);
     }

@@ -5,6 +5,7 @@
 //! | body | when a ghost is made | [`Body`]: id, radius, mass, inertia, material, kind |
 //! | motion | every solid step | [`Motion`]: position, velocity, spin |
 //! | loads | on migration only | contact load, fluid load, extra, start where one asks |
+//! | blocks | shape with the body, attitude with the motion | only in scenes with blocks: [`super::blocks`] |
 //!
 //! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain owned
 //! by another rank, or of an own grain through a periodic face.
@@ -13,6 +14,8 @@
 //! stands at `position + shift * box length`. Wrapping a grain only changes its shift, so that the bits of its path do not
 //! depend on when it was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
 
+use super::blocks::{ATTITUDE, Blocks, SPHERE, moments, pack_attitude, unpack_attitude};
+use super::polyhedron::Attitude;
 use super::ranks::{Pattern, Ranks, Reader, Writer};
 use super::space::{Components, Space};
 use crate::error::Error;
@@ -202,6 +205,8 @@ pub struct Particles<S: Space> {
     pub extra: Vec<[f64; EXTRA]>,
     /// Where each entry was when [`Self::mark_start`] was called (m, raw); entries of ghosts mean nothing.
     pub(super) start: Option<Vec<S::Vector>>,
+    /// Shape and attitude of each entry; none in a scene without blocks.
+    pub(super) blocks: Option<Blocks>,
     pub(super) mobility: Vec<Mobility>,
     pub(super) plan: GhostPlan,
     /// Length of the box along periodic axes, else 0.
@@ -227,6 +232,7 @@ impl<S: Space> Default for Particles<S> {
             fluid: Vec::new(),
             extra: Vec::new(),
             start: None,
+            blocks: None,
             mobility: Vec::new(),
             plan: GhostPlan::default(),
             lengths: [0.0; 3],
@@ -321,6 +327,7 @@ impl<S: Space> Particles<S> {
             motion: &self.motion,
             shift: &self.shift,
             lengths: self.lengths,
+            blocks: self.blocks.as_ref(),
         }
     }
 
@@ -374,6 +381,7 @@ impl<S: Space> Particles<S> {
             self.motion[k].velocity = S::Vector::default();
             self.motion[k].spin = S::Spin::default();
         }
+        self.follow_spin(k);
         self.stale = true;
     }
 
@@ -384,6 +392,7 @@ impl<S: Space> Particles<S> {
         }
         self.motion[k].velocity = velocity;
         self.motion[k].spin = spin;
+        self.follow_spin(k);
     }
 
     /// Changes the radius (m) of owned grain `k`, not its mass.
@@ -398,11 +407,25 @@ impl<S: Space> Particles<S> {
         if let Some(start) = &mut self.start {
             start.push(motion.position);
         }
+        if let Some(blocks) = &mut self.blocks {
+            blocks.push(SPHERE, Attitude::default());
+        }
         self.motion.push(motion);
         self.shift.push(shift);
         self.contact.push(Load::default());
         self.fluid.push(Load::default());
         self.extra.push([0.0; EXTRA]);
+    }
+
+    /// Appends an image of entry `k`.
+    pub(super) fn push_image(&mut self, k: usize, shift: [i32; 3]) {
+        let (body, motion) = (self.body[k], self.motion[k]);
+        self.push(body, motion, shift);
+        if let Some(blocks) = &mut self.blocks {
+            let image = blocks.shape.len() - 1;
+            blocks.shape[image] = blocks.shape[k];
+            blocks.attitude[image] = blocks.attitude[k];
+        }
     }
 
     /// Back to the owned grains alone.
@@ -416,6 +439,9 @@ impl<S: Space> Particles<S> {
         self.extra.truncate(owned);
         if let Some(start) = &mut self.start {
             start.truncate(owned);
+        }
+        if let Some(blocks) = &mut self.blocks {
+            blocks.truncate(owned);
         }
         self.mobility.truncate(owned);
         self.plan = GhostPlan::default();
@@ -449,6 +475,10 @@ impl<S: Space> Particles<S> {
         if let Some(start) = &mut self.start {
             pick(start, order);
         }
+        if let Some(blocks) = &mut self.blocks {
+            pick(&mut blocks.shape, order);
+            pick(&mut blocks.attitude, order);
+        }
         pick(&mut self.mobility, order);
         self.owned = order.len();
     }
@@ -466,6 +496,9 @@ impl<S: Space> Particles<S> {
         }
         if let Some(start) = &self.start {
             pack_components(&start[k], to);
+        }
+        if let Some(blocks) = &self.blocks {
+            blocks.pack(k, to);
         }
     }
 
@@ -493,6 +526,9 @@ impl<S: Space> Particles<S> {
         if let Some(start) = &mut self.start {
             start[k] = unpack_components(from)?;
         }
+        if let Some(blocks) = &mut self.blocks {
+            blocks.unpack_last(from)?;
+        }
         self.owned += 1;
         Ok(())
     }
@@ -502,14 +538,24 @@ impl<S: Space> Particles<S> {
     /// # Errors
     /// Where a message failed.
     pub fn refresh_ghosts(&mut self, ranks: &dyn Ranks) -> Result<(), Error> {
-        let Self { motion, plan, .. } = self;
+        let Self {
+            motion,
+            plan,
+            blocks,
+            ..
+        } = self;
         for &(from, to) in &plan.images {
             motion[to as usize] = motion[from as usize];
+        }
+        if let Some(blocks) = blocks {
+            for &(from, to) in &plan.images {
+                blocks.attitude[to as usize] = blocks.attitude[from as usize];
+            }
         }
         if ranks.size() == 1 {
             return Ok(());
         }
-        let size = motion_bytes::<S>();
+        let size = motion_bytes::<S>() + blocks.as_ref().map_or(0, |_| 8 * ATTITUDE);
         let pattern = match &mut plan.pattern {
             Some(pattern) => pattern,
             none => {
@@ -537,6 +583,11 @@ impl<S: Space> Particles<S> {
             for &k in entries {
                 pack_motion(&motion[k as usize], &mut writer);
             }
+            if let Some(blocks) = blocks {
+                for &k in entries {
+                    pack_attitude(&blocks.attitude[k as usize], &mut writer);
+                }
+            }
             *buffer = writer.0;
         }
         pattern.run(&plan.outgoing, &mut plan.incoming)?;
@@ -544,6 +595,11 @@ impl<S: Space> Particles<S> {
             let mut reader = Reader(buffer);
             for k in range.clone() {
                 motion[k] = unpack_motion(&mut reader)?;
+            }
+            if let Some(blocks) = blocks {
+                for k in range.clone() {
+                    blocks.attitude[k] = unpack_attitude(&mut reader)?;
+                }
             }
         }
         Ok(())
@@ -602,8 +658,11 @@ impl<S: Space> Particles<S> {
     #[must_use]
     pub fn kinetic_energy(&self, k: usize) -> f64 {
         let (body, motion) = (&self.body[k], &self.motion[k]);
-        0.5 * (body.mass * motion.velocity.scalar(&motion.velocity)
-            + body.inertia * motion.spin.scalar(&motion.spin))
+        let twice = body.mass * motion.velocity.scalar(&motion.velocity);
+        match self.polyhedron(k) {
+            None => 0.5 * (twice + body.inertia * motion.spin.scalar(&motion.spin)),
+            Some((shape, attitude)) => 0.5 * twice + attitude.energy(&moments(body, shape)),
+        }
     }
 }
 
@@ -620,6 +679,7 @@ pub struct View<'a, S: Space> {
     pub shift: &'a [[i32; 3]],
     /// Length of the box along periodic axes, else 0 (m).
     pub lengths: [f64; 3],
+    pub(super) blocks: Option<&'a Blocks>,
 }
 
 impl<S: Space> View<'_, S> {
@@ -721,6 +781,9 @@ pub(super) fn pack_ghost<S: Space>(
 ) {
     pack_body(&particles.body[k], shift, to);
     pack_motion(&particles.motion[k], to);
+    if let Some(blocks) = &particles.blocks {
+        blocks.pack(k, to);
+    }
 }
 
 /// Appends a ghost written by [`pack_ghost`].
@@ -731,5 +794,8 @@ pub(super) fn unpack_ghost<S: Space>(
     let (body, shift) = unpack_body(from)?;
     let motion = unpack_motion(from)?;
     particles.push(body, motion, shift);
-    Ok(())
+    match &mut particles.blocks {
+        Some(blocks) => blocks.unpack_last(from),
+        None => Ok(()),
+    }
 }

@@ -5,7 +5,11 @@
 //! rank the rows of all ranks, each keeps what its lists need. A run restored from them goes on bit by bit as the
 //! uninterrupted one.
 
+use std::sync::Arc;
+
+use super::blocks::{self, ATTITUDE, Blocks};
 use super::contact::ContactLaw;
+use super::engine::bodies::Bodies;
 use super::engine::{Engine, Key};
 use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
 use super::space::{Components, Space};
@@ -154,6 +158,15 @@ pub struct Contacts {
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+const ATTITUDES: [&str; ATTITUDE] = [
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+    "orientation_w",
+    "angular_momentum_x",
+    "angular_momentum_y",
+    "angular_momentum_z",
+];
 
 fn components<C: Components>(
     table: &mut Table,
@@ -242,11 +255,19 @@ impl<S: Space> Particles<S> {
         if let Some(start) = &self.start {
             components(&mut table, "start", start[..owned].iter().copied());
         }
+        if let Some(blocks) = &self.blocks {
+            let shapes = blocks.shape[..owned].iter();
+            table.whole("shape", shapes.map(|&shape| u64::from(shape)));
+            for (k, name) in ATTITUDES.iter().enumerate() {
+                let attitudes = blocks.attitude[..owned].iter();
+                table.real(*name, attitudes.map(|one| blocks::numbers(one)[k]));
+            }
+        }
         table
     }
 
     /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. `lengths` of the box along periodic
-    /// axes are set when the lists are made.
+    /// axes are set when the lists are made. Where there are blocks, [`Self::set_shapes`] has to give their shapes back.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type.
@@ -315,10 +336,27 @@ impl<S: Space> Particles<S> {
         if table.columns.iter().any(|(name, _)| name == "start_x") {
             particles.start = Some(read_components::<S::Vector>(table, "start")?);
         }
+        // Only scenes with blocks write these.
+        if table.columns.iter().any(|(name, _)| name == "shape") {
+            particles.blocks = Some(read_blocks(table)?);
+        }
         particles.owned = table.rows();
         particles.loaded = true;
         Ok(particles)
     }
+}
+
+fn read_blocks(table: &Table) -> Result<Blocks, Error> {
+    let mut columns = [&[][..]; ATTITUDE];
+    for (column, name) in columns.iter_mut().zip(ATTITUDES) {
+        *column = table.get_real(name)?;
+    }
+    let mut blocks = Blocks::new(Arc::default(), 0);
+    for (row, shape) in table.get_whole("shape")?.iter().enumerate() {
+        let attitude = blocks::from_numbers(columns.map(|column| column[row]));
+        blocks.push(small(*shape)?, attitude);
+    }
+    Ok(blocks)
 }
 
 impl<S: Space> Dem<S> {
@@ -332,6 +370,7 @@ impl<S: Space> Dem<S> {
             Inner::RollingLinear(engine) => save(engine),
             Inner::RollingContactBond(engine) => save(engine),
             Inner::HertzMindlin(engine) => save(engine),
+            Inner::Blocks(engine) => save(engine),
         }
     }
 
@@ -348,6 +387,7 @@ impl<S: Space> Dem<S> {
             Inner::RollingLinear(engine) => restore(engine, contacts),
             Inner::RollingContactBond(engine) => restore(engine, contacts),
             Inner::HertzMindlin(engine) => restore(engine, contacts),
+            Inner::Blocks(engine) => restore(engine, contacts),
         }
     }
 }
@@ -377,7 +417,7 @@ fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Mem
         .collect())
 }
 
-fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
+fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     let (pairs, at_walls) = engine.saved();
     let mut grains = Table::default();
     grains.whole("first", pairs.iter().map(|(key, _)| key.first));
@@ -424,7 +464,7 @@ fn save<S: Space, L: ContactLaw<S>>(engine: &Engine<S, L>) -> Contacts {
     }
 }
 
-fn restore<S: Space, L: ContactLaw<S>>(
+fn restore<S: Space, L: Bodies<S>>(
     engine: &mut Engine<S, L>,
     contacts: &Contacts,
 ) -> Result<(), Error> {

@@ -1,9 +1,11 @@
 //! What there is to tell of the contacts: bonds made and broken, every contact, counts, and the memories that a checkpoint
 //! keeps.
 
+use super::super::Contact;
+use super::super::polyhedron::Narrow;
 use super::*;
 
-impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Writes each failed bond into the ledger once: at the owner of the lower id, or of the grain at a wall.
     #[cold]
     pub(super) fn report_failures(&mut self, particles: &Particles<S>) {
@@ -133,56 +135,77 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
         }
     }
 
-    /// Every contact this rank reports: `(entries, overlap, normal, position, bonded)`, walls as `Err(wall)`.
+    /// Two spheres as a contact.
+    pub(super) fn sphere_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &Pair<L::Scale, L::Memory>,
+    ) -> Option<Contact<S>> {
+        let periodic = self.settings.region.any_periodic();
+        let offset = &self.offsets[pair.offset as usize];
+        let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
+        let bonded = L::bonded(&pair.memory);
+        if squared >= pair.reach * pair.reach && !bonded {
+            return None;
+        }
+        let (first, second) = pair.ends();
+        let distance = squared.sqrt();
+        let overlap = pair.reach - distance;
+        let normal = between * (1.0 / distance);
+        let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+        Some(Contact {
+            grain: first,
+            other: Some(second),
+            wall: None,
+            overlap,
+            normal,
+            position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&constants, &pair.memory, overlap),
+            bonded,
+        })
+    }
+
+    /// A sphere at a plane as a contact.
+    pub(super) fn sphere_plane_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &WallPair<L::Constants, L::Memory>,
+    ) -> Option<Contact<S>> {
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let distance = wall.distance(&particles.motion[grain].position);
+        let bonded = L::bonded(&pair.memory);
+        if distance >= pair.radius && !bonded {
+            return None;
+        }
+        let overlap = pair.radius - distance;
+        Some(Contact {
+            grain,
+            other: None,
+            wall: Some(pair.wall),
+            overlap,
+            normal: wall.normal,
+            position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
+            bonded,
+        })
+    }
+
+    /// Every contact this rank reports: those of pairs whose first it owns, and those with walls.
     pub(in crate::dem) fn for_each_contact(
         &self,
         particles: &Particles<S>,
-        mut visit: impl FnMut(crate::dem::Contact<S>),
+        mut visit: impl FnMut(Contact<S>),
     ) {
-        let periodic = self.settings.region.any_periodic();
-        for pair in &self.pairs {
-            let (first, second) = pair.ends();
-            if first >= particles.owned() {
-                continue;
-            }
-            let offset = &self.offsets[pair.offset as usize];
-            let (between, squared) =
-                separation(&particles.motion, (first, second), offset, periodic);
-            let bonded = L::bonded(&pair.memory);
-            if squared < pair.reach * pair.reach || bonded {
-                let distance = squared.sqrt();
-                let overlap = pair.reach - distance;
-                let normal = between * (1.0 / distance);
-                let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
-                visit(crate::dem::Contact {
-                    grain: first,
-                    other: Some(second),
-                    wall: None,
-                    overlap,
-                    normal,
-                    position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::normal_spring(&constants, &pair.memory, overlap),
-                    bonded,
-                });
+        let mut narrow = Narrow::default();
+        let own = |pair: &&Pair<L::Scale, L::Memory>| (pair.first as usize) < particles.owned();
+        for pair in self.pairs.iter().filter(own) {
+            if let Some(contact) = L::contact(self, particles, pair, &mut narrow) {
+                visit(contact);
             }
         }
         for pair in &self.wall_pairs {
-            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
-            let distance = wall.distance(&particles.motion[grain].position);
-            let bonded = L::bonded(&pair.memory);
-            if distance < pair.radius || bonded {
-                let overlap = pair.radius - distance;
-                visit(crate::dem::Contact {
-                    grain,
-                    other: None,
-                    wall: Some(pair.wall),
-                    overlap,
-                    normal: wall.normal,
-                    position: particles.location(grain)
-                        - wall.normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
-                    bonded,
-                });
+            if let Some(contact) = L::plane_contact(self, particles, pair, &mut narrow) {
+                visit(contact);
             }
         }
         let (mut found, mut taken) = (Vec::new(), Vec::new());
@@ -202,7 +225,7 @@ impl<S: Space, L: ContactLaw<S>> Engine<S, L> {
                 if one.distance < pair.radius || bonded {
                     let overlap = pair.radius - one.distance;
                     let normal = S::from_volume(&one.normal);
-                    visit(crate::dem::Contact {
+                    visit(Contact {
                         grain,
                         other: None,
                         wall: Some(pair.wall),

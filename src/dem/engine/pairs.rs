@@ -74,6 +74,36 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     reply.failure
 }
 
+/// The contact of a listed grain with its plane, added to its load; a bond that failed.
+#[inline(always)]
+pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
+    pair: &mut WallPair<L::Constants, L::Memory>,
+    wall: &Wall<S>,
+    motion: &[Motion<S>],
+    contact: &mut [Load<S>],
+    dt: f64,
+) -> Option<WallFailure<S>> {
+    let grain = &motion[pair.grain as usize];
+    let distance = wall.distance(&grain.position);
+    if distance >= pair.radius && !L::bonded(&pair.memory) {
+        pair.memory = L::Memory::default();
+        return None;
+    }
+    let mode = act_at_wall::<S, L>(
+        (&pair.constants, &mut pair.memory),
+        (pair.radius, distance, &wall.normal),
+        (grain, &wall.velocity),
+        &mut contact[pair.grain as usize],
+        dt,
+    )?;
+    Some(WallFailure {
+        grain: pair.grain,
+        wall: pair.wall,
+        arm: wall.normal * -distance,
+        mode,
+    })
+}
+
 /// From the first centre to the second, and the square of its length: the one place where it is computed.
 #[inline(always)]
 pub(super) fn separation<S: Space>(

@@ -160,6 +160,17 @@ impl Memory {
         }
     }
 
+    /// Force (N) of the shear spring on the second, in space.
+    pub(in crate::dem) fn spring(&self) -> Vector3<f64> {
+        self.shear
+    }
+
+    /// Keeps normal and shear spring of a contact that another force law than [`super::Law`] has acted at.
+    pub(in crate::dem) fn hold(&mut self, normal: &Vector3<f64>, shear: &Vector3<f64>) {
+        self.normal = *normal;
+        self.shear = *shear;
+    }
+
     /// No contact any more: springs are gone, what speeds up the search stays.
     fn release(&mut self) {
         self.normal = Vector3::zeros();

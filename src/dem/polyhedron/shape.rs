@@ -429,6 +429,24 @@ impl Polyhedron {
         self.radius
     }
 
+    /// Area (m²) of its largest face.
+    #[must_use]
+    pub fn largest_face(&self) -> f64 {
+        let area = |face: usize| {
+            let corners: Vec<&Vector3<f64>> = self
+                .face(face)
+                .iter()
+                .map(|&v| &self.vertices[v as usize])
+                .collect();
+            let twice = corners
+                .windows(2)
+                .map(|edge| (edge[0] - corners[0]).cross(&(edge[1] - corners[0])))
+                .sum::<Vector3<f64>>();
+            0.5 * twice.norm()
+        };
+        (0..self.half_spaces.len()).map(area).fold(0.0, f64::max)
+    }
+
     /// The vertex farthest along a direction of the body frame, and how far (m, times the length of the direction).
     #[must_use]
     #[inline]

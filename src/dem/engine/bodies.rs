@@ -1,0 +1,99 @@
+//! What the bodies of a law are. The engine's lists, ghosts and memories know of spheres; what else bodies are, a law says here:
+//! how they move, which pairs of near spheres may touch, and how forces come about. Unless it says so, they are spheres.
+
+use super::super::Contact;
+use super::super::blocks::SPHERE;
+use super::super::contact::cohesive_frictional::CohesiveFrictional;
+use super::super::contact::contact_bond::ContactBond;
+use super::super::contact::hertz_mindlin::HertzMindlin;
+use super::super::contact::linear::Linear;
+use super::super::contact::rolling::Rolling;
+use super::super::polyhedron::Narrow;
+use super::*;
+
+/// A law together with what its bodies are: see the module.
+pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
+    /// Buffers of the forces.
+    type Scratch: std::fmt::Debug + Default;
+
+    /// Own bodies per thread from which threads pay.
+    const PER_THREAD: usize = 3000;
+
+    /// Refuses bodies that the law knows nothing of.
+    fn check(particles: &mut Particles<S>) -> Result<(), Error> {
+        let shapes = particles.blocks.iter().flat_map(|blocks| &blocks.shape);
+        match shapes
+            .zip(&particles.body)
+            .find(|(shape, _)| **shape != SPHERE)
+        {
+            None => Ok(()),
+            Some((_, body)) => Err(Error::Internal(format!(
+                "body {} is a block, under a contact law of spheres",
+                body.id
+            ))),
+        }
+    }
+
+    /// First half kick and drift; `again`: the second half kick of the step before comes first. The speed is that of the fastest
+    /// point of any body.
+    fn drift(
+        &self,
+        particles: &mut Particles<S>,
+        kick: &Kick<S>,
+        again: bool,
+        parallel: bool,
+    ) -> Fastest {
+        integrate::drift(particles, kick, again, parallel)
+    }
+
+    /// Second half kick.
+    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>) {
+        integrate::finish(particles, kick);
+    }
+
+    /// What [`Self::near`] and the forces need to know of every entry as it stands now.
+    fn pose(_: &mut Self::Scratch, _: &Particles<S>, _parallel: bool) {}
+
+    /// Whether a pair, the second centre `between` (m) from the first's, may be within `gap` (m); only where their spheres are.
+    #[inline(always)]
+    fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
+        true
+    }
+
+    /// Contact loads of all owned bodies.
+    fn forces(engine: &mut Engine<S, Self>, particles: &mut Particles<S>, dt: f64) {
+        engine.sphere_forces(particles, dt);
+    }
+
+    /// A listed pair as a contact, where it is one.
+    fn contact(
+        engine: &Engine<S, Self>,
+        particles: &Particles<S>,
+        pair: &Pair<Self::Scale, Self::Memory>,
+        _: &mut Narrow,
+    ) -> Option<Contact<S>> {
+        engine.sphere_contact(particles, pair)
+    }
+
+    /// A listed pair of a body and a plane as a contact, where it is one.
+    fn plane_contact(
+        engine: &Engine<S, Self>,
+        particles: &Particles<S>,
+        pair: &WallPair<Self::Constants, Self::Memory>,
+        _: &mut Narrow,
+    ) -> Option<Contact<S>> {
+        engine.sphere_plane_contact(particles, pair)
+    }
+}
+
+macro_rules! spheres {
+    ($($law:ty),*) => { $(impl<S: Space> Bodies<S> for $law { type Scratch = (); })* };
+}
+spheres!(
+    Linear,
+    CohesiveFrictional,
+    ContactBond,
+    Rolling<Linear>,
+    Rolling<ContactBond>,
+    HertzMindlin
+);

@@ -1,0 +1,190 @@
+//! Motion of blocks, and of spheres among them (B-01, B-02, B-03).
+//!
+//! ```text
+//! x'' + alpha x' = F/m + g,     dL/dt + alpha L = M,     w = R I^-1 R^T L
+//! ```
+//!
+//! Kick - drift - kick as for grains; the attitude by [`crate::dem::polyhedron::rotation`]. Damping by mass is exact
+//! for a constant force. Non-viscous damping works on the components of force and moment in space, as for grains.
+//! Driven blocks turn with the spin they are given.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+use super::super::blocks::{in_space, moments, out_of_space};
+use super::super::particles::{Body, Kind, Load, Motion, Particles};
+use super::super::polyhedron::{Attitude, Damping, Polyhedron};
+use super::super::space::Space;
+use super::{Fastest, Kick, SPEED_LIMIT, damped};
+
+/// What moves a body.
+#[derive(Clone, Copy)]
+struct Moved<'a, S: Space> {
+    body: &'a Body,
+    shape: Option<&'a Polyhedron>,
+    contact: &'a Load<S>,
+    fluid: &'a Load<S>,
+}
+
+/// How velocities change, with damping by mass.
+#[derive(Clone, Copy)]
+struct How<'a, S: Space> {
+    kick: &'a Kick<S>,
+    damping: Damping,
+}
+
+/// A half kick of a free body.
+fn kick<S: Space>(
+    motion: &mut Motion<S>,
+    attitude: &mut Attitude,
+    by: &Moved<'_, S>,
+    how: &How<'_, S>,
+) {
+    if by.body.kind != Kind::Free {
+        return;
+    }
+    let damp = |rate: &Vector3<f64>, speed: &Vector3<f64>| {
+        rate.zip_map(speed, |a, v| damped(a, v, how.kick.damping))
+    };
+    let velocity = S::to_volume(&motion.velocity);
+    let force = (by.contact.force + by.fluid.force) * (1.0 / by.body.mass) + how.kick.gravity;
+    let force = damp(&S::to_volume(&force), &velocity);
+    motion.velocity = S::from_volume(&how.damping.kick(&velocity, &force));
+
+    let spin = in_space(&motion.spin);
+    let moment = damp(&in_space(&(by.contact.torque + by.fluid.torque)), &spin);
+    let spin = match by.shape {
+        None => how.damping.kick(&spin, &(moment * (1.0 / by.body.inertia))),
+        Some(shape) => {
+            attitude.kick(&moment, &how.damping);
+            attitude.spin(&moments(by.body, shape))
+        }
+    };
+    motion.spin = out_of_space(&spin);
+}
+
+/// Free turn over a step; returns how far (m) any point of the block may have gone about its centre.
+fn turn<S: Space>(
+    motion: &mut Motion<S>,
+    attitude: &mut Attitude,
+    (body, shape): (&Body, &Polyhedron),
+    dt: f64,
+) -> f64 {
+    let before = attitude.orientation;
+    let inertia = moments(body, shape);
+    match body.kind {
+        Kind::Free => {
+            attitude.drift(&inertia, dt);
+            motion.spin = out_of_space(&attitude.spin(&inertia));
+        }
+        Kind::Driven => {
+            let spin = in_space(&motion.spin);
+            let turned = UnitQuaternion::from_scaled_axis(spin * dt) * before;
+            let turned = UnitQuaternion::new_normalize(turned.into_inner());
+            *attitude = Attitude::new(turned, &spin, &inertia);
+        }
+        Kind::Fixed => {}
+    }
+    // 2 sin(angle/2) of the turn is at most twice the distance between the quaternions.
+    2.0 * body.radius * (attitude.orientation.coords - before.coords).norm()
+}
+
+/// One body over the kick and the drift of a step: the path of its fastest point over dt, squared.
+fn advance<S: Space>(
+    motion: &mut Motion<S>,
+    attitude: &mut Attitude,
+    by: &Moved<'_, S>,
+    how: &How<'_, S>,
+    again: bool,
+) -> Fastest {
+    let dt = how.kick.time_step;
+    if again {
+        kick(motion, attitude, by, how);
+    }
+    kick(motion, attitude, by, how);
+    motion.position += motion.velocity * dt;
+    let turned = by
+        .shape
+        .map_or(0.0, |shape| turn(motion, attitude, (by.body, shape), dt));
+    let speed = S::to_volume(&motion.velocity).norm() + turned / dt;
+    let speed_squared = speed * speed;
+    // A comparison that a NaN fails too.
+    let sane = speed_squared < SPEED_LIMIT;
+    Fastest {
+        speed_squared: if sane { speed_squared } else { 0.0 },
+        bad: !sane,
+    }
+}
+
+/// Calls `step` for every owned body; the fastest of all.
+fn each<S: Space>(
+    particles: &mut Particles<S>,
+    parallel: bool,
+    step: impl Fn(&mut Motion<S>, &mut Attitude, &Moved<'_, S>) -> Fastest + Sync,
+) -> Fastest {
+    let owned = particles.owned();
+    let Particles {
+        motion,
+        contact,
+        fluid,
+        body,
+        blocks,
+        ..
+    } = particles;
+    let Some(blocks) = blocks else {
+        return Fastest::default();
+    };
+    let (shapes, shape) = (&blocks.shapes, &blocks.shape);
+    let one = |(k, (motion, attitude)): (usize, (&mut Motion<S>, &mut Attitude))| {
+        let by = Moved {
+            body: &body[k],
+            shape: shapes.get(shape[k] as usize),
+            contact: &contact[k],
+            fluid: &fluid[k],
+        };
+        step(motion, attitude, &by)
+    };
+    let (motion, attitude) = (&mut motion[..owned], &mut blocks.attitude[..owned]);
+    if parallel {
+        let all = motion.par_iter_mut().zip(attitude).enumerate();
+        all.with_min_len(64)
+            .map(one)
+            .reduce(Fastest::default, Fastest::or)
+    } else {
+        let all = motion.iter_mut().zip(attitude).enumerate();
+        all.map(one).fold(Fastest::default(), Fastest::or)
+    }
+}
+
+fn how<S: Space>(kick: &Kick<S>, mass_damping: f64) -> How<'_, S> {
+    How {
+        kick,
+        damping: Damping::new(mass_damping, 0.5 * kick.time_step),
+    }
+}
+
+/// First half kick, drift and free turn; `again`: the second half kick of the step before comes first.
+pub(in crate::dem) fn drift<S: Space>(
+    particles: &mut Particles<S>,
+    kick: &Kick<S>,
+    mass_damping: f64,
+    (again, parallel): (bool, bool),
+) -> Fastest {
+    let how = how(kick, mass_damping);
+    each(particles, parallel, |motion, attitude, by| {
+        advance(motion, attitude, by, &how, again)
+    })
+}
+
+/// Second half kick.
+pub(in crate::dem) fn finish<S: Space>(
+    particles: &mut Particles<S>,
+    with: &Kick<S>,
+    mass_damping: f64,
+) {
+    let how = how(with, mass_damping);
+    each(particles, false, |motion, attitude, by| {
+        kick(motion, attitude, by, &how);
+        Fastest::default()
+    });
+}
