@@ -405,6 +405,15 @@ impl Polyhedron {
         &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
+    /// Area (m²) of a face.
+    #[must_use]
+    pub fn face_area(&self, face: usize) -> f64 {
+        let corners = self.face(face);
+        let at = |k: usize| self.vertices[corners[k] as usize] - self.vertices[corners[0] as usize];
+        let twice = (2..corners.len()).map(|k| at(k - 1).cross(&at(k)));
+        0.5 * twice.sum::<Vector3<f64>>().norm()
+    }
+
     /// Its edges.
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
@@ -432,19 +441,8 @@ impl Polyhedron {
     /// Area (m²) of its largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {
-        let area = |face: usize| {
-            let corners: Vec<&Vector3<f64>> = self
-                .face(face)
-                .iter()
-                .map(|&v| &self.vertices[v as usize])
-                .collect();
-            let twice = corners
-                .windows(2)
-                .map(|edge| (edge[0] - corners[0]).cross(&(edge[1] - corners[0])))
-                .sum::<Vector3<f64>>();
-            0.5 * twice.norm()
-        };
-        (0..self.half_spaces.len()).map(area).fold(0.0, f64::max)
+        let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
+        areas.fold(0.0, f64::max)
     }
 
     /// The vertex farthest along a direction of the body frame, and how far (m, times the length of the direction).
