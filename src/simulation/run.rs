@@ -1,5 +1,6 @@
 //! A run from the first step to the last line: start, loop, requests, checkpoints, summary.
 
+use super::blocks;
 use super::collapse::CollapseRecorder;
 use super::erosion::ErosionRecorder;
 use super::guards::Guards;
@@ -696,6 +697,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "patch_inflows": seepage.pressure().patch_inflows(),
                 "mean_porosity": seepage.mean_porosity(),
             });
+        }
+        let particles = &simulation.now.particles;
+        if let Some(report) = blocks::summary(&simulation.now.plan, particles, communicator) {
+            summary["blocks"] = report;
         }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
