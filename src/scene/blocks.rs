@@ -18,8 +18,8 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// No rock mass is cut into more.
-const MOST_BLOCKS: f64 = 1e6;
+/// No rock mass is cut into more: every rank makes them all before the run starts. Larger ones come from a file.
+const MOST_BLOCKS: f64 = 2e4;
 /// No set has more planes.
 const MOST_PLANES: f64 = 1e5;
 /// Solids overlap at the start by no more than this, over the radius of the smaller one's largest sphere.
@@ -639,3 +639,6 @@ fn standing<'a>(
     }
     all
 }
+
+#[cfg(test)]
+mod tests;

@@ -62,41 +62,55 @@ impl RockMass {
     fn parts(&self) -> Vec<Part> {
         let whole = Piece::of(&self.solid);
         let mut parts = vec![(whole.clone(), 0)];
-        let mut number = 0;
+        let mut first = 0;
         for (place, set) in (0..).zip(&self.sets) {
             let (low, high) = whole.extent(&set.normal);
-            for offset in set.offsets(self.seed, place, low, high) {
-                let plane = HalfSpace {
-                    normal: set.normal,
-                    offset,
-                };
-                parts = self.cut(parts, &plane, set.persistence, number);
-                number += 1;
+            let offsets = set.offsets(self.seed, place, low, high);
+            let mut after = Vec::with_capacity(parts.len());
+            for part in parts {
+                self.cut(part, set, &offsets, first, &mut after);
             }
+            parts = after;
+            first += offsets.len();
         }
         parts
     }
 
-    /// The parts after plane `number`.
-    fn cut(&self, parts: Vec<Part>, plane: &HalfSpace, persistence: f64, number: u32) -> Vec<Part> {
-        let mut after = Vec::with_capacity(parts.len());
-        for (piece, line) in parts {
-            let mut draw = Stream::new(self.seed, line, number);
-            let halves = piece
-                .split(plane)
-                .filter(|_| draw.uniform() < persistence)
-                .filter(|halves| halves.iter().all(|half| self.lasts(half)));
-            match halves {
-                None => after.push((piece, line)),
-                Some(halves) => {
-                    for half in halves {
-                        let line = u64::from(draw.bits()) << 32 | u64::from(draw.bits());
-                        after.push((half, line));
-                    }
-                }
+    /// Cuts a part by the planes of a set from below to above; the set's lowest plane has number `first`.
+    fn cut(
+        &self,
+        (mut rest, mut line): Part,
+        set: &JointSet,
+        offsets: &[f64],
+        first: usize,
+        done: &mut Vec<Part>,
+    ) {
+        let (low, high) = rest.extent(&set.normal);
+        let start = offsets.partition_point(|&at| at <= low);
+        for (n, &offset) in offsets.iter().enumerate().skip(start) {
+            if offset >= high {
+                break;
             }
+            let number = u32::try_from(first + n).unwrap_or(u32::MAX);
+            let mut draw = Stream::new(self.seed, line, number);
+            if draw.uniform() >= set.persistence {
+                continue;
+            }
+            let plane = HalfSpace {
+                normal: set.normal,
+                offset,
+            };
+            let halves = rest.split(&plane);
+            let Some([below, above]) =
+                halves.filter(|halves| halves.iter().all(|half| self.lasts(half)))
+            else {
+                continue;
+            };
+            let mut line_of = || u64::from(draw.bits()) << 32 | u64::from(draw.bits());
+            done.push((below, line_of()));
+            (rest, line) = (above, line_of());
         }
-        after
+        done.push((rest, line));
     }
 
     /// Whether a part is no sliver.
