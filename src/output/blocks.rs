@@ -161,3 +161,101 @@ fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u
     }
     Some(row)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::dem::particles::{Body, Motion};
+    use crate::dem::space::Volume;
+    use crate::plan::Plan;
+    use approx::assert_relative_eq;
+    use std::path::Path;
+
+    const CASE: &str = r#"{
+        "domain": {"size": [4, 4, 4], "spacing": 0.5, "periodic": ["x"]},
+        "materials": {"granite": {"density": 2600}},
+        "bodies": [
+            {"name": "ball", "shape": {"sphere": {"radius": 0.2}}, "position": [3, 3, 3], "motion": {"fixed": {}}, "material": "granite"},
+            {"name": "box", "shape": {"cuboid": {"edges": [1, 2, 0.5]}}, "position": [2, 2, 1], "motion": {"free": {}}, "material": "granite"}
+        ],
+        "blocks": {"material": "granite", "initial": {"list": [{"shape": {"vertices": [[0, 0, 3], [1, 0, 3], [0, 1, 3], [0, 0, 4]]}}]}},
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}},
+        "time": {"end": 0.1},
+        "output": {"blocks": {"every": 0.01}}
+    }"#;
+
+    /// The volume that the faces of one id enclose, by the divergence theorem.
+    fn enclosed(blocks: &Blocks, id: i64) -> f64 {
+        let at = |corner: usize| Vector3::from_fn(|k, _| blocks.points[3 * corner + k]);
+        let (mut volume, mut first) = (0.0, 0);
+        for (face, &size) in blocks.sizes.iter().enumerate() {
+            let corners = &blocks.corners[first..first + size];
+            first += size;
+            if blocks.id[face] == id {
+                for k in 2..size {
+                    let [a, b, c] = [0, k - 1, k].map(|n| at(corners[n]));
+                    volume += a.dot(&b.cross(&c)) / 6.0;
+                }
+            }
+        }
+        volume
+    }
+
+    /// A block that left through a periodic face and turned: its surface is closed, its columns are its own.
+    #[test]
+    fn surfaces_stand_where_the_blocks_are() {
+        let plan = Document::read(CASE, &[], Path::new(""))
+            .and_then(Plan::prepare)
+            .expect("a good case");
+        let scene = &plan.scene;
+        let shapes = scene.polyhedra().map(|(solid, ..)| solid.shape.clone());
+        let mut particles = Particles::<Volume>::new();
+        particles.set_shapes(shapes.collect()).expect("space");
+        particles.insert(
+            Body::uniform::<Volume>(0, 0.2, 2600.0, 0),
+            Motion::default(),
+        );
+        let quarter = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+        for (id, shape, position) in [(1, 0, [2.0, 2.0, 1.0]), (2, 1, [5.0, 0.25, 3.25])] {
+            let solid = scene.polyhedron(id).expect("a polyhedron");
+            let motion = Motion::<Volume> {
+                position: position.into(),
+                velocity: [0.5, 0.0, -1.0].into(),
+                ..Motion::default()
+            };
+            let body = Body::of_block(id, &solid.shape, 2600.0, 0);
+            particles
+                .add_block(body, motion, shape, quarter * solid.orientation)
+                .expect("a shape");
+        }
+        let mut blocks = Blocks::default();
+        for _ in 0..2 {
+            let read = blocks.read(&particles, scene, &Communicator::serial());
+            read.expect("rows");
+        }
+        assert_eq!(blocks.sizes.len(), 6 + 4);
+        assert_eq!(blocks.body, [[1; 6].as_slice(), &[-1; 4]].concat());
+        assert_relative_eq!(enclosed(&blocks, 1), 1.0, max_relative = 1e-12);
+        assert_relative_eq!(enclosed(&blocks, 2), 1.0 / 6.0, max_relative = 1e-12);
+        // The box lies along x now; the tetrahedron is back in the domain.
+        let reach = |axis: usize, points: &[f64]| {
+            let along = points.iter().skip(axis).step_by(3);
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| {
+                (low.min(v), high.max(v))
+            })
+        };
+        let (low, high) = reach(0, &blocks.points[..24]);
+        assert_relative_eq!(low, 1.0, epsilon = 1e-14);
+        assert_relative_eq!(high, 3.0, epsilon = 1e-14);
+        let (low, high) = reach(0, &blocks.points[24..]);
+        assert_relative_eq!(low, 0.25, epsilon = 1e-14);
+        assert_relative_eq!(high, 1.25, epsilon = 1e-14);
+        for turn in blocks.rotation.as_chunks::<3>().0 {
+            let expected = [0.0, 0.0, std::f64::consts::FRAC_PI_2];
+            assert_relative_eq!(&turn[..], &expected[..], epsilon = 1e-12);
+        }
+        assert_eq!(blocks.velocity[..3], [0.5, 0.0, -1.0]);
+        assert_eq!(blocks.mesh().cell_columns.len(), 8);
+    }
+}
