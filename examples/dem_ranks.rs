@@ -114,7 +114,7 @@ fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>)
     for n in 0..5 {
         let mut draw = Stream::new(6, n, 0);
         shapes.push(cuboid(Vector3::from_fn(|_, _| {
-            0.012 + 0.02 * draw.uniform()
+            0.016 + 0.022 * draw.uniform()
         }))?);
     }
     let mut particles = Particles::new();

@@ -142,7 +142,7 @@ fn steps_of_blocks_allocate_nothing() {
             contacts += now.contacts;
         }
     }
-    assert!(quiet > 900 && contacts > 20 * quiet, "{quiet} {contacts}");
+    assert!(quiet > 900 && contacts > 10 * quiet, "{quiet} {contacts}");
 }
 
 #[test]

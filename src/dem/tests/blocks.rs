@@ -263,6 +263,104 @@ fn spheres_and_blocks_meet_either_way_round() {
     }
 }
 
+/// A square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing down.
+fn mesh(half: f64, n: u32) -> Surface {
+    let place = |k: u32| 2.0 * half * f64::from(k) / f64::from(n) - half;
+    let vertices = (0..=n)
+        .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
+        .collect();
+    let mut facets = Vec::new();
+    for y in 0..n {
+        for x in 0..n {
+            let a = y * (n + 1) + x;
+            facets.push(vec![a, a + 1, a + n + 2]);
+            facets.push(vec![a, a + n + 2, a + n + 1]);
+        }
+    }
+    for facet in facets.iter_mut().step_by(3) {
+        facet.reverse();
+    }
+    Surface::new(vertices, &facets).unwrap()
+}
+
+/// Interior edges are not felt: a block that tumbles and slides over triangles does what it does on a plane.
+#[test]
+fn a_flat_mesh_is_a_plane() {
+    let slide = |wall: Wall<Volume>| {
+        let shape = cuboid(1.0, 0.8, 0.3);
+        let mut particles = Particles::<Volume>::new();
+        particles.set_shapes([shape.clone()].into()).unwrap();
+        let motion = at(
+            Vector3::new(-1.0, 0.1, 0.25),
+            Vector3::new(3.0, 0.5, 0.0),
+            Vector3::z() * 2.0,
+        );
+        let turn = UnitQuaternion::from_euler_angles(0.1, -0.15, 0.3);
+        let body = Body::of_block(0, &shape, DENSITY, 0);
+        particles.add_block(body, motion, 0, turn).unwrap();
+        let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
+        settings.gravity = Vector3::z() * -GRAVITY;
+        let mut dem = Dem::new(law(1e8, 0.3, 0.2, 0.0), settings, vec![wall]).unwrap();
+        dem.advance_many(&mut particles, &Alone, 6000).unwrap();
+        let mut contacts = Vec::new();
+        dem.for_each_contact(&particles, |contact| contacts.push(contact));
+        (
+            particles.motion[0],
+            *particles.polyhedron(0).unwrap().1,
+            contacts,
+        )
+    };
+    let plane = slide(floor());
+    assert!(
+        plane.0.position.x > -0.2 && plane.0.velocity.x > 0.1,
+        "{:?}",
+        plane.0
+    );
+    for n in [2, 7, 40] {
+        let meshed = slide(Wall::of_surface(Arc::new(mesh(4.0, n)), 0));
+        assert_relative_eq!(meshed.0.position, plane.0.position, epsilon = 1e-9);
+        assert_relative_eq!(meshed.0.velocity, plane.0.velocity, epsilon = 1e-8);
+        assert_relative_eq!(meshed.1.orientation, plane.1.orientation, epsilon = 1e-9);
+        let (one, other) = (meshed.2[0], plane.2[0]);
+        assert_eq!([meshed.2.len(), plane.2.len()], [1, 1]);
+        assert_relative_eq!(one.normal_force, other.normal_force, max_relative = 1e-6);
+        assert_relative_eq!(one.normal, other.normal, epsilon = 1e-12);
+    }
+}
+
+/// A block that overhangs the edge of a box rests while its centroid is over the box, and falls where it is not.
+#[test]
+fn a_block_overhangs_the_edge_of_a_box() {
+    for (x, rests) in [(-0.1, true), (0.1, false)] {
+        let ledge =
+            Surface::of_box(Vector3::new(-1.0, -1.0, -1.0), Vector3::new(0.0, 1.0, 0.0)).unwrap();
+        let place = Vector3::new(x, 0.1, 0.1);
+        let mut particles = resting(&[(cuboid(1.0, 0.4, 0.2), place, UnitQuaternion::identity())]);
+        let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
+        settings.gravity = Vector3::z() * -GRAVITY;
+        let walls = vec![Wall::of_surface(Arc::new(ledge), 0)];
+        let mut dem = Dem::new(law(1e9, 0.5, 0.3, 20.0), settings, walls).unwrap();
+        dem.advance_many(&mut particles, &Alone, 8000).unwrap();
+        let now = particles.motion[0];
+        if rests {
+            assert!(now.velocity.norm() < 1e-6, "{}", now.velocity.norm());
+            assert!(
+                (now.position - place).norm() < 1e-4,
+                "{}",
+                now.position - place
+            );
+            let mut carried = 0.0;
+            dem.for_each_contact(&particles, |contact| {
+                carried += contact.normal_force * contact.normal.z;
+            });
+            let weight = particles.body[0].mass * GRAVITY;
+            assert_relative_eq!(carried, weight, max_relative = 1e-4);
+        } else {
+            assert!(now.spin.y > 0.1 && now.position.z < 0.09, "{now:?}");
+        }
+    }
+}
+
 #[test]
 fn what_blocks_cannot_do_is_refused() {
     let refusal = |result: Result<(), Error>| result.unwrap_err().to_string();
@@ -272,11 +370,7 @@ fn what_blocks_cannot_do_is_refused() {
         vec![],
     );
     assert!(refusal(flat.map(|_| ())).contains("two dimensions"));
-    let facets = Surface::of_box(Vector3::zeros(), Vector3::repeat(1.0)).unwrap();
     let settings = Settings::new(about_origin::<Volume>(1.0), 1e-4, 0.1);
-    let wall = Wall::of_surface(Arc::new(facets), 0);
-    let meshed = Dem::new(law(1e8, 0.5, 0.0, 0.0), settings, vec![wall]);
-    assert!(refusal(meshed.map(|_| ())).contains("facets"));
     // Shapes that are not in the table, and blocks under a law of spheres.
     let shape = cuboid(0.1, 0.1, 0.1);
     let mut particles = Particles::<Volume>::new();
@@ -340,7 +434,14 @@ impl Pile {
     fn dem(self) -> Dem<Volume> {
         let settings = self.settings();
         let Region { lower, upper, .. } = settings.region;
-        let walls = Wall::of_box(lower, upper, [!self.periodic, true, true], 0);
+        let mut walls = Wall::of_box(lower, upper, [!self.periodic, true, true], 0);
+        if !self.periodic {
+            // The floor as a mesh, and a step on it.
+            walls[4] = Wall::of_surface(Arc::new(mesh(0.3, 9)), 0);
+            let corner = Vector3::new(0.17, 0.17, 0.0);
+            let step = Surface::of_box(corner, corner + Vector3::new(0.05, 0.05, 0.012)).unwrap();
+            walls.push(Wall::of_surface(Arc::new(step), 0));
+        }
         Dem::new(law(1e8, 0.5, 0.1, 0.5), settings, walls).unwrap()
     }
 }
