@@ -642,9 +642,14 @@ fn skins_calls_and_restarts_do_not_show_in_a_pile() {
         );
     }
     let split = (0, &[0, 9, 24][..], 2);
-    let a = run(PERIODIC, split, None, (800, 40));
-    let b = run(PERIODIC, (2, &[0, 5, 9, 40], 1), Some(&a), (800, 800));
-    let c = run(PERIODIC, ONE, Some(&b), (800, 800));
-    assert_eq!(c.contacts.steps, STEPS);
-    assert!(one == c.bits());
+    for (pile, one) in [
+        (PERIODIC, one),
+        (CLOSED, run(CLOSED, ONE, None, (STEPS, STEPS)).bits()),
+    ] {
+        let a = run(pile, split, None, (800, 40));
+        let b = run(pile, (2, &[0, 5, 9, 40], 1), Some(&a), (800, 800));
+        let c = run(pile, ONE, Some(&b), (800, 800));
+        assert_eq!(c.contacts.steps, STEPS);
+        assert!(one == c.bits());
+    }
 }
