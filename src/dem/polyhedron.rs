@@ -35,7 +35,7 @@ pub mod rotation;
 mod separating_axes;
 pub mod shape;
 
-pub use contact::{Geometry, Memory, Model, Narrow, Placed};
+pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Attitude, Damping};
