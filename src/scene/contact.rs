@@ -7,7 +7,7 @@ use crate::case::contact::{
     BlockModel, BlockPair, BlockStiffness, Blocks, Contact, HertzMindlin, Pair, Rolling, Scaled,
 };
 use crate::case::grains::GrainSource;
-use crate::case::solids::{Motion, WallShape};
+use crate::case::solids::Motion;
 use crate::dem::contact::hertz_mindlin::{self, Elastic};
 use crate::dem::polyhedron::Polyhedron;
 use nalgebra::Matrix3;
@@ -498,15 +498,6 @@ fn agrees_with_blocks(case: &Case, findings: &mut Findings) {
                 "grains.bond_at_start",
                 "the law of blocks has no bonds",
                 "take it out",
-            );
-        }
-    }
-    for (n, wall) in case.walls.iter().enumerate() {
-        if !matches!(wall.shape, WallShape::Plane(_)) {
-            findings.error(
-                &format!("walls[{n}].shape"),
-                "blocks touch planes and each other, not surfaces of facets",
-                "use a plane, or a block or body that is fixed",
             );
         }
     }

@@ -922,12 +922,6 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "bodies[0].position",
     ),
     (
-        "blocks at a wall of facets",
-        "dry-incline",
-        Set(&["walls[0].shape={\"polygon\": [[0, 0, 1], [1, 0, 1], [0, 1, 1]]}"]),
-        "walls[0].shape",
-    ),
-    (
         "blocks drawn where there are none",
         "seepage",
         Set(&["output.blocks={\"every\": 0.001}"]),
