@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The benches of record: the solver and its peers by turns on the same cores in the same minutes, ratios against the bars.
 #
-#   bash benches/beside_peers.sh [OPTIONS] [P-1 P-2 P-7 P-9 P-10 P-12 P-13]     all seven without a name
+#   bash benches/beside_peers.sh [OPTIONS] [P-1 P-2 P-7 P-8 P-9 P-10 P-12 P-13]     all eight without a name
 #
 #   --pairs N      runs of each; default 3, which is the least of a record
 #   --build        build solver and benches first (cargo, some minutes); else what is under target/release is used
@@ -11,7 +11,7 @@
 #   --results DIR  where the results go
 #
 # Writes P-1.csv … and summary.svg; benches/README.md says what each row means and how to read it. Environment: SOLVER,
-# DEM_BENCH, DARCY_BENCH (binaries), PEERS_VENV (a Python environment with lbmpy and FiPy), CORES (default 0,1: the first
+# BLOCKS_BENCH, DEM_BENCH, DARCY_BENCH (binaries), PEERS_VENV (a Python environment with lbmpy and FiPy), CORES (default 0,1: the first
 # alone for rows of one core).
 #
 # Ends with 0 when every row was measured, whether or not it meets its bar; 1 when one could not be.
@@ -45,12 +45,12 @@ while [ $# -gt 0 ]; do
     --install) install=1 ;;
     --busy-ok) busy_ok=1 ;;
     --quick) quick=1 ;;
-    P-1 | P-2 | P-7 | P-9 | P-10 | P-12 | P-13) rows+=("$1") ;;
+    P-1 | P-2 | P-7 | P-8 | P-9 | P-10 | P-12 | P-13) rows+=("$1") ;;
     *) usage ;;
   esac
   shift
 done
-[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-7 P-9 P-10 P-12 P-13)
+[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-7 P-8 P-9 P-10 P-12 P-13)
 case $pairs in
   '' | *[!0-9]* | 0) usage ;;
 esac
@@ -79,7 +79,7 @@ if [ "$install" -eq 1 ]; then
 fi
 if [ "$build" -eq 1 ]; then
   check_rust
-  (cd "$root" && cargo build --release --locked --bin solver && cargo bench --locked --no-run --bench dem --bench darcy)
+  (cd "$root" && cargo build --release --locked --bin solver && cargo bench --locked --no-run --bench blocks --bench dem --bench darcy)
 fi
 solver=${SOLVER:-$target/release/solver}
 
@@ -315,6 +315,23 @@ row_P7() {
       name="the faster of LAMMPS and LIGGGHTS"
       record P-7 "$scene" "M particle-steps/s" "$ours" "$peer" "$name" rate 1.1 2
     done
+  done
+}
+
+# --- P-8: a pile of blocks, one core ---
+p8_ours() {
+  ours=$(limited taskset -c "$core" "$blocks" pile "$count" "$settle" | sed -n 's/^pile: \([0-9]*\) contacts.*/\1/p')
+}
+p8_yade() {
+  peer=$(cd "$work" && BLOCKS=$count SETTLE=$settle timeout --kill-after=30 7200 taskset -c "$core" yade -n -x -j1 "$here/peers/yade_blocks.py" 2>/dev/null | field contacts_per_second)
+}
+row_P8() {
+  local pair ours peer blocks count=1000 settle=3000
+  [ "$quick" -eq 0 ] || count=40 settle=600
+  blocks=$(bench_binary "${BLOCKS_BENCH:-}" blocks)
+  for ((pair = 1; pair <= pairs; pair++)); do
+    by_turns "$pair" p8_ours p8_yade
+    record P-8 "pile of $count random convex blocks" contacts/s "$ours" "$peer" "YADE 2023.02a polyhedra" rate 20 100
   done
 }
 

@@ -1,6 +1,12 @@
-//! Speed of the contacts of blocks: pairs per second of one thread.
+//! Speed of the contacts of blocks: pairs per second of one thread, and a pile in the engine.
 //!
-//! `cargo bench --bench blocks`. Each row is a shape and a model; each column what the pair remembers:
+//! `cargo bench --bench blocks`; words after `--` choose `pairs` or `pile`, with RAYON_NUM_THREADS=1 for one core.
+//!
+//! `pile [BLOCKS] [STEPS]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m, as in
+//! `benches/peers/yade_blocks.py`; after 3,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of
+//! three runs of 300 steps with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them.
+//!
+//! `pairs`: each row is a shape and a model; each column what the pair remembers:
 //!
 //! - *cold*: nothing, as at first sight;
 //! - *warm*: the last basis and point, the second block moved by a millionth of its size, as in a run;
@@ -16,7 +22,14 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use solver::dem::polyhedron::{Memory, Model, Narrow, Placed, Polyhedron, ShapeError};
+use solver::dem::contact::blocks::Blocks;
+use solver::dem::polyhedron::{
+    self, HalfSpace, Memory, Model, Narrow, Placed, Polyhedron, ShapeError, Stiffness,
+};
+use solver::dem::{
+    Alone, Body, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, Wall,
+};
+use solver::error::Error;
 use solver::random::Stream;
 
 /// How many pairs of each kind.
@@ -126,7 +139,159 @@ fn row(name: &str, pairs: &[Pair], model: &Model) {
     );
 }
 
-fn main() -> Result<(), ShapeError> {
+/// Width (m) of the box and size (m) of a block in it.
+const BOX: f64 = 0.30;
+const SIZE: f64 = 0.04;
+
+/// Fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
+fn random_block(seed: u64) -> Result<Polyhedron, ShapeError> {
+    let mut draw = Stream::new(8, seed, 0);
+    loop {
+        let planes: Vec<HalfSpace> = (0..14)
+            .map(|_| HalfSpace {
+                normal: direction(&mut draw),
+                offset: 1.0 + 0.3 * draw.uniform(),
+            })
+            .collect();
+        // Open, or a splinter.
+        let Ok(solid) = Polyhedron::from_half_spaces(&planes) else {
+            continue;
+        };
+        let shape = &solid.shape;
+        let extent = |axis: usize| {
+            let along = shape
+                .vertices()
+                .iter()
+                .map(|v| (solid.orientation * v)[axis]);
+            let (low, high) = along.fold((0.0_f64, 0.0_f64), |(a, b), x| (a.min(x), b.max(x)));
+            1.05 * SIZE / (high - low)
+        };
+        let scale = Vector3::new(extent(0), extent(1), extent(2));
+        if scale.max() > 2.0 * scale.min() {
+            continue;
+        }
+        let points: Vec<Vector3<f64>> = shape
+            .vertices()
+            .iter()
+            .map(|v| (solid.orientation * v).component_mul(&scale))
+            .collect();
+        return Ok(Polyhedron::from_vertices(&points)?.shape);
+    }
+}
+
+fn pile(count: u32, settle: u64) -> Result<(), Error> {
+    let shapes: Vec<Polyhedron> = (0..u64::from(count))
+        .map(random_block)
+        .collect::<Result<_, _>>()
+        .map_err(|error| Error::Internal(error.to_string()))?;
+    let faces = shapes.iter().map(|s| s.half_spaces().len()).sum::<usize>();
+    // Force over volume of overlap as in the peer's Young modulus of 1e8 (Pa/m here), Poisson 0.2.
+    let law = polyhedron::Law {
+        stiffness: Stiffness::PerArea {
+            normal: 1e8,
+            shear: 2e7,
+        },
+        friction: 0.5,
+        normal_damping: 0.0,
+        shear_damping: 0.0,
+    };
+    let law = Law::Blocks(Blocks {
+        parameters: PairTable::uniform(1, law),
+        model: Model::Patch,
+        mass_damping: 0.0,
+    });
+    let upper = Vector3::new(BOX, BOX, 0.1 * f64::from(count.div_ceil(36)));
+    let region = Region::<Volume>::closed(Vector3::zeros(), upper, SIZE);
+    let mut settings = Settings::new(region, 1e-4, 0.002);
+    settings.gravity = Vector3::z() * -9.81;
+    settings.local_damping = 0.4;
+    let mut walls = Wall::of_box(region.lower, upper, [true, true, false], 0);
+    walls.push(Wall::new(Vector3::zeros(), Vector3::z(), 0));
+    let mut dem = Dem::new(law, settings, walls)?;
+    let mut particles = Particles::new();
+    particles.set_shapes(shapes.clone().into())?;
+    for (n, shape) in (0..).zip(&shapes) {
+        let mut draw = Stream::new(9, u64::from(n), 0);
+        let cell = |k: u32| (f64::from(k % 6) + 0.5) * BOX / 6.0;
+        let motion = Motion {
+            position: Vector3::new(
+                cell(n),
+                cell(n / 6),
+                SIZE * (0.65 + 1.25 * f64::from(n / 36)),
+            ),
+            ..Motion::default()
+        };
+        let tilt = direction(&mut draw) * (0.34 * draw.uniform() - 0.17);
+        let turn = UnitQuaternion::from_scaled_axis(tilt);
+        particles.add_block(
+            Body::of_block(u64::from(n), shape, 2600.0, 0),
+            motion,
+            n,
+            turn,
+        )?;
+    }
+    dem.advance_many(&mut particles, &Alone, settle)?;
+    let before = dem.statistics(&particles);
+    let (mut seconds, start) = ([0.0; 3], Instant::now());
+    for time in &mut seconds {
+        let began = on_processor();
+        dem.advance_many(&mut particles, &Alone, 300)?;
+        *time = on_processor() - began;
+    }
+    let elapsed = start.elapsed().as_secs_f64();
+    seconds.sort_by(f64::total_cmp);
+    let now = dem.statistics(&particles);
+    let energy: f64 = (0..particles.owned())
+        .map(|k| particles.kinetic_energy(k))
+        .sum();
+    println!(
+        "pile: {:.0} contacts/s, {:.1} us/step ({:.1} by the clock), {count} blocks of {:.1} faces, {} contacts, {:.0} tested a step of {} listed, {} rebuilds, {energy:.2e} J, overlap {:.1e}",
+        now.contacts as f64 * 300.0 / seconds[1],
+        seconds[1] / 300.0 * 1e6,
+        elapsed / 900.0 * 1e6,
+        faces as f64 / f64::from(count),
+        now.contacts,
+        (now.tested - before.tested) as f64 / 900.0,
+        now.listed,
+        now.rebuilds - before.rebuilds,
+        now.largest_overlap,
+    );
+    Ok(())
+}
+
+/// Processor time of this thread (s).
+fn on_processor() -> f64 {
+    let mut time = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    // SAFETY: `time` is a valid place for the answer.
+    let status = unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &raw mut time) };
+    if status == 0 {
+        time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+    } else {
+        0.0
+    }
+}
+
+fn main() -> Result<(), Error> {
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|w| !w.starts_with("--"))
+        .collect();
+    let chosen = |word: &str| words.is_empty() || words[0] == word;
+    let number =
+        |k: usize, default: u32| words.get(k).and_then(|w| w.parse().ok()).unwrap_or(default);
+    if chosen("pairs") {
+        pairs().map_err(|error| Error::Internal(error.to_string()))?;
+    }
+    if chosen("pile") {
+        pile(number(1, 1000), u64::from(number(2, 3000)))?;
+    }
+    Ok(())
+}
+
+fn pairs() -> Result<(), ShapeError> {
     println!(
         "{:32} {:>8} {:>8} {:>8} {:>12}",
         "", "cold", "warm", "apart", "apart, cold"

@@ -1,6 +1,6 @@
 //! A hash of grains after some thousand steps, for `mpirun -n N dem_ranks AXIS SCENE`.
 //!
-//! The scenes: colliding discs, a periodic box, bonds that break, and a disc wider than a slab. `tests/dem_ranks.rs` compares
+//! The scenes: colliding discs, a periodic box, bonds that break, a disc wider than a slab, and falling blocks. `tests/dem_ranks.rs` compares
 //! the hashes of several numbers of ranks and directions of the split.
 
 #![expect(
@@ -11,11 +11,15 @@
 
 use std::process::ExitCode;
 
-use decomposition::{Axis, Domain, Slabs, StateHash, World, field_key};
-use nalgebra::Vector2;
+use decomposition::{Axis, Communicator, Domain, Slabs, StateHash, World, field_key};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use solver::dem::contact::blocks::Blocks;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
 use solver::dem::state::{Table, Values};
-use solver::dem::{Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Wall};
+use solver::dem::{
+    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space, Volume, Wall,
+};
 use solver::error::Error;
 use solver::random::Stream;
 
@@ -81,6 +85,68 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
     Ok((Dem::new(law, settings, walls)?, grains))
 }
 
+/// Boxes of many proportions over a block wider than a slab; those that `mine` says.
+fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
+    let upper = Vector3::new(0.24, 0.24, 0.4);
+    let region = Region::<Volume>::closed(Vector3::zeros(), upper, 0.01);
+    let mut settings = Settings::new(region, 1e-4, 4e-3);
+    settings.gravity = Vector3::new(1.0, 0.0, -9.81);
+    let law = polyhedron::Law {
+        stiffness: Stiffness::PerArea {
+            normal: 1e8,
+            shear: 5e7,
+        },
+        friction: 0.5,
+        normal_damping: 0.1,
+        shear_damping: 0.1,
+    };
+    let law = Law::Blocks(Blocks {
+        parameters: PairTable::uniform(1, law),
+        model: Model::Patch,
+        mass_damping: 0.0,
+    });
+    let walls = Wall::of_box(region.lower, region.upper, [true; 3], 0);
+    let dem = Dem::new(law, settings, walls)?;
+    let cuboid = |edges: Vector3<f64>| {
+        Polyhedron::cuboid(edges).map_err(|error| Error::Internal(error.to_string()))
+    };
+    let mut shapes = vec![cuboid(Vector3::repeat(0.1))?];
+    for n in 0..5 {
+        let mut draw = Stream::new(6, n, 0);
+        shapes.push(cuboid(Vector3::from_fn(|_, _| {
+            0.016 + 0.022 * draw.uniform()
+        }))?);
+    }
+    let mut particles = Particles::new();
+    particles.set_shapes(shapes.clone().into())?;
+    for n in 0..=48_u32 {
+        let mut draw = Stream::new(7, u64::from(n), 0);
+        let mut random = || Vector3::from_fn(|_, _| draw.uniform() - 0.5);
+        let (shape, position) = if n == 48 {
+            (0, Vector3::new(0.12, 0.12, 0.09))
+        } else {
+            let place = Vector3::new(
+                0.03 + 0.06 * f64::from(n % 4),
+                0.03 + 0.06 * f64::from(n / 4 % 4),
+                0.2 + 0.05 * f64::from(n / 16),
+            );
+            (1 + n % 5, place)
+        };
+        let motion = Motion {
+            position,
+            velocity: random() - Vector3::z() * 2.0,
+            spin: random() * 20.0,
+        };
+        let turn = UnitQuaternion::from_scaled_axis(random() * 6.0);
+        let id = u64::from(n) * 131 % 997;
+        if mine(id) {
+            let body = Body::of_block(id, &shapes[shape as usize], 2600.0, 0);
+            particles.add_block(body, motion, shape, turn)?;
+        }
+    }
+    Ok((dem, particles))
+}
+
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the two halves of 128 bits"
@@ -118,7 +184,11 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
         Axis::X
     };
     let name = words.next().unwrap_or_default();
-    let planes = if axis == Axis::X { 40 } else { 30 };
+    let planes = match (name.as_str(), axis) {
+        ("blocks", _) => 24,
+        (_, Axis::X) => 40,
+        _ => 30,
+    };
     let slabs = Slabs::even(
         axis,
         planes,
@@ -126,7 +196,12 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
         axis == Axis::X && name == "periodic",
     );
     let domain = Domain::new(communicator.clone(), slabs)?;
-    let (mut dem, grains) = scene(&name)?;
+    let (rank, size) = (communicator.rank() as u64, communicator.size() as u64);
+    if name == "blocks" {
+        let (dem, particles) = blocks(|id| id % size == rank)?;
+        return step_and_print(&communicator, &domain, dem, particles);
+    }
+    let (dem, grains) = scene(&name)?;
     let mut particles = Particles::new();
     // Dealt out like cards: the first lists hand them to their owners.
     for (k, (body, motion)) in grains.into_iter().enumerate() {
@@ -134,17 +209,26 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
             particles.insert(body, motion);
         }
     }
-    let bonds = dem.bond_existing_contacts(&mut particles, &domain)?;
+    step_and_print(&communicator, &domain, dem, particles)
+}
+
+fn step_and_print<S: Space>(
+    communicator: &Communicator,
+    domain: &Domain,
+    mut dem: Dem<S>,
+    mut particles: Particles<S>,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let bonds = dem.bond_existing_contacts(&mut particles, domain)?;
     let bonds = communicator.all_reduce_sum_u64(bonds);
     for _ in 0..40 {
-        dem.advance_many(&mut particles, &domain, 50)?;
+        dem.advance_many(&mut particles, domain, 50)?;
     }
     let mut hash = StateHash::new();
     add(&mut hash, "grains", &particles.table(), 1);
     let contacts = dem.contacts();
     add(&mut hash, "contacts", &contacts.grains, 4);
     add(&mut hash, "walls", &contacts.walls, 2);
-    let hash = hash.all_reduce(&communicator);
+    let hash = hash.all_reduce(communicator);
     let count = |n: usize| communicator.all_reduce_sum_u64(n as u64);
     let [held, at_walls] = [count(contacts.grains.rows()), count(contacts.walls.rows())];
     let breaks = count(dem.take_breaks().len());

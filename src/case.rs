@@ -12,6 +12,7 @@
 //! What the numbers mean together is checked afterwards, by [`crate::scene`] and [`crate::plan`].
 
 pub mod annotation;
+pub mod blocks;
 pub mod boundary;
 pub mod check;
 pub mod collapse;
@@ -62,6 +63,9 @@ pub struct Case {
     /// The grains.
     #[serde(default)]
     pub grains: Option<grains::Grains>,
+    /// Convex polyhedral blocks (3-D).
+    #[serde(default)]
+    pub blocks: Option<blocks::Blocks>,
     /// Law of the contacts; needed as soon as something can touch.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
@@ -71,7 +75,7 @@ pub struct Case {
     /// Faces of the domain that are walls for grains.
     #[serde(default)]
     pub box_walls: Vec<Face>,
-    /// Material of the `box_walls`; without it that of the grains.
+    /// Material of the `box_walls`; without it that of the grains, or of the blocks.
     #[serde(default)]
     pub box_wall_material: Option<String>,
     /// Named solids in the fluid.
@@ -172,12 +176,12 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file, `{"file": {"path": ..}}`, absolute.
+/// Makes the path of every input file, `{"file": {"path": ..}}` or `{"mesh": {"path": ..}}`, absolute.
 fn anchor(tree: &mut Value, directory: &Path) {
     match tree {
         Value::Object(map) => {
             for (key, child) in map {
-                if key == "file"
+                if matches!(key.as_str(), "file" | "mesh")
                     && let Some(Value::String(path)) = child.get_mut("path")
                     && let Ok(whole) = std::path::absolute(directory.join(path.as_str()))
                     && let Some(whole) = whole.to_str()

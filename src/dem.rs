@@ -57,6 +57,7 @@ use contact::hertz_mindlin::HertzMindlin;
 use contact::linear::Linear;
 use contact::rolling::Rolling;
 use engine::Engine;
+use engine::bodies::Bodies;
 
 use crate::error::Error;
 
@@ -194,7 +195,7 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
-    /// and the scene plane or with walls of facets.
+    /// and the scene plane.
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::Numerical(what));
         let positive = |value: f64| value.is_finite() && value > 0.0;
@@ -235,12 +236,7 @@ impl<S: Space> Dem<S> {
             Law::Blocks(_) if S::DIMENSION != 3 => {
                 return refuse("a contact law of blocks in two dimensions".into());
             }
-            Law::Blocks(_) if walls.iter().any(|wall| wall.surface.is_some()) => {
-                return refuse(
-                    "a wall of facets in a scene with blocks: planes and fixed blocks are what blocks can rest on".into(),
-                );
-            }
-            Law::Blocks(law) => Inner::Blocks(Box::new(Engine::new(law, settings, walls))),
+            Law::Blocks(law) => Inner::Blocks(Box::new(Engine::of_blocks(law, settings, walls))),
         };
         Ok(Self { inner })
     }
@@ -294,7 +290,7 @@ impl<S: Space> Dem<S> {
         ranks: &dyn Ranks,
     ) -> Result<u64, Error> {
         self.prepare(particles, ranks)?;
-        Ok(engine!(&mut self.inner, engine => engine.bond(particles)))
+        Ok(engine!(&mut self.inner, engine => Bodies::bond_all(&mut **engine, particles)))
     }
 
     /// Takes every bond away; contacts and their shear stay.

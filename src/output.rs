@@ -9,12 +9,13 @@
 //! | `schedule` | when something is due |
 //! | `view` | what there is to see of a run |
 //! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
-//! | `grains`, `contacts`, `order` | grains and contacts in one order |
+//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks in one order |
 //! | `probes` | numbers over time |
 //! | `info` | what is in a file or folder |
 //!
 //! No file depends on the number of ranks.
 
+mod blocks;
 mod contacts;
 mod fluid;
 mod grains;
@@ -32,6 +33,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::view::View;
 use crate::plan::Plan;
+use blocks::Blocks;
 use contacts::Contacts;
 use decomposition::Domain;
 use fluid::Fields;
@@ -66,12 +68,13 @@ pub struct Outputs {
     fluid: Option<Output<FluidFields>>,
     grains: Option<Output<Grains>>,
     contacts: Option<Output<Contacts>>,
+    blocks: Option<Output<Blocks>>,
     probes: Vec<Probe>,
     next: u64,
 }
 
 impl Outputs {
-    /// Opens the series `fluid`, `grains`, `contacts` and the tables `probe_NAME.csv` in `folder`, which is there.
+    /// Opens the series `fluid`, `grains`, `contacts`, `blocks` and the tables `probe_NAME.csv` in `folder`, which is there.
     ///
     /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written up to
     /// that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
@@ -122,12 +125,23 @@ impl Outputs {
             }
             None => None,
         };
+        let blocks = match &written.blocks {
+            Some(output) => {
+                let every = every(output.every);
+                let faces = Blocks::default();
+                Some(Output::open(
+                    folder, "blocks", every, faces, &group, resumed_at,
+                )?)
+            }
+            None => None,
+        };
         let probes = Probe::all(plan, folder, domain, resumed_at)?;
         let mut outputs = Self {
             provenance,
             fluid,
             grains,
             contacts,
+            blocks,
             probes,
             next: 0,
         };
@@ -155,7 +169,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes fluid, grains and contacts as they are now, unless that was done at this step. Collective.
+    /// Writes fluid, grains, contacts and blocks as they are now, unless that was done at this step. Collective.
     ///
     /// # Errors
     /// As [`Self::write_due`].
@@ -249,6 +263,21 @@ impl Outputs {
             }
             output.schedule.pass(view.step);
         }
+        if let Some(output) = &mut self.blocks {
+            if output.is_wanted(view.step, &due) {
+                let scene = &view.plan.scene;
+                output.buffers.read(view.particles, scene, communicator)?;
+                let mesh = output.buffers.mesh();
+                let mode = Mode::Collective;
+                group.settle(
+                    output
+                        .series
+                        .write_mesh(when, &mesh, provenance, &group, mode),
+                )?;
+                output.last = Some(view.step);
+            }
+            output.schedule.pass(view.step);
+        }
         Ok(())
     }
 
@@ -257,6 +286,7 @@ impl Outputs {
             self.fluid.as_ref().map(|o| o.schedule),
             self.grains.as_ref().map(|o| o.schedule),
             self.contacts.as_ref().map(|o| o.schedule),
+            self.blocks.as_ref().map(|o| o.schedule),
         ];
         let probes = self.probes.iter().map(|probe| probe.schedule);
         series

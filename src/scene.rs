@@ -4,6 +4,7 @@
 //! steps, memory and stability is the business of [`crate::plan`].
 
 pub mod block;
+pub mod blocks;
 pub mod collapse;
 pub mod contact;
 pub mod findings;
@@ -12,16 +13,20 @@ pub mod grid;
 pub mod observe;
 pub mod packing;
 pub mod rain;
+pub mod rock;
 pub mod sample;
 pub mod seepage;
 pub mod solids;
 pub(crate) mod stl;
 
+use crate::case::contact::Contact;
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
+use crate::case::solids::Shape;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
 use crate::case::{Case, check};
+use crate::dem::polyhedron::Solid;
 use crate::error::Problem;
 use findings::Findings;
 use serde::Serialize;
@@ -43,6 +48,8 @@ pub struct Scene {
     pub seepage: Option<seepage::Seepage>,
     /// The grains, if any.
     pub grains: Option<solids::Grains>,
+    /// The blocks, if any.
+    pub blocks: Option<blocks::Blocks>,
     /// The contact law, if anything can touch.
     pub contact: Option<contact::ContactTable>,
     /// Plane walls, those on faces of the domain last.
@@ -113,18 +120,28 @@ impl Scene {
         let walls = solids::walls(case, &grid, &names, &mut findings);
         let bodies = solids::bodies(case, &grid, &names, &mut findings);
         let grains = solids::grains(case, &grid, &names, &mut findings);
+        let blocks = blocks::blocks(case, &grid, &names, &mut findings);
         solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+        blocks::overlaps(
+            case,
+            blocks.as_ref(),
+            &bodies,
+            grains.as_ref(),
+            &walls,
+            &mut findings,
+        );
         let seepage = seepage::Seepage::resolve(case, &grid, grains.as_ref(), &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
         let probes = observe::probes(case, &grid, &bodies, &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
-        let solid = case.grains.is_some() || !case.bodies.is_empty();
+        let solid = has_solids(case);
         observe::outputs(case, solid, &mut findings);
         agree(case, &mut findings);
         if findings.refused()
             && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
-                || case.grains.is_some() && grains.is_none())
+                || case.grains.is_some() && grains.is_none()
+                || case.blocks.is_some() && blocks.is_none())
         {
             return (None, findings);
         }
@@ -136,6 +153,7 @@ impl Scene {
             flow,
             seepage,
             grains,
+            blocks,
             contact,
             walls,
             bodies,
@@ -156,17 +174,58 @@ impl Scene {
     #[must_use]
     pub fn follows_grains(&self) -> bool {
         let written = self.output.grains.as_ref();
-        self.ground_collapse.is_some() || written.is_some_and(|grains| grains.displacement)
+        self.ground_collapse.is_some()
+            || self.output.blocks.is_some()
+            || written.is_some_and(|grains| grains.displacement)
+    }
+
+    /// Id of the first grain: the named bodies come first, then the blocks.
+    #[must_use]
+    pub fn first_grain(&self) -> u64 {
+        (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
+    }
+
+    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then blocks.
+    pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
+        let bodies = self.bodies.iter().filter_map(|body| {
+            let free = body.mobility == solids::Mobility::Free;
+            body.solid
+                .as_ref()
+                .map(|solid| (solid, body.material, free))
+        });
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
+    }
+
+    /// The polyhedron of this id, as it stood at the start.
+    #[must_use]
+    pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
+        let place = usize::try_from(id).ok()?;
+        if let Some(body) = self.bodies.get(place) {
+            return body.solid.as_ref();
+        }
+        let blocks = self.blocks.as_ref()?;
+        let block = blocks.list.get(place - self.bodies.len());
+        block.map(|block| &block.solid)
+    }
+
+    /// Whether anything is solid.
+    #[must_use]
+    pub fn has_solids(&self) -> bool {
+        self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
+    }
+
+    /// Density of a material [kg/m3]; zero where it has none.
+    #[must_use]
+    pub fn density(&self, material: usize) -> f64 {
+        let known = self.materials.get(material);
+        known.and_then(|m| m.density).unwrap_or(0.0)
     }
 
     /// Mass of a disc (per metre of depth) or sphere of this material [kg].
     #[must_use]
     pub fn mass(&self, material: usize, radius: f64) -> f64 {
-        let density = self
-            .materials
-            .get(material)
-            .and_then(|m| m.density)
-            .unwrap_or(0.0);
+        let density = self.density(material);
         let pi = std::f64::consts::PI;
         if self.grid.dimension == 2 {
             density * pi * radius * radius
@@ -176,16 +235,20 @@ impl Scene {
     }
 }
 
+fn has_solids(case: &Case) -> bool {
+    case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty()
+}
+
 /// The parts of a case must fit each other.
 fn agree(case: &Case, findings: &mut Findings) {
-    let solid = case.grains.is_some() || !case.bodies.is_empty();
+    let solid = has_solids(case);
     let fluid = case.fluid.is_some();
     let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
     if !solid && !fluid {
         findings.error(
             "fluid",
             "there is neither a fluid nor anything solid in this case",
-            "add `fluid` or `grains`",
+            "add `fluid`, `grains` or `blocks`",
         );
     }
     if solid && lattice && case.coupling.is_none() {
@@ -209,10 +272,22 @@ fn agree(case: &Case, findings: &mut Findings) {
         );
     }
     let moving = case.grains.is_some()
+        || case.blocks.is_some()
         || case
             .bodies
             .iter()
             .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
+    let shaped = |shape: &Shape| !matches!(shape, Shape::Disc { .. } | Shape::Sphere { .. });
+    let polyhedra = case.blocks.is_some() || case.bodies.iter().any(|b| shaped(&b.shape));
+    if polyhedra {
+        of_polyhedra(case, findings);
+    } else if case.output.blocks.is_some() && solid {
+        findings.error(
+            "output.blocks",
+            "there are no blocks in this case",
+            "take this output out",
+        );
+    }
     if moving && case.contact.is_none() {
         findings.error("contact", "things move and can touch, but there is no contact law", "add for example \"contact\": {\"linear\": {\"normal_stiffness\": {\"per_diameter\": 1e8}}}");
     }
@@ -250,6 +325,24 @@ fn agree(case: &Case, findings: &mut Findings) {
             &format!("materials.{name}"),
             "a material needs a name",
             "give it one",
+        );
+    }
+}
+
+/// What polyhedra can do without, and what they cannot.
+fn of_polyhedra(case: &Case, findings: &mut Findings) {
+    if case.fluid.is_some() {
+        findings.error(
+            "fluid",
+            "water and blocks do not act on each other yet",
+            "take out the fluid, or the blocks and polyhedra",
+        );
+    }
+    if !matches!(case.contact, None | Some(Contact::Blocks(_))) {
+        findings.error(
+            "contact",
+            "this is a law of discs and spheres, but there are polyhedra",
+            "write for example {\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e9}, \"friction_angle_degrees\": 30}}",
         );
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
 
+pub mod blocks;
 pub mod collapse;
 pub mod coupled;
 pub mod critical;

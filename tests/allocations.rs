@@ -9,8 +9,13 @@
     reason = "a test fails by panicking"
 )]
 
+use nalgebra::{UnitQuaternion, Vector3};
 use solver::case::Document;
-use solver::dem::space::Plane;
+use solver::dem::contact::blocks::Blocks;
+use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
+use solver::dem::{
+    Alone, Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Volume, Wall,
+};
 use solver::plan::Plan;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -74,6 +79,72 @@ fn plan() -> Plan {
         .unwrap()
 }
 
+/// A layer of boxes on a floor, some of them leaning on a sphere.
+fn blocks() -> (Dem<Volume>, Particles<Volume>) {
+    let shape = Polyhedron::cuboid(Vector3::new(0.1, 0.08, 0.05)).unwrap();
+    let law = polyhedron::Law {
+        stiffness: Stiffness::PerArea {
+            normal: 1e8,
+            shear: 5e7,
+        },
+        friction: 0.5,
+        normal_damping: 0.2,
+        shear_damping: 0.2,
+    };
+    let law = Law::Blocks(Blocks {
+        parameters: PairTable::uniform(1, law),
+        model: Model::Patch,
+        mass_damping: 1.0,
+    });
+    let region = Region::closed(Vector3::zeros(), Vector3::repeat(1.0), 0.1);
+    let mut settings = Settings::new(region, 1e-4, 0.01);
+    settings.gravity = Vector3::new(0.5, 0.0, -9.81);
+    let walls = Wall::of_box(region.lower, region.upper, [true; 3], 0);
+    let mut particles = Particles::new();
+    particles.set_shapes([shape.clone()].into()).unwrap();
+    for n in 0..27_u32 {
+        let position = Vector3::new(
+            0.2 + 0.11 * f64::from(n % 3),
+            0.2 + 0.1 * f64::from(n / 3 % 3),
+            0.05 + 0.07 * f64::from(n / 9),
+        );
+        let motion = Motion {
+            position,
+            ..Motion::default()
+        };
+        if n % 5 == 2 {
+            particles.insert(
+                Body::uniform::<Volume>(u64::from(n), 0.04, 2600.0, 0),
+                motion,
+            );
+        } else {
+            let body = Body::of_block(u64::from(n), &shape, 2600.0, 0);
+            let turn = UnitQuaternion::from_euler_angles(0.1 * f64::from(n), 0.2, 0.0);
+            particles.add_block(body, motion, 0, turn).unwrap();
+        }
+    }
+    (Dem::new(law, settings, walls).unwrap(), particles)
+}
+
+fn steps_of_blocks_allocate_nothing() {
+    let (mut dem, mut particles) = blocks();
+    dem.advance_many(&mut particles, &Alone, 2000).unwrap();
+    let (mut quiet, mut contacts) = (0, 0);
+    for _ in 0..1000 {
+        let before = dem.statistics(&particles);
+        let calls = CALLS.load(Ordering::Relaxed);
+        dem.advance(&mut particles, &Alone).unwrap();
+        let calls = CALLS.load(Ordering::Relaxed) - calls;
+        let now = dem.statistics(&particles);
+        if now.rebuilds == before.rebuilds {
+            assert_eq!(calls, 0);
+            quiet += 1;
+            contacts += now.contacts;
+        }
+    }
+    assert!(quiet > 900 && contacts > 10 * quiet, "{quiet} {contacts}");
+}
+
 #[test]
 fn a_step_without_an_event_allocates_nothing() {
     rayon::ThreadPoolBuilder::new()
@@ -115,6 +186,7 @@ fn a_step_without_an_event_allocates_nothing() {
     assert!(quiet > 1000, "{quiet} quiet steps");
     assert!(eventful > 0);
     assert!(most <= 100, "{most} allocations in one step");
+    steps_of_blocks_allocate_nothing();
     // The counter counts.
     let calls = CALLS.load(Ordering::Relaxed);
     drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));

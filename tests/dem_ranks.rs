@@ -41,7 +41,7 @@ fn hash(ranks: usize, axis: &str, scene: &str) -> String {
 
 #[test]
 fn grains_do_not_feel_the_ranks() {
-    for scene in ["colliding", "periodic", "bonded", "giant"] {
+    for scene in ["colliding", "periodic", "bonded", "giant", "blocks"] {
         let one = hash(1, "x", scene);
         assert!(one.contains(" contacts "), "{one}");
         assert_eq!(scene == "bonded", !one.ends_with("breaks 0"), "{one}");

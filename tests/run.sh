@@ -75,7 +75,15 @@ small_run() {
       --set output.fluid.every=0.002 --set output.grains='{"every": 0.002}' --set output.contacts='{"every": 0.002}'
 }
 
-# Every file of that run, through VTK's readers.
+# A small run of blocks on two ranks.
+blocks_run() {
+  "$target/debug/solver" example avalanche >"$work/avalanche.json" &&
+    timeout --kill-after=10 60 mpirun --oversubscribe -n 2 "$target/debug/solver" "$work/avalanche.json" \
+      --output "$work/run/avalanche" --set time.end=0.02 --set output.blocks.every=0.01 \
+      --set output.contacts='{"every": 0.01}'
+}
+
+# Every file of these runs, through VTK's readers.
 readers() {
   local files
   mapfile -t files < <(find "$work/run" -name '*.xmf' -o -name '*.vtkhdf' | sort)
@@ -101,6 +109,7 @@ rust_tests
 gate "python environment" make_venv
 gate "schema accepts the examples" timeout 60 "$target/venv/bin/python" tests/schema.py "$target/debug/solver"
 gate "small run on 2 ranks" small_run
+gate "small run of blocks on 2 ranks" blocks_run
 gate "VTK reads every output" readers
 
 echo

@@ -22,7 +22,7 @@ peer_packages() {
   for row in "$@"; do
     case $row in
       P-1 | P-9) [ -e "$(python3 -c 'import sysconfig; print(sysconfig.get_paths()["include"])' 2>/dev/null)/Python.h" ] || echo python3-dev ;;
-      P-2) command -v yade >/dev/null || echo yade ;;
+      P-2 | P-8) command -v yade >/dev/null || echo yade ;;
       P-7)
         command -v lmp >/dev/null || echo lammps
         command -v liggghts >/dev/null || echo liggghts

@@ -15,6 +15,8 @@ pub enum Contact {
     ContactBond(ContactBond),
     /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
     HertzMindlin(HertzMindlin),
+    /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (B-04, 3-D only).
+    Blocks(Blocks),
 }
 
 /// A quantity of a contact, fixed or proportional to the mean diameter d of the two grains (that of the grain at a
@@ -234,6 +236,93 @@ pub struct ElasticPair {
     #[serde(default)]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: Option<f64>,
+}
+
+/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking where faces meet (B-04).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Blocks {
+    /// Normal stiffness k_n.
+    pub normal_stiffness: BlockStiffness,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Mass-proportional damping α of all that moves freely [1/s]: a body alone slows down as exp(-α t) (B-01).
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub mass_damping: f64,
+    /// How a contact is condensed to a point, a normal and a depth (B-06 … B-10).
+    #[serde(default)]
+    pub model: BlockModel,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<BlockPair>,
+}
+
+/// Stiffness of a contact of blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BlockStiffness {
+    /// The same for every contact [N/m].
+    PerContact(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Times the area of contact [Pa/m], as joints of rock are measured.
+    PerArea(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+}
+
+/// How a contact of blocks is condensed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum BlockModel {
+    /// Volume and vector area of the overlap: faces that rest on faces.
+    #[default]
+    Patch,
+    /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
+    Point {
+        /// Rounding of the corners [m]: more than an overlap, much less than a block.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        rounding: f64,
+    },
+}
+
+/// Numbers of one pair of materials of blocks; what is left out is as for all other pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BlockPair {
+    /// The two materials, in either order.
+    pub materials: [String; 2],
+    /// Normal stiffness, in the unit of that of the law.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub normal_stiffness: Option<f64>,
+    /// k_s/k_n, without unit.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: Option<f64>,
+    /// Friction angle [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Normal dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: Option<f64>,
+    /// Shear dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: Option<f64>,
 }
 
 fn elastic() -> f64 {

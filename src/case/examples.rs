@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 12] = [
+pub const EXAMPLES: [Example; 14] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -72,6 +72,16 @@ pub const EXAMPLES: [Example; 12] = [
         name: "fissure-clay",
         summary: "the same with contact bonds: clay comes loose in blocks",
         text: include_str!("examples/fissure-clay.json"),
+    },
+    Example {
+        name: "dry-incline",
+        summary: "two blocks on an incline: one sticks, one slides as the textbook says",
+        text: include_str!("examples/dry-incline.json"),
+    },
+    Example {
+        name: "avalanche",
+        summary: "a jointed rock mass comes down a slope",
+        text: include_str!("examples/avalanche.json"),
     },
 ];
 

@@ -127,6 +127,8 @@ pub struct Output {
     pub grains: Option<GrainOutput>,
     /// Contacts with their forces and bonds.
     pub contacts: Option<Every>,
+    /// Surfaces of the blocks, with where each came from and how it moves.
+    pub blocks: Option<Every>,
 }
 
 /// Fields of the fluid.

@@ -85,15 +85,28 @@ pub struct Body {
     pub name: String,
     /// Its shape.
     pub shape: Shape,
-    /// Centre [m].
+    /// Centre [m]; of a polyhedron its centroid.
     pub position: Vector,
+    /// How a polyhedron is turned; as it is without it.
+    #[serde(default)]
+    pub orientation: Option<Orientation>,
     /// How it moves.
     pub motion: Motion,
     /// Its material; the density is needed if it moves freely.
     pub material: String,
 }
 
-/// Shape of a body.
+/// A turn about an axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Orientation {
+    /// The axis; of any length.
+    pub axis: [f64; 3],
+    /// The angle, counter-clockwise where the axis points at the viewer [degrees].
+    pub angle_degrees: f64,
+}
+
+/// Shape of a body: a disc, a sphere, or a convex polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
@@ -109,16 +122,17 @@ pub enum Shape {
         #[schemars(extend("exclusiveMinimum" = 0))]
         radius: f64,
     },
-}
-
-impl Shape {
-    /// Radius [m].
-    #[must_use]
-    pub fn radius(&self) -> f64 {
-        match self {
-            Self::Disc { radius } | Self::Sphere { radius } => *radius,
-        }
-    }
+    /// A box, its edges along the axes before it is turned.
+    Cuboid {
+        /// Lengths of the edges [m].
+        edges: [f64; 3],
+    },
+    /// The convex hull of these points [m].
+    Vertices(Vec<[f64; 3]>),
+    /// What lies in all of these half-spaces, each `[a, b, c, d]` for a x + b y + c z <= d [m].
+    HalfSpaces(Vec<[f64; 4]>),
+    /// A closed convex surface of triangles.
+    Mesh(Mesh),
 }
 
 /// How a body moves.

@@ -61,7 +61,7 @@ pub(super) struct WallPair<C, M> {
 
 /// An owned grain and a wall of facets that it is close to.
 #[derive(Clone, Copy, Debug)]
-struct SurfacePair<C> {
+pub(super) struct SurfacePair<C> {
     wall: u32,
     grain: u32,
     radius: f64,
@@ -111,7 +111,67 @@ impl<C, M> Default for Facets<C, M> {
     }
 }
 
-impl<C, M: Copy + Default> Facets<C, M> {
+impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
+    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step.
+    #[inline(always)]
+    fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, Memory = M>>(
+        &mut self,
+        k: usize,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        contact: &mut [Load<S>],
+        failures: &mut Vec<WallFailure<S>>,
+        dt: f64,
+    ) {
+        let pair = &mut self.pairs[k];
+        let wall = &walls[pair.wall as usize];
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let grain = &motion[pair.grain as usize];
+        let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
+        let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
+            pair.radius + pair.opening
+        } else {
+            pair.radius
+        };
+        let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+        surface.contacts(near, &wall.local(&grain.position), reach, &mut self.found);
+        self.taken.clear();
+        self.taken.resize(held.len(), false);
+        let start = ghosts::index(self.next.len());
+        for one in &self.found {
+            let mut memory = memory_of(surface, held, &mut self.taken, &self.found, one.facet);
+            if one.distance >= pair.radius && !L::bonded(&memory) {
+                continue;
+            }
+            let normal = S::from_volume(&one.normal);
+            let failure = act_at_wall::<S, L>(
+                (&pair.constants, &mut memory),
+                (pair.radius, one.distance, &normal),
+                (grain, &wall.velocity),
+                &mut contact[pair.grain as usize],
+                dt,
+            );
+            if let Some(mode) = failure {
+                failures.push(WallFailure {
+                    grain: pair.grain,
+                    wall: pair.wall,
+                    arm: normal * -one.distance,
+                    mode,
+                });
+            }
+            // A fresh memory is none, whether lists were made meanwhile or not.
+            if (one.distance < pair.radius || L::bonded(&memory)) && memory != M::default() {
+                self.next.push(Held {
+                    facet: one.facet,
+                    memory,
+                });
+            }
+        }
+        pair.held = (start, ghosts::index(self.next.len()));
+    }
+
     /// Facets near a pair's grain.
     fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
         &self.near[pair.near.0 as usize..pair.near.1 as usize]
@@ -905,59 +965,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let Particles {
             motion, contact, ..
         } = particles;
-        let facets = &mut self.facets;
+        let (facets, failures) = (&mut self.facets, &mut self.wall_failures);
         facets.next.clear();
-        for &k in &facets.active {
-            let pair = &mut facets.pairs[k as usize];
-            let wall = &self.walls[pair.wall as usize];
-            let Some(surface) = &wall.surface else {
-                continue;
-            };
-            let grain = &motion[pair.grain as usize];
-            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
-            let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
-                pair.radius + pair.opening
-            } else {
-                pair.radius
-            };
-            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
-            surface.contacts(near, &wall.local(&grain.position), reach, &mut facets.found);
-            facets.taken.clear();
-            facets.taken.resize(held.len(), false);
-            let start = ghosts::index(facets.next.len());
-            for one in &facets.found {
-                let mut memory =
-                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
-                if one.distance >= pair.radius && !L::bonded(&memory) {
-                    continue;
-                }
-                let normal = S::from_volume(&one.normal);
-                let failure = act_at_wall::<S, L>(
-                    (&pair.constants, &mut memory),
-                    (pair.radius, one.distance, &normal),
-                    (grain, &wall.velocity),
-                    &mut contact[pair.grain as usize],
-                    dt,
-                );
-                if let Some(mode) = failure {
-                    self.wall_failures.push(WallFailure {
-                        grain: pair.grain,
-                        wall: pair.wall,
-                        arm: normal * -one.distance,
-                        mode,
-                    });
-                }
-                // A fresh memory is none, whether lists were made meanwhile or not.
-                if (one.distance < pair.radius || L::bonded(&memory))
-                    && memory != L::Memory::default()
-                {
-                    facets.next.push(Held {
-                        facet: one.facet,
-                        memory,
-                    });
-                }
-            }
-            pair.held = (start, ghosts::index(facets.next.len()));
+        for k in 0..facets.active.len() {
+            let k = facets.active[k] as usize;
+            facets.act_on_sphere::<S, L>(k, &self.walls, motion, contact, failures, dt);
         }
         std::mem::swap(&mut facets.held, &mut facets.next);
     }

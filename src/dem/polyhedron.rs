@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `shape` | [`Polyhedron`]: half-spaces, vertices, faces, edges; volume, inertia, body frame |
 //! | `hull`, `cut` | half-spaces of a set of points; vertices and faces of a set of half-spaces |
+//! | `piece` | a solid cut in two by one plane after the other |
 //! | `linear_program` | do two sets of half-spaces meet: dual simplex in four variables |
 //! | `analytic_centre` | Boon's contact point |
 //! | `separating_axes` | the exhaustive test, for what the linear program leaves open |
@@ -29,14 +30,15 @@ mod cut;
 pub mod force;
 mod hull;
 mod linear_program;
+mod piece;
 pub mod rotation;
 mod separating_axes;
 pub mod shape;
 
+pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub(crate) use cut::across;
-
-pub use contact::{Geometry, Memory, Model, Narrow, Placed};
 pub use force::{Action, Law, Stiffness};
+pub use piece::Piece;
 pub use rotation::{Attitude, Damping};
 pub use shape::{Polyhedron, ShapeError, Solid};
 

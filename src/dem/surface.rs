@@ -161,10 +161,53 @@ impl Surface {
     }
 
     /// Corners of a facet (m), in order.
-    pub fn corners(&self, facet: usize) -> impl Iterator<Item = Vector3<f64>> + '_ {
+    pub fn corners(&self, facet: usize) -> impl DoubleEndedIterator<Item = Vector3<f64>> + '_ {
         self.numbers(facet)
             .iter()
             .map(|&v| self.vertices[v as usize])
+    }
+
+    /// Unit normal of a facet.
+    pub(super) fn normal(&self, facet: usize) -> Vector3<f64> {
+        self.facets[facet].normal
+    }
+
+    /// For each facet the first one of its face: the facets of one plane that hang together by edges.
+    pub(super) fn faces(&self) -> Vec<u32> {
+        fn first_of(of: &[u32], mut k: u32) -> u32 {
+            while of[k as usize] != k {
+                k = of[k as usize];
+            }
+            k
+        }
+        let count = super::ghosts::index(self.len());
+        let mut edges: Vec<([u32; 2], u32)> = Vec::new();
+        for facet in 0..count {
+            let numbers = self.numbers(facet as usize);
+            for (k, &a) in numbers.iter().enumerate() {
+                let b = numbers[(k + 1) % numbers.len()];
+                edges.push(([a.min(b), a.max(b)], facet));
+            }
+        }
+        edges.sort_unstable();
+        let mut of: Vec<u32> = (0..count).collect();
+        for pair in edges.windows(2) {
+            let ([one, two], [a, b]) = ([pair[0].0, pair[1].0], [pair[0].1, pair[1].1]);
+            if one == two && self.in_one_plane(a as usize, b as usize) {
+                let [a, b] = [first_of(&of, a), first_of(&of, b)];
+                of[a.max(b) as usize] = a.min(b);
+            }
+        }
+        (0..count).map(|k| first_of(&of, k)).collect()
+    }
+
+    fn in_one_plane(&self, a: usize, b: usize) -> bool {
+        let (one, two) = (self.facets[a], self.facets[b]);
+        one.normal.cross(&two.normal).norm() <= RIM
+            && self
+                .corners(a)
+                .zip(self.corners(b))
+                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= RIM * one.size.max(two.size))
     }
 
     fn numbers(&self, facet: usize) -> &[u32] {

@@ -1,5 +1,6 @@
 //! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
 
+mod blocks;
 mod bonds;
 mod displacement;
 mod elastic;

@@ -1,4 +1,4 @@
-//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall.
+//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall or of a block.
 
 use super::grains::{force_unit, signed, space_vector, wrapped};
 use super::order::{sorted, vector};
@@ -103,11 +103,14 @@ fn row<S: Space>(contact: &Contact<S>, particles: &Particles<S>, grid: &Grid) ->
     let radius = particles.body[contact.grain].radius;
     let from = wrapped(particles, contact.grain, grid);
     let normal = space_vector(&contact.normal);
+    let shaped = |k: usize| particles.polyhedron(k).is_some();
+    let block = shaped(contact.grain) || contact.other.is_some_and(shaped);
     // Along the normal, so that a contact through a periodic face is a short line that leaves the domain.
     let arm = match contact.other {
         Some(other) => radius + particles.body[other].radius - contact.overlap,
         None => 0.5 * contact.overlap - radius,
     };
+    let to_point = space_vector(&(contact.position - particles.location(contact.grain)));
     let mut row = [
         particles.body[contact.grain].id,
         contact.other.map_or(NONE, |k| particles.body[k].id),
@@ -124,7 +127,12 @@ fn row<S: Space>(contact: &Contact<S>, particles: &Particles<S>, grid: &Grid) ->
     ];
     for axis in 0..3 {
         row[6 + axis] = from[axis].to_bits();
-        row[9 + axis] = (from[axis] + arm * normal[axis]).to_bits();
+        let along = if block {
+            to_point[axis]
+        } else {
+            arm * normal[axis]
+        };
+        row[9 + axis] = (from[axis] + along).to_bits();
     }
     row
 }

@@ -1,15 +1,19 @@
-//! Pictures of a run: water and grains at some times side by side, as one SVG file that any browser shows: `solver picture`.
+//! Pictures of a run: water, grains and blocks at some times side by side, as one SVG file that any browser shows: `solver picture`.
 //!
-//! In the plane the speed of the water (or another field) lies behind the grains; in space the grains are seen from one
+//! In the plane the speed of the water (or another field) lies behind the grains; in space grains and blocks are seen from one
 //! side without perspective, lit from the viewer's left shoulder. All panels share one scale of colours. The raster is a PNG inside
 //! the SVG, the text is text.
+
+mod faces;
 
 use crate::error::Error;
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
+use faces::{Faces, id_of};
 use io::fields::{Values, inspect, read_column};
 use io::series::Moment;
 use io::{Alone, Series};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +26,7 @@ pub struct PictureOptions {
     /// Field of the water.
     #[arg(long, default_value = "velocity")]
     pub field: String,
-    /// Column that colours the grains [default: none in the plane, velocity in space].
+    /// Column that colours grains and blocks [default: none in the plane, velocity in space].
     #[arg(long, value_name = "COLUMN")]
     pub colour: Option<String>,
     /// From where a scene in space is seen.
@@ -61,35 +65,37 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .ok()
             .filter(|series| series.moments().next().is_some())
     };
-    let (fluid, grains) = (open("fluid"), open("grains"));
-    let Some(clock) = grains.as_ref().or(fluid.as_ref()) else {
+    let (fluid, grains, blocks) = (open("fluid"), open("grains"), open("blocks"));
+    let Some(clock) = grains.as_ref().or(blocks.as_ref()).or(fluid.as_ref()) else {
         return Err(failed(
             run,
-            "holds neither grains.xmf nor fluid.xmf with outputs",
+            "holds neither grains.xmf nor blocks.xmf nor fluid.xmf with outputs",
         ));
     };
     let moments: Vec<Moment> = clock.moments().collect();
     let chosen = choose(&moments, &request.times);
     let mut scenes = Vec::new();
     for moment in &chosen {
+        // Only what is of the same step: an older one would show things where they were.
+        let file = |series: &Option<Series>| {
+            let series = series.as_ref()?;
+            let known = series.moments().any(|m| m.step == moment.step);
+            known.then(|| series.heavy(moment.step))
+        };
+        let colour = request.colour.as_deref();
+        let faces = file(&blocks)
+            .map(|path| Faces::read(&path, colour.unwrap_or("velocity")))
+            .transpose()?;
+        let shaped = faces.as_ref().map(|faces| faces.ids.clone());
         scenes.push(Scene {
             time: moment.time,
-            water: match &fluid {
-                // Only water of the same step: an older one would show grains where they were.
-                Some(series) => series
-                    .moments()
-                    .find(|m| m.step == moment.step)
-                    .map(|m| Water::read(&series.heavy(m.step), &request.field))
-                    .transpose()?,
-                None => None,
-            },
-            grains: match &grains {
-                Some(series) => Some(Grains::read(
-                    &series.heavy(moment.step),
-                    request.colour.as_deref(),
-                )?),
-                None => None,
-            },
+            water: file(&fluid)
+                .map(|path| Water::read(&path, &request.field))
+                .transpose()?,
+            grains: file(&grains)
+                .map(|path| Grains::read(&path, colour, &shaped.unwrap_or_default()))
+                .transpose()?,
+            faces,
         });
     }
     let text = draw(&scenes, request)?;
@@ -132,6 +138,7 @@ struct Scene {
     time: f64,
     water: Option<Water>,
     grains: Option<Grains>,
+    faces: Option<Faces>,
 }
 
 /// A field on cells: magnitude of what was read.
@@ -189,7 +196,8 @@ struct Grains {
 }
 
 impl Grains {
-    fn read(path: &Path, colour: Option<&str>) -> Result<Self, Error> {
+    /// The grains of an output but those that are drawn with their faces.
+    fn read(path: &Path, colour: Option<&str>, shaped: &BTreeSet<i64>) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
         let positions: Vec<[f64; 3]> = read_column(path, "position")
             .map_err(wrong)?
@@ -204,14 +212,28 @@ impl Grains {
             .map(|name| read_column(path, name))
             .transpose()
             .map_err(wrong)?;
-        Ok(Self {
+        let mut grains = Self {
             values: column.as_ref().map(|c| magnitudes(c, positions.len())),
             quantity: quantity.unwrap_or_default().to_owned(),
             units: column.and_then(|c| c.units).unwrap_or_default(),
             positions,
             radii,
             flat,
-        })
+        };
+        if !shaped.is_empty() {
+            let ids = read_column(path, "id").map_err(wrong)?.values;
+            grains.retain(|k| !shaped.contains(&id_of(ids[k])));
+        }
+        Ok(grains)
+    }
+
+    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..self.positions.len()).filter(|&k| keep(k)).collect();
+        self.positions = kept.iter().map(|&k| self.positions[k]).collect();
+        self.radii = kept.iter().map(|&k| self.radii[k]).collect();
+        if let Some(values) = &mut self.values {
+            *values = kept.iter().map(|&k| values[k]).collect();
+        }
     }
 }
 
@@ -293,7 +315,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 impl Frame {
     fn new(scenes: &[Scene], view: View) -> Self {
         let flat = scenes.iter().all(|scene| {
-            scene.grains.as_ref().is_none_or(|g| g.flat)
+            scene.faces.is_none()
+                && scene.grains.as_ref().is_none_or(|g| g.flat)
                 && scene.water.as_ref().is_none_or(|w| w.cells[2] == 1)
         });
         let (right, up, near) = match view {
@@ -335,6 +358,9 @@ impl Frame {
                 for (&p, &r) in grains.positions.iter().zip(&grains.radii) {
                     frame.include(p, r);
                 }
+            }
+            for &p in scene.faces.iter().flat_map(|faces| &faces.points) {
+                frame.include(p, 0.0);
             }
         }
         frame
@@ -527,6 +553,11 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         scenes
             .iter()
             .filter_map(|s| s.grains.as_ref()?.values.as_ref())
+            .chain(
+                scenes
+                    .iter()
+                    .filter_map(|s| Some(&s.faces.as_ref()?.values)),
+            )
             .flatten(),
     );
     let mut panels = Vec::new();
@@ -543,6 +574,9 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
                 };
                 raster.grain(&frame, p, r, colour, all.flat);
             }
+        }
+        if let (Some(faces), Some(scale)) = (&scene.faces, grains) {
+            faces.paint(&mut raster, &frame, |v| grain_colour(share(v, scale)));
         }
         panels.push((scene.time, raster));
     }
@@ -597,15 +631,13 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         );
         x += width / 3;
     }
-    if let (Some(scale), Some(all)) = (grains, scenes.iter().find_map(|s| s.grains.as_ref())) {
-        bar(
-            &mut svg,
-            [x, foot],
-            &all.quantity,
-            &all.units,
-            scale,
-            grain_colour,
-        );
+    let of_grains = scenes.iter().find_map(|s| s.grains.as_ref());
+    let of_faces = scenes.iter().find_map(|s| s.faces.as_ref());
+    let legend = of_faces
+        .map(|faces| (&faces.quantity, &faces.units))
+        .or(of_grains.map(|all| (&all.quantity, &all.units)));
+    if let (Some(scale), Some((quantity, units))) = (grains, legend) {
+        bar(&mut svg, [x, foot], quantity, units, scale, grain_colour);
     }
     svg.push_str("</svg>\n");
     Ok(svg)
@@ -668,6 +700,7 @@ mod tests {
             time: 0.0,
             water: None,
             grains: Some(grains),
+            faces: None,
         };
         let grains = Grains {
             positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]],
@@ -713,6 +746,7 @@ mod tests {
                     time: 0.0,
                     water: None,
                     grains: Some(ball),
+                    faces: None,
                 }],
                 view,
             );

@@ -45,7 +45,8 @@ pub(crate) struct Critical {
     pub(crate) limits: TimeLimits,
 }
 
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well.
+/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
+/// with all its faces in touch.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let contact = scene.contact.as_ref()?;
     let mut moving: Vec<(usize, f64)> = Vec::new();
@@ -69,14 +70,24 @@ pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
             moving.push((*material, radii.bounds().0));
         }
     }
-    let free = scene.bodies.iter().filter(|b| b.mobility == Mobility::Free);
+    let spheres = scene.bodies.iter().filter(|b| b.solid.is_none());
+    let free = spheres.filter(|b| b.mobility == Mobility::Free);
     moving.extend(free.map(|b| (b.material, b.radius)));
+    let of_spheres = moving
+        .into_iter()
+        .filter(|(material, _)| *material < contact.materials)
+        .map(|(material, radius)| {
+            contact.time_limits(material, radius, scene.mass(material, radius))
+        });
+    let of_blocks = scene
+        .polyhedra()
+        .filter(|(_, _, free)| *free)
+        .map(|(solid, material, _)| {
+            let mass = scene.density(material) * solid.shape.volume();
+            contact.time_limits_of_block(material, &solid.shape, mass)
+        });
     let mut shortest: Option<TimeLimits> = None;
-    for (material, radius) in moving {
-        if material >= contact.materials {
-            continue;
-        }
-        let limits = contact.time_limits(material, radius, scene.mass(material, radius));
+    for limits in of_spheres.chain(of_blocks) {
         if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {
             continue;
         }

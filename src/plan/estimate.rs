@@ -16,7 +16,7 @@ use serde::Serialize;
 pub struct Estimate {
     /// Bytes of a cell: populations, and what coupling and moments keep beside them.
     pub bytes_per_cell: f64,
-    /// Number of grains and bodies, before cutting.
+    /// Number of grains, blocks and bodies, before cutting.
     pub grains: f64,
     /// Memory of all ranks together [bytes].
     pub memory_bytes: f64,
@@ -40,12 +40,18 @@ const CELL_EXTRA_BYTES: f64 = 12.0;
 const EDDY_BYTES: f64 = 24.0;
 /// A grain with its neighbour list, contacts and history.
 const GRAIN_BYTES: f64 = 1500.0;
+/// What a block needs beside: its shape, here and in the scene, and the longer memory of its contacts.
+const BLOCK_BYTES: f64 = 8000.0;
 /// The program itself, MPI and HDF5 included.
 const PROGRAM_BYTES: f64 = 6e7;
 /// Columns of a grain in a file: id, position, velocity, rotation, force, torque, radius, material.
 const GRAIN_OUTPUT_BYTES: f64 = 160.0;
 /// Contacts of a grain and the columns of each.
 const CONTACT_OUTPUT_BYTES: f64 = 2.5 * 96.0;
+/// Vertices, faces and columns of a block in a file.
+const BLOCK_OUTPUT_BYTES: f64 = 1500.0;
+/// Million steps of blocks with a dozen neighbours each per second and core.
+const MILLION_BLOCK_STEPS: f64 = 0.05;
 /// Million particle steps per second and core.
 const MILLION_PARTICLE_STEPS: f64 = 4.0;
 
@@ -79,8 +85,10 @@ impl Estimate {
         let cells = scene.grid.cells.iter().map(|c| count(*c)).product::<f64>();
         let end = scene.time.end;
         let outputs = |every: f64| (end / every).floor() + 1.0;
-        let grains =
-            scene.grains.as_ref().map_or(0.0, |g| count(g.expected)) + count(scene.bodies.len());
+        let blocks = count(scene.polyhedra().count());
+        let named =
+            count(scene.bodies.len()) + scene.blocks.as_ref().map_or(0.0, |b| count(b.number));
+        let grains = scene.grains.as_ref().map_or(0.0, |g| count(g.expected)) + named;
         let mut estimate = Self {
             grains,
             million_particle_steps: MILLION_PARTICLE_STEPS,
@@ -116,9 +124,12 @@ impl Estimate {
             }
         }
         let solid_steps = steps * f64::from(clock.solid_steps_per_step);
-        estimate.seconds_on_one_core += grains * solid_steps / (1e6 * MILLION_PARTICLE_STEPS);
+        let million_steps =
+            (grains - blocks) / MILLION_PARTICLE_STEPS + blocks / MILLION_BLOCK_STEPS;
+        estimate.seconds_on_one_core += 1e-6 * solid_steps * million_steps;
+        let solid_memory = grains * GRAIN_BYTES + blocks * BLOCK_BYTES;
         let lattice_bytes = cells * estimate.bytes_per_cell;
-        estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + grains * GRAIN_BYTES;
+        estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + solid_memory;
         let others = (scene.output.grains.iter()).map(|o| (o.every, GRAIN_OUTPUT_BYTES));
         let contacts = scene
             .output
@@ -129,7 +140,12 @@ impl Estimate {
             .chain(contacts)
             .map(|(every, size)| outputs(every) * grains * size)
             .sum();
-        let checkpoint = lattice_bytes + grains * GRAIN_BYTES;
+        let surfaces = scene.output.blocks.iter();
+        let solid_bytes = solid_bytes
+            + surfaces
+                .map(|o| outputs(o.every) * blocks * BLOCK_OUTPUT_BYTES)
+                .sum::<f64>();
+        let checkpoint = lattice_bytes + solid_memory;
         estimate.disk_bytes = estimate.fluid_output_bytes * estimate.fluid_outputs
             + solid_bytes
             + checkpoint * (f64::from(scene.checkpoint.keep) + 1.0);

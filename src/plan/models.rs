@@ -1,6 +1,7 @@
 //! The models a scene gets, each with its reason; also those it does not pay for.
 
 use super::Clock;
+use crate::case::contact::BlockModel;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
 use crate::case::darcy::Resistance;
 use crate::case::fluid::{Collision, Precision, Turbulence};
@@ -157,7 +158,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         ),
         _ => {}
     }
-    let solid = scene.grains.is_some() || !scene.bodies.is_empty();
+    let solid = scene.has_solids();
     let kind = if dimension == 2 { "discs" } else { "spheres" };
     match &scene.contact {
         Some(table) if solid => {
@@ -166,12 +167,22 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 Law::CohesiveFrictional => "linear, cohesive-frictional",
                 Law::ContactBond { .. } => "linear with contact bonds",
                 Law::HertzMindlin { .. } => "Hertz-Mindlin with friction",
+                Law::Blocks {
+                    model: BlockModel::Patch,
+                    ..
+                } => "blocks with friction, patches of contact",
+                Law::Blocks { .. } => "blocks with friction, points of contact",
             };
             let model = match table.rolling {
                 Some(_) => format!("{model}, resistance to rolling"),
                 None => model.into(),
             };
-            let reason = format!("asked for; {kind}, without orientation");
+            let polyhedra = scene.polyhedra().count();
+            let reason = if polyhedra == 0 {
+                format!("asked for; {kind}, without orientation")
+            } else {
+                format!("asked for; {polyhedra} polyhedra")
+            };
             choose("contact law", model, reason);
             choose(
                 "solid steps",

@@ -76,6 +76,11 @@ impl Plan {
                 String::new(),
             ]);
         }
+        if let Some(blocks) = &self.scene.blocks {
+            let fixed = format!("{} fixed", blocks.fixed);
+            rows.push(["blocks".into(), blocks.number.to_string(), fixed]);
+            rows.push(row("volume of the blocks", blocks.volume, "m3"));
+        }
         if let Some(critical) = clock.critical_solid_time_step {
             rows.push([
                 "solid steps per step".into(),

@@ -3,11 +3,16 @@
 use super::findings::Findings;
 use super::material;
 use crate::case::Case;
-use crate::case::contact::{Contact, HertzMindlin, Pair, Rolling, Scaled};
+use crate::case::contact::{
+    BlockModel, BlockPair, BlockStiffness, Blocks, Contact, HertzMindlin, Pair, Rolling, Scaled,
+};
 use crate::case::grains::GrainSource;
 use crate::case::solids::Motion;
 use crate::dem::contact::hertz_mindlin::{self, Elastic};
+use crate::dem::polyhedron::Polyhedron;
+use nalgebra::Matrix3;
 use serde::Serialize;
+use std::f64::consts::PI;
 
 /// Which law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -34,12 +39,21 @@ pub enum Law {
         /// Fastest approach that is expected [m/s].
         impact_speed: f64,
     },
+    /// Blocks, and spheres among them.
+    Blocks {
+        /// Whether stiffness is per area of contact [Pa/m], not per contact [N/m].
+        per_area: bool,
+        /// Mass-proportional damping [1/s].
+        mass_damping: f64,
+        /// How a contact is condensed.
+        model: BlockModel,
+    },
 }
 
 /// Numbers of one pair of materials, in SI.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PairParameters {
-    /// Normal stiffness k_n [N/m]; zero in the law of elastic spheres.
+    /// Normal stiffness k_n [N/m], between blocks also [Pa/m]; zero in the law of elastic spheres.
     pub normal_stiffness: Scaled,
     /// Effective moduli E* and G* [Pa] of elastic spheres; zero in other laws.
     pub moduli: [f64; 2],
@@ -104,6 +118,15 @@ impl ContactTable {
     #[must_use]
     pub fn time_limits(&self, material: usize, radius: f64, mass: f64) -> TimeLimits {
         let pairs = (0..self.materials).map(|other| self.pair(material, other));
+        if let Law::Blocks { per_area, .. } = self.law {
+            // No section of a sphere is larger than that through its centre.
+            let area = if per_area { PI * radius * radius } else { 1.0 };
+            let stiffest = pairs.map(|pair| area * stiffer(pair)).fold(0.0, f64::max);
+            return TimeLimits {
+                spring: 2.0 * (mass / stiffest).sqrt(),
+                rayleigh: None,
+            };
+        }
         let Law::HertzMindlin { impact_speed, .. } = self.law else {
             let stiffest = pairs
                 .map(|pair| {
@@ -128,11 +151,41 @@ impl ContactTable {
                 2.0 * (mass / stiffness).sqrt() * ((1.0 + zeta * zeta).sqrt() - zeta)
             })
             .fold(f64::INFINITY, f64::min);
-        let density = mass / (4.0 / 3.0 * std::f64::consts::PI * radius.powi(3));
+        let density = mass / (4.0 / 3.0 * PI * radius.powi(3));
         let rayleigh = self.elastic.get(material);
         TimeLimits {
             spring,
             rayleigh: rayleigh.map(|elastic| elastic.rayleigh_time(radius, density)),
+        }
+    }
+
+    /// What bounds the time step of a block of this mass [kg]. All its faces rest on others whole: with the stiffness K of all of them
+    /// together in the stiffest direction, and neighbours that swing against it, no frequency is above sqrt(2 K/m).
+    #[must_use]
+    pub fn time_limits_of_block(
+        &self,
+        material: usize,
+        shape: &Polyhedron,
+        mass: f64,
+    ) -> TimeLimits {
+        let per_area = matches!(self.law, Law::Blocks { per_area: true, .. });
+        let pairs = (0..self.materials).map(|other| self.pair(material, other));
+        let stiffness = |pair: &PairParameters| {
+            let normal = pair.normal_stiffness.number();
+            let shear = normal * pair.shear_to_normal_stiffness;
+            let mut total = Matrix3::zeros();
+            for (face, plane) in shape.half_spaces().iter().enumerate() {
+                let area = if per_area { shape.face_area(face) } else { 1.0 };
+                let n = plane.normal;
+                total +=
+                    (Matrix3::identity() * shear + n * n.transpose() * (normal - shear)) * area;
+            }
+            total.symmetric_eigenvalues().max()
+        };
+        let stiffest = pairs.map(stiffness).fold(0.0, f64::max);
+        TimeLimits {
+            spring: (2.0 * mass / stiffest).sqrt(),
+            rayleigh: None,
         }
     }
 
@@ -195,6 +248,7 @@ impl ContactTable {
                 &law.pairs,
             ),
             Contact::HertzMindlin(law) => return Self::elastic(case, law, names, findings),
+            Contact::Blocks(law) => return Self::blocks(case, law, names, findings),
         };
         stiffness(
             base.normal_stiffness,
@@ -362,6 +416,114 @@ impl ContactTable {
             parameters,
         })
     }
+}
+
+impl ContactTable {
+    /// The law of blocks.
+    fn blocks(
+        case: &Case,
+        law: &Blocks,
+        names: &[String],
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let path = "contact.blocks";
+        if case.domain.size.0.len() == 2 {
+            findings.error(
+                path,
+                "this is a law for three dimensions",
+                "use linear, or a domain of three dimensions",
+            );
+            return None;
+        }
+        agrees_with_blocks(case, findings);
+        let (value, per_area) = match law.normal_stiffness {
+            BlockStiffness::PerContact(value) => (value, false),
+            BlockStiffness::PerArea(value) => (value, true),
+        };
+        let base = PairParameters {
+            normal_stiffness: Scaled::Absolute(value),
+            moduli: [0.0; 2],
+            shear_to_normal_stiffness: law.shear_to_normal_stiffness,
+            friction_coefficient: law.friction_angle_degrees.to_radians().tan(),
+            cohesion: Scaled::ZERO,
+            strengths: [0.0; 2],
+            normal_damping_ratio: law.normal_damping_ratio,
+            shear_damping_ratio: law.shear_damping_ratio,
+        };
+        let n = names.len();
+        let mut parameters = vec![base; n * n];
+        let mut seen: Vec<(usize, usize)> = Vec::new();
+        for (index, pair) in law.pairs.iter().enumerate() {
+            let path = format!("{path}.pairs[{index}].materials");
+            let found = [0, 1]
+                .map(|i| material(names, &pair.materials[i], &format!("{path}[{i}]"), findings));
+            let [Some(a), Some(b)] = found else { continue };
+            once(&mut seen, a, b, &path, findings);
+            let own = between(base, pair);
+            parameters[a * n + b] = own;
+            parameters[b * n + a] = own;
+        }
+        Some(Self {
+            law: Law::Blocks {
+                per_area,
+                mass_damping: law.mass_damping,
+                model: law.model,
+            },
+            rolling: None,
+            local_damping: 0.0,
+            materials: n,
+            elastic: Vec::new(),
+            parameters,
+        })
+    }
+}
+
+/// What the law of blocks cannot do.
+fn agrees_with_blocks(case: &Case, findings: &mut Findings) {
+    if let Some(grains) = &case.grains {
+        let source = match grains.initial {
+            GrainSource::Growth(_) => Some("grains.initial.growth"),
+            GrainSource::Rain(_) => Some("grains.initial.rain"),
+            GrainSource::File { .. } | GrainSource::List(_) => None,
+        };
+        if let Some(path) = source {
+            findings.error(
+                path,
+                "grains are not prepared with the law of blocks",
+                "prepare them with another law, and read the file that they save",
+            );
+        }
+        if grains.bond_at_start {
+            findings.error(
+                "grains.bond_at_start",
+                "the law of blocks has no bonds",
+                "take it out",
+            );
+        }
+    }
+}
+
+/// The numbers of a pair of blocks.
+fn between(base: PairParameters, pair: &BlockPair) -> PairParameters {
+    let friction = pair.friction_angle_degrees;
+    PairParameters {
+        normal_stiffness: (pair.normal_stiffness).map_or(base.normal_stiffness, Scaled::Absolute),
+        shear_to_normal_stiffness: pair
+            .shear_to_normal_stiffness
+            .unwrap_or(base.shear_to_normal_stiffness),
+        friction_coefficient: friction
+            .map_or(base.friction_coefficient, |angle| angle.to_radians().tan()),
+        normal_damping_ratio: pair
+            .normal_damping_ratio
+            .unwrap_or(base.normal_damping_ratio),
+        shear_damping_ratio: pair.shear_damping_ratio.unwrap_or(base.shear_damping_ratio),
+        ..base
+    }
+}
+
+/// The larger of a pair's two stiffnesses.
+fn stiffer(pair: &PairParameters) -> f64 {
+    pair.normal_stiffness.number() * pair.shear_to_normal_stiffness.max(1.0)
 }
 
 /// Each pair is given once.

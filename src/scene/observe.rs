@@ -329,6 +329,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
     let others = [
         ("output.grains", output.grains.as_ref().map(|o| o.every)),
         ("output.contacts", output.contacts.as_ref().map(|o| o.every)),
+        ("output.blocks", output.blocks.as_ref().map(|o| o.every)),
     ];
     for (path, every) in others {
         if let Some(every) = every {
@@ -336,7 +337,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
             if !solids {
                 findings.error(
                     path,
-                    "there are no grains or bodies in this case",
+                    "there are no grains, blocks or bodies in this case",
                     "take this output out",
                 );
             }

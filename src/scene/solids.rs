@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
-use super::{material, rain, sample, stl, unique};
+use super::{blocks, material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{
@@ -11,6 +11,7 @@ use crate::case::grains::{
 };
 use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape, WallStage};
 use crate::dem::Surface;
+use crate::dem::polyhedron::{Piece, Solid};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -38,13 +39,16 @@ pub struct Wall {
     pub face: Option<Face>,
 }
 
-/// A named disc (2-D) or sphere (3-D).
+/// A named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Body {
     /// Its name.
     pub name: String,
-    /// Radius [m].
+    /// Radius [m]; of a polyhedron that of the sphere round its centroid that holds it.
     pub radius: f64,
+    /// The polyhedron, if it is one, where it stands.
+    #[serde(skip)]
+    pub solid: Option<Solid>,
     /// Centre [m].
     pub position: [f64; 3],
     /// Velocity at the start [m/s], or at all times if driven.
@@ -182,7 +186,8 @@ pub(crate) fn walls(
             face: None,
         });
     }
-    let of_grains = case.grains.as_ref().map(|g| g.material.as_str());
+    let grains = case.grains.as_ref().map(|g| g.material.as_str());
+    let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {
         let path = format!("box_walls[{n}]");
@@ -208,7 +213,7 @@ pub(crate) fn walls(
                 if n == 0 {
                     findings.error(
                         "box_wall_material",
-                        "the walls need a material: there are no grains to take it from",
+                        "the walls need a material: there are no grains or blocks to take it from",
                         "add `box_wall_material`",
                     );
                 }
@@ -335,7 +340,27 @@ pub(crate) fn bodies(
             );
         }
         let position = Block::vector(grid, &body.position, &format!("{path}.position"), findings);
-        let radius = body.shape.radius();
+        let (solid, radius) = match &body.shape {
+            Shape::Disc { radius } | Shape::Sphere { radius } => {
+                if body.orientation.is_some() {
+                    findings.error(
+                        &format!("{path}.orientation"),
+                        "a disc or sphere looks the same from all sides",
+                        "take it out",
+                    );
+                }
+                (None, *radius)
+            }
+            shape => {
+                let turn = body.orientation.as_ref();
+                let Some(mut solid) = blocks::solid(case, shape, turn, &path, findings) else {
+                    continue;
+                };
+                solid.position = position.into();
+                let radius = solid.shape.radius();
+                (Some(solid), radius)
+            }
+        };
         if !grid.contains(position) {
             findings.error(
                 &format!("{path}.position"),
@@ -344,7 +369,12 @@ pub(crate) fn bodies(
             );
         }
         for a in 0..grid.dimension {
-            if 2.0 * radius > grid.size[a] {
+            let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
+            let width = solid.as_ref().map_or(2.0 * radius, |solid| {
+                let (low, high) = Piece::of(solid).extent(&along);
+                high - low
+            });
+            if width > grid.size[a] {
                 findings.error(
                     &format!("{path}.shape"),
                     format!(
@@ -393,6 +423,7 @@ pub(crate) fn bodies(
         bodies.push(Body {
             name: body.name.clone(),
             radius,
+            solid,
             position,
             velocity,
             angular_velocity,
@@ -404,7 +435,7 @@ pub(crate) fn bodies(
 }
 
 /// Whatever moves freely has a mass.
-fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
+pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     if case
         .materials
         .get(name)
@@ -418,7 +449,7 @@ fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     }
 }
 
-fn motion(
+pub(super) fn motion(
     grid: &Grid,
     velocity: Option<&Vector>,
     rotation: Option<&Rotation>,
@@ -808,7 +839,7 @@ pub(crate) fn overlaps(
             ));
         }
     }
-    for (n, b) in bodies.iter().enumerate() {
+    for (n, b) in bodies.iter().enumerate().filter(|(_, b)| b.solid.is_none()) {
         solids.push((
             b.position[0] - b.radius,
             b.position,

@@ -16,14 +16,7 @@ const MERGE: f64 = 1e-7;
 /// # Errors
 /// A sentence that says what is wrong.
 pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Surface, String> {
-    let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
-    let corners: Vec<Vector3<f64>> = corners
-        .into_iter()
-        .map(|corner| Vector3::from(corner) * scale + origin)
-        .collect();
-    if corners.iter().any(|c| !c.norm_squared().is_finite()) {
-        return Err("a corner is not finite".into());
-    }
+    let corners = corners(bytes, scale, origin)?;
     let (vertices, numbers) = merged(&corners);
     let facets: Vec<Vec<u32>> = numbers
         .chunks_exact(3)
@@ -38,6 +31,35 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
         return Err("the file holds no triangle with an area".into());
     }
     Surface::new(vertices, &facets).map_err(|e| e.to_string())
+}
+
+/// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
+///
+/// # Errors
+/// A sentence that says what is wrong.
+pub(crate) fn triangles(
+    bytes: &[u8],
+    scale: f64,
+    origin: &Vector3<f64>,
+) -> Result<Vec<[Vector3<f64>; 3]>, String> {
+    let corners = corners(bytes, scale, origin)?;
+    Ok(corners
+        .chunks_exact(3)
+        .map(|t| [t[0], t[1], t[2]])
+        .collect())
+}
+
+/// The corners of all triangles, one after the other.
+fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
+    let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
+    let corners: Vec<Vector3<f64>> = corners
+        .into_iter()
+        .map(|corner| Vector3::from(corner) * scale + origin)
+        .collect();
+    if corners.iter().any(|c| !c.norm_squared().is_finite()) {
+        return Err("a corner is not finite".into());
+    }
+    Ok(corners)
 }
 
 /// The corners of a binary file: its length fits its count of triangles, whatever its first word.

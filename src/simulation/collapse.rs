@@ -110,7 +110,7 @@ impl CollapseRecorder {
             interval: asked
                 .as_ref()
                 .map_or(u64::MAX, |asked| plan.clock.interval_to_steps(asked.every)),
-            first_grain: plan.scene.bodies.len() as u64,
+            first_grain: plan.scene.first_grain(),
             state: State::default(),
             tables: Tables::default(),
             news: Vec::new(),

@@ -90,7 +90,7 @@ fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
         average: written.force_average,
         rules: Rules {
             hydraulic_radius_factor: written.hydraulic_radius_factor,
-            first_grain: scene.bodies.len() as u64,
+            first_grain: scene.first_grain(),
             isolated: (limit > 0).then_some(limit),
         },
         buoyancy: buoyancy(plan),

@@ -237,7 +237,7 @@ impl ErosionRecorder {
                 .erosion_law
                 .as_ref()
                 .map_or(u64::MAX, |law| plan.clock.interval_to_steps(law.every)),
-            first_grain: scene.bodies.len() as u64,
+            first_grain: scene.first_grain(),
             state: State::default(),
             pending: Vec::new(),
             removed,
@@ -696,7 +696,7 @@ fn excess_force<S: Space>(
 ) -> f64 {
     let grid = &view.plan.scene.grid;
     let (behind, before) = (BEHIND * start.diameter, BEFORE * start.diameter);
-    let first_grain = view.plan.scene.bodies.len() as u64;
+    let first_grain = view.plan.scene.first_grain();
     let (mut force, mut volume) = (ExactSum::new(), ExactSum::new());
     for k in 0..view.particles.owned() {
         let body = &view.particles.body[k];

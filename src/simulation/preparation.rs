@@ -12,8 +12,10 @@ use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::scene::block::Block;
+use crate::scene::blocks::Blocks;
 use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
+use crate::scene::rock::list;
 use crate::scene::solids::{Grain, GrainSource};
 use crate::scene::{rain, sample};
 use decomposition::Domain;
@@ -64,8 +66,12 @@ pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<P
 }
 
 fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
+    let mut prepared = Prepared::default();
+    if let Some(blocks) = &plan.scene.blocks {
+        prepared.line = jointed(plan, blocks, folder)?;
+    }
     let Some(scene) = &plan.scene.grains else {
-        return Ok(Prepared::default());
+        return Ok(prepared);
     };
     let dimension = plan.scene.grid.dimension;
     let names: Vec<String> = plan
@@ -74,7 +80,6 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
         .iter()
         .map(|m| m.name.clone())
         .collect();
-    let mut prepared = Prepared::default();
     let mut all = match &scene.source {
         GrainSource::List(list) => list.clone(),
         GrainSource::File { grains, path } => {
@@ -179,6 +184,22 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
     }
     prepared.grains = all;
     Ok(prepared)
+}
+
+/// Saves the blocks where the case asks for it; a line about them.
+fn jointed(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Error> {
+    if let Some(path) = &blocks.save {
+        let text = list::write(blocks.list.iter().map(|block| {
+            let name = plan.scene.materials[block.material].name.as_str();
+            (&block.solid, name, block.fixed)
+        }));
+        io::atomic::write(&folder.join(path), text.as_bytes())
+            .map_err(|e| Error::Io(e.to_string()))?;
+    }
+    Ok(format!(
+        "{} blocks of {:.4} m3 in all, {} of them fixed",
+        blocks.number, blocks.volume, blocks.fixed
+    ))
 }
 
 /// Three components; those that are not there are zero.

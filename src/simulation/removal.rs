@@ -67,7 +67,7 @@ struct State {
 /// Regions that remove and generate, with their counts: see the module. Every method with a domain is collective.
 #[derive(Clone, Debug)]
 pub struct Removal {
-    /// Ids below this are named bodies.
+    /// Ids below this are named bodies and blocks.
     first_grain: u64,
     removes: Vec<(usize, Block, When)>,
     generates: bool,
@@ -85,7 +85,7 @@ impl Removal {
     pub fn new(plan: &Plan) -> Self {
         let regions = &plan.scene.regions;
         Self {
-            first_grain: plan.scene.bodies.len() as u64,
+            first_grain: plan.scene.first_grain(),
             removes: regions
                 .iter()
                 .enumerate()

@@ -1,5 +1,6 @@
 //! A run from the first step to the last line: start, loop, requests, checkpoints, summary.
 
+use super::blocks;
 use super::collapse::CollapseRecorder;
 use super::coupled;
 use super::erosion::ErosionRecorder;
@@ -320,8 +321,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             _ => setup::seepage::<Sp>(&plan, &communicator)?
                 .map(|seepage| Water::Seepage(Box::new(seepage))),
         };
-        let solid =
-            !plan.scene.bodies.is_empty() || plan.scene.grains.is_some() || generates(&plan);
+        let solid = plan.scene.has_solids() || generates(&plan);
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
@@ -348,6 +348,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             if solid {
                 let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
                 particles = Particles::from_table(&grains)?;
+                setup::blocks::shapes(&plan, &mut particles)?;
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
                 if !plan.scene.follows_grains() {
@@ -368,13 +369,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else if solid {
             let prepared = preparation::grains::<Sp>(&plan, &folder, &domain)?;
             progress.note(&prepared.line);
-            setup::bodies(&plan, &domain, &mut particles);
+            setup::blocks::shapes(&plan, &mut particles)?;
+            setup::bodies(&plan, &domain, &mut particles)?;
+            setup::blocks::blocks(&plan, &domain, &mut particles)?;
             setup::grains(
                 &plan,
                 &domain,
                 &mut particles,
                 &prepared.grains,
-                plan.scene.bodies.len() as u64,
+                plan.scene.first_grain(),
             );
             let radius = typical_radius(&plan, &prepared.grains, &domain);
             let mut engine = setup::dem::<Sp>(&plan, radius)?;
@@ -694,6 +697,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "mean_porosity": seepage.mean_porosity(),
             });
         }
+        let particles = &simulation.now.particles;
+        if let Some(report) = blocks::summary(&simulation.now.plan, particles, communicator) {
+            summary["blocks"] = report;
+        }
         if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
             summary["erosion"] = erosion;
         }
@@ -778,10 +785,13 @@ fn generates(plan: &Plan) -> bool {
         .any(|r| matches!(r.action, crate::scene::observe::Action::Generate { .. }))
 }
 
-/// Mean radius of the grains, or of the bodies: sets the skin of the lists, never a result. Collective.
+/// Mean radius of the grains, or of the bodies and blocks: sets the skin of the lists, never a result. Collective.
 fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &Domain) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
-        plan.scene.bodies.iter().map(|b| b.radius).collect()
+        let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
+        let of_blocks = blocks.map(|block| block.solid.shape.radius());
+        let of_bodies = plan.scene.bodies.iter().map(|body| body.radius);
+        of_bodies.chain(of_blocks).collect()
     } else {
         grains.iter().map(|g| g.radius).collect()
     };

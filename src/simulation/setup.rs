@@ -1,4 +1,6 @@
-//! From the plan to state: the fluid with its faces, walls, contact law, bodies.
+//! From the plan to state: the fluid with its faces, walls, contact law, bodies; blocks in a file of their own.
+
+pub mod blocks;
 
 use super::coupled;
 use crate::case::fluid::{Collision, Turbulence};
@@ -460,6 +462,11 @@ pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
         WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
             parameters: pairs(table, cohesive),
         }),
+        WrittenLaw::Blocks {
+            per_area,
+            mass_damping,
+            model,
+        } => blocks::law(table, per_area, mass_damping, model),
         WrittenLaw::HertzMindlin {
             attraction,
             impact_speed,
@@ -525,26 +532,54 @@ pub(super) fn small(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// Adds the named bodies (ids from 0) on the first rank; the first lists hand them to their owners.
-pub fn bodies<S: Space>(plan: &Plan, domain: &Domain, particles: &mut Particles<S>) {
-    if domain.rank() != 0 {
-        return;
+/// Where something stands and how it moves.
+fn motion_of<S: Space>(
+    position: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+) -> Motion<S> {
+    Motion {
+        position: vector::<S>(position),
+        velocity: vector::<S>(velocity),
+        spin: spin::<S>(angular_velocity),
     }
+}
+
+/// Adds the named bodies (ids from 0) on the first rank; the first lists hand them to their owners.
+///
+/// # Errors
+/// Where the shape of a polyhedron is not in the table.
+pub fn bodies<S: Space>(
+    plan: &Plan,
+    domain: &Domain,
+    particles: &mut Particles<S>,
+) -> Result<(), Error> {
+    if domain.rank() != 0 {
+        return Ok(());
+    }
+    let mut shape = 0;
     for (n, body) in plan.scene.bodies.iter().enumerate() {
         let density = plan.scene.materials[body.material].density.unwrap_or(1.0);
-        let mut grain = Body::uniform::<S>(n as u64, body.radius, density, small(body.material));
-        grain.kind = match body.mobility {
+        let (id, material) = (n as u64, small(body.material));
+        let mut made = match &body.solid {
+            None => Body::uniform::<S>(id, body.radius, density, material),
+            Some(solid) => Body::of_block(id, &solid.shape, density, material),
+        };
+        made.kind = match body.mobility {
             Mobility::Fixed => Kind::Fixed,
             Mobility::Driven => Kind::Driven,
             Mobility::Free => Kind::Free,
         };
-        let motion = Motion {
-            position: vector::<S>(body.position),
-            velocity: vector::<S>(body.velocity),
-            spin: spin::<S>(body.angular_velocity),
-        };
-        particles.insert(grain, motion);
+        let motion = motion_of::<S>(body.position, body.velocity, body.angular_velocity);
+        match &body.solid {
+            None => particles.insert(made, motion),
+            Some(solid) => {
+                particles.add_block(made, motion, shape, solid.orientation)?;
+                shape += 1;
+            }
+        }
     }
+    Ok(())
 }
 
 /// Adds grains on the first rank, with ids from `first`.
@@ -561,11 +596,7 @@ pub fn grains<S: Space>(
     for (id, grain) in (first..).zip(grains) {
         let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
         let body = Body::uniform::<S>(id, grain.radius, density, small(grain.material));
-        let motion = Motion {
-            position: vector::<S>(grain.position),
-            velocity: vector::<S>(grain.velocity),
-            spin: spin::<S>(grain.angular_velocity),
-        };
+        let motion = motion_of::<S>(grain.position, grain.velocity, grain.angular_velocity);
         particles.insert(body, motion);
     }
 }

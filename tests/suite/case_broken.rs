@@ -716,6 +716,217 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["time.warm_up={\"fluid_only\": {\"relative_change\": 1e-5, \"at_most\": 1}}"]),
         "time.warm_up",
     ),
+    // Blocks
+    (
+        "blocks in the plane",
+        "collision",
+        Set(&["blocks={\"material\": \"steel\", \"initial\": {\"list\": []}}"]),
+        "blocks",
+    ),
+    (
+        "blocks of no material",
+        "avalanche",
+        Set(&["blocks.material=slate"]),
+        "blocks.material",
+    ),
+    (
+        "blocks without density",
+        "avalanche",
+        Set(&["materials.granite={}"]),
+        "materials.granite.density",
+    ),
+    (
+        "blocks from nowhere",
+        "avalanche",
+        Set(&["blocks.initial={\"file\": {\"path\": \"no.json\"}}"]),
+        "blocks.initial.file.path",
+    ),
+    (
+        "no block in the list",
+        "avalanche",
+        Set(&["blocks.initial={\"list\": []}"]),
+        "blocks.initial.list",
+    ),
+    (
+        "a sphere as a block",
+        "avalanche",
+        Set(&["blocks.initial={\"list\": [{\"shape\": {\"sphere\": {\"radius\": 1}}}]}"]),
+        "blocks.initial.list[0].shape",
+    ),
+    (
+        "a flat block",
+        "avalanche",
+        Set(&[
+            "blocks.initial={\"list\": [{\"shape\": {\"vertices\": [[1,1,5],[2,1,5],[1,2,5],[2,2,5]]}}]}",
+        ]),
+        "blocks.initial.list[0].shape",
+    ),
+    (
+        "an open block",
+        "avalanche",
+        Set(&[
+            "blocks.initial={\"list\": [{\"shape\": {\"half_spaces\": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0]]}}]}",
+        ]),
+        "blocks.initial.list[0].shape",
+    ),
+    (
+        "two blocks in one place",
+        "avalanche",
+        Set(&[
+            "blocks.initial={\"list\": [{\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20,5,5]}, {\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20.5,5.5,5]}]}",
+        ]),
+        "blocks.initial.list[1].position",
+    ),
+    (
+        "a block in a wall",
+        "avalanche",
+        Set(&[
+            "blocks.initial={\"list\": [{\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20,5,0.3]}]}",
+        ]),
+        "blocks.initial.list[0].position",
+    ),
+    (
+        "blocks outside",
+        "avalanche",
+        Set(&[
+            "blocks.initial={\"list\": [{\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [40,5,5]}]}",
+        ]),
+        "blocks.initial",
+    ),
+    (
+        "rock mass beyond the domain",
+        "avalanche",
+        Set(&["blocks.initial.joints.mass.box.to=[100, 6, 14]"]),
+        "blocks.initial.joints.mass.box",
+    ),
+    (
+        "nothing left of the rock",
+        "avalanche",
+        Set(&["blocks.initial.joints.excavation[1].point=[0, 0, 0]"]),
+        "blocks.initial.joints.excavation",
+    ),
+    (
+        "dip beyond the vertical",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[0].dip_degrees=91"]),
+        "blocks.initial.joints.sets[0].dip_degrees",
+    ),
+    (
+        "persistence above one",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[2].persistence=1.1"]),
+        "blocks.initial.joints.sets[2].persistence",
+    ),
+    (
+        "no spacing",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[0].spacing={\"constant\": 0}"]),
+        "blocks.initial.joints.sets[0].spacing.constant",
+    ),
+    (
+        "spacings the wrong way round",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[2].spacing={\"uniform\": {\"min\": 2, \"max\": 1}}"]),
+        "blocks.initial.joints.sets[2].spacing.uniform",
+    ),
+    (
+        "spacing that is mostly negative",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[1].spacing.normal.standard_deviation=2"]),
+        "blocks.initial.joints.sets[1].spacing.normal.standard_deviation",
+    ),
+    (
+        "more planes than anyone wants",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[0].spacing={\"exponential\": {\"mean\": 1e-6}}"]),
+        "blocks.initial.joints.sets[0].spacing",
+    ),
+    (
+        "more blocks than anyone wants",
+        "avalanche",
+        Set(&["blocks.initial.joints.sets[0].spacing={\"constant\": 0.001}"]),
+        "blocks.initial.joints.sets",
+    ),
+    (
+        "joints wider than blocks",
+        "avalanche",
+        Set(&["blocks.initial.joints.aperture=0.5"]),
+        "blocks.initial.joints.aperture",
+    ),
+    (
+        "bed rock outside",
+        "avalanche",
+        Set(&["blocks.fixed=[{\"from\": [0, 0, 0], \"to\": [99, 1, 1]}]"]),
+        "blocks.fixed[0]",
+    ),
+    (
+        "law of spheres for blocks",
+        "avalanche",
+        Set(&["contact={\"linear\": {\"normal_stiffness\": {\"absolute\": 1e6}}}"]),
+        "contact",
+    ),
+    (
+        "blocks without a law",
+        "avalanche",
+        Remove("/contact"),
+        "contact",
+    ),
+    (
+        "blocks without stiffness",
+        "avalanche",
+        Remove("/contact/blocks/normal_stiffness"),
+        "contact.blocks.normal_stiffness",
+    ),
+    (
+        "stiffness of no kind",
+        "avalanche",
+        Set(&["contact.blocks.normal_stiffness={\"per_volume\": 1}"]),
+        "contact.blocks.normal_stiffness.per_volume",
+    ),
+    (
+        "no rounding",
+        "avalanche",
+        Set(&["contact.blocks.model={\"point\": {\"rounding\": 0}}"]),
+        "contact.blocks.model.point.rounding",
+    ),
+    (
+        "a pair of blocks of an unknown material",
+        "dry-incline",
+        Set(&["contact.blocks.pairs[0].materials=[\"smooth\", \"ice\"]"]),
+        "contact.blocks.pairs[0].materials[1]",
+    ),
+    (
+        "law of blocks in the plane",
+        "collision",
+        Set(&["contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e9}}}"]),
+        "contact.blocks",
+    ),
+    (
+        "a turn about nothing",
+        "dry-incline",
+        Set(&["bodies[0].orientation.axis=[0, 0, 0]"]),
+        "bodies[0].orientation.axis",
+    ),
+    (
+        "a polyhedron in the plane",
+        "collision",
+        Set(&[
+            "bodies=[{\"name\": \"b\", \"shape\": {\"vertices\": []}, \"position\": [0, 0], \"motion\": {\"fixed\": {}}, \"material\": \"steel\"}]",
+        ]),
+        "bodies[0].shape",
+    ),
+    (
+        "a polyhedron in a wall",
+        "dry-incline",
+        Set(&["bodies[0].position=[0.5, 0.5, 2.1]"]),
+        "bodies[0].position",
+    ),
+    (
+        "blocks drawn where there are none",
+        "seepage",
+        Set(&["output.blocks={\"every\": 0.001}"]),
+        "output.blocks",
+    ),
     // Set
     (
         "set through a number",

@@ -127,6 +127,36 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
+/// A jointed slab on soft springs, a named block beside it: shapes, attitudes and the memory of faces go with the blocks.
+#[test]
+fn blocks_without_fluid() {
+    let _alone = alone();
+    let study = Study::of(
+        "avalanche",
+        &[
+            ("contact.blocks.normal_stiffness", r#"{"per_area": 1e7}"#),
+            ("output.blocks.every", "0.05"),
+            ("checkpoint.every", "0.03"),
+            ("time.end", "0.2"),
+        ],
+    );
+    study.run("straight", 1, 2, &[]);
+    for (name, ranks, set) in [
+        ("three along y", 3, "domain.split=y"),
+        ("four with a thin one", 4, "domain.slab_bounds=[6, 9, 10]"),
+    ] {
+        study.run(name, ranks, 1, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.1"]);
+    study.restart("parts", 3, &["time.end=0.2"]).expect(0);
+    study.same("straight", "parts");
+    assert_eq!(
+        study.summary("straight")["blocks"],
+        study.summary("parts")["blocks"]
+    );
+}
+
 #[test]
 fn a_body_wider_than_a_slab_in_a_stream() {
     let _alone = alone();

@@ -10,12 +10,13 @@ use rayon::prelude::*;
 use super::super::blocks::{in_space, out_of_space};
 use super::super::contact::blocks::{Blocks, Constants, Scale};
 use super::super::polyhedron::force::Approach;
-use super::super::polyhedron::{self, Geometry, Memory, Model, Narrow, Placed, Polyhedron};
+use super::super::polyhedron::{self, Geometry, Hidden, Memory, Model, Narrow, Placed, Polyhedron};
 use super::super::{Contact, View, integrate};
 use super::bodies::Bodies;
 use super::*;
 
 type BlockPair = Pair<Scale, Memory>;
+type BlockAtFacets = SurfacePair<Constants>;
 type BlockAtPlane = WallPair<Constants, Memory>;
 
 /// How an entry stands: what turns its frame into space, and the box (m) round it about its centre.
@@ -63,6 +64,10 @@ impl Pose {
 pub(in crate::dem) struct Scratch {
     poses: Vec<Pose>,
     narrows: Vec<Narrow>,
+    /// Of each wall, for each facet the first of its face: a face is one contact.
+    faces: Vec<Vec<u32>>,
+    /// Facets near a block, with their faces.
+    order: Vec<[u32; 2]>,
 }
 
 /// Whether the boxes of two bodies, the second `between` (m) from the first, are at most `gap` (m) apart.
@@ -268,25 +273,160 @@ impl<'a, S: Space> World<'a, S> {
         let mut memory = pair.memory;
         let touch = self.meet_plane(pair, wall, &mut memory, narrow);
         let action = touch.map(|touch| {
-            let block = &self.view.motion[pair.grain as usize];
-            let approach = Approach {
-                velocity: S::to_volume(&(wall.velocity - block.velocity)),
-                spins: [in_space(&block.spin), Vector3::zeros()],
-                separation: Vector3::zeros(),
-                mass: pair.constants.scale.mass,
-                time_step: self.time_step,
-            };
-            pair.constants.law.act(&touch, &mut memory, &approach)
+            self.act_at_wall(
+                pair.grain as usize,
+                wall,
+                &pair.constants,
+                &touch,
+                &mut memory,
+            )
         });
         pair.memory = memory;
-        action.map(|action| Load {
+        action
+    }
+
+    /// The force and moment on block `k` of a contact with a wall.
+    fn act_at_wall(
+        &self,
+        k: usize,
+        wall: &Wall<S>,
+        constants: &Constants,
+        touch: &Geometry,
+        memory: &mut Memory,
+    ) -> Load<S> {
+        let block = &self.view.motion[k];
+        let approach = Approach {
+            velocity: S::to_volume(&(wall.velocity - block.velocity)),
+            spins: [in_space(&block.spin), Vector3::zeros()],
+            separation: Vector3::zeros(),
+            mass: constants.scale.mass,
+            time_step: self.time_step,
+        };
+        let action = constants.law.act(touch, memory, &approach);
+        Load {
             force: S::from_volume(&-action.force),
             torque: out_of_space(&action.on_first),
-        })
+        }
+    }
+
+    /// Where block `k` meets a face, given by those of its facets that are near.
+    fn meet_face(
+        &self,
+        k: usize,
+        wall: &Wall<S>,
+        face: &[[u32; 2]],
+        narrow: &mut Narrow,
+    ) -> Option<Geometry> {
+        let surface = wall.surface.as_ref()?;
+        let placed = self.poses[k].placed(self.shape(k)?);
+        let centre = wall.local(&self.view.motion[k].position);
+        let first = face.first()?[0] as usize;
+        let mut normal = surface.normal(first);
+        let height = normal.dot(&(centre - surface.corners(first).next()?));
+        if height < 0.0 {
+            normal = -normal;
+        }
+        let down = placed.rotation.tr_mul(&-normal);
+        if placed.shape.support(&down).1 <= height.abs() {
+            return None;
+        }
+        let mut hidden = Hidden::default();
+        for &[_, facet] in face {
+            let facet = facet as usize;
+            let corners = surface.corners(facet).map(|corner| corner - centre);
+            if surface.normal(facet).dot(&normal) > 0.0 {
+                narrow.hide(&placed, corners, &normal, &mut hidden);
+            } else {
+                narrow.hide(&placed, corners.rev(), &normal, &mut hidden);
+            }
+        }
+        hidden.contact(&placed, &normal, height.abs())
     }
 }
 
+/// Facets near a block by face, each face's in rising order.
+fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
+    order.clear();
+    order.extend(near.iter().map(|&facet| [faces[facet as usize], facet]));
+    order.sort_unstable();
+}
+
 impl<S: Space> Engine<S, Blocks> {
+    pub(in crate::dem) fn of_blocks(
+        law: Blocks,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Self {
+        let mut engine = Self::new(law, settings, walls);
+        let surfaces = engine.walls.iter().map(|wall| &wall.surface);
+        engine.scratch.faces = surfaces
+            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
+            .collect();
+        engine
+    }
+
+    /// Adds the actions of facets: one contact with each face, with the memory it had.
+    fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let mut facets = std::mem::take(&mut self.facets);
+        let mut narrows = std::mem::take(&mut self.scratch.narrows);
+        let mut order = std::mem::take(&mut self.scratch.order);
+        let mut contact = std::mem::take(&mut particles.contact);
+        let mut failures = std::mem::take(&mut self.wall_failures);
+        let world = World {
+            time_step: dt,
+            ..self.world(particles)
+        };
+        let mut calls = 0;
+        facets.next.clear();
+        for place in 0..facets.active.len() {
+            let at = facets.active[place] as usize;
+            let pair = facets.pairs[at];
+            let (k, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+            if world.shape(k).is_none() {
+                let motion = &particles.motion;
+                facets.act_on_sphere::<S, Blocks>(
+                    at,
+                    &self.walls,
+                    motion,
+                    &mut contact,
+                    &mut failures,
+                    dt,
+                );
+                continue;
+            }
+            let start = ghosts::index(facets.next.len());
+            by_face(
+                &self.scratch.faces[pair.wall as usize],
+                facets.near(&pair),
+                &mut order,
+            );
+            for face in order.chunk_by(|a, b| a[0] == b[0]) {
+                let Some(narrow) = narrows.first_mut() else {
+                    break;
+                };
+                calls += 1;
+                let Some(touch) = world.meet_face(k, wall, face, narrow) else {
+                    continue;
+                };
+                let facet = face[0][0];
+                let held = facets.held(&pair).iter().find(|held| held.facet == facet);
+                let mut memory = held.map_or(Memory::default(), |held| held.memory);
+                let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut memory);
+                contact[k].force += load.force;
+                contact[k].torque += load.torque;
+                facets.next.push(Held { facet, memory });
+            }
+            facets.pairs[at].held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
+        self.tested += calls;
+        self.facets = facets;
+        self.scratch.narrows = narrows;
+        self.scratch.order = order;
+        self.wall_failures = failures;
+        particles.contact = contact;
+    }
+
     fn world<'a>(&'a self, particles: &'a Particles<S>) -> World<'a, S> {
         World {
             view: particles.view(),
@@ -429,6 +569,7 @@ impl<S: Space> Bodies<S> for Blocks {
             engine.add_up(&mut particles.contact);
         }
         engine.plane_forces(particles, dt);
+        engine.faces_forces(particles, dt);
     }
 
     fn contact(
@@ -488,5 +629,41 @@ impl<S: Space> Bodies<S> for Blocks {
             normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
             bonded: false,
         })
+    }
+
+    fn facet_contacts(
+        engine: &Engine<S, Self>,
+        particles: &Particles<S>,
+        pair: &BlockAtFacets,
+        narrow: &mut Narrow,
+        visit: &mut impl FnMut(Contact<S>),
+    ) {
+        let world = engine.world(particles);
+        let (k, wall) = (pair.grain as usize, &engine.walls[pair.wall as usize]);
+        if world.shape(k).is_none() {
+            engine.sphere_facet_contacts(particles, pair, visit);
+            return;
+        }
+        let faces = &engine.scratch.faces[pair.wall as usize];
+        let mut order = Vec::new();
+        by_face(faces, engine.facets.near(pair), &mut order);
+        for face in order.chunk_by(|a, b| a[0] == b[0]) {
+            if let Some(touch) = world.meet_face(k, wall, face, narrow) {
+                visit(Contact {
+                    grain: k,
+                    other: None,
+                    wall: Some(pair.wall),
+                    overlap: touch.depth,
+                    normal: S::from_volume(&-touch.normal),
+                    position: particles.location(k) + S::from_volume(&touch.arm),
+                    normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
+                    bonded: false,
+                });
+            }
+        }
+    }
+
+    fn bond_all(_: &mut Engine<S, Self>, _: &Particles<S>) -> u64 {
+        0
     }
 }

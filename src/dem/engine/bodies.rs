@@ -84,6 +84,22 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     ) -> Option<Contact<S>> {
         engine.sphere_plane_contact(particles, pair)
     }
+
+    /// Calls `visit` with the contacts of a listed pair of a body and a wall of facets.
+    fn facet_contacts(
+        engine: &Engine<S, Self>,
+        particles: &Particles<S>,
+        pair: &SurfacePair<Self::Constants>,
+        _: &mut Narrow,
+        visit: &mut impl FnMut(Contact<S>),
+    ) {
+        engine.sphere_facet_contacts(particles, pair, visit);
+    }
+
+    /// Bonds every contact that exists now; how many this rank reports.
+    fn bond_all(engine: &mut Engine<S, Self>, particles: &Particles<S>) -> u64 {
+        engine.bond(particles)
+    }
 }
 
 macro_rules! spheres {

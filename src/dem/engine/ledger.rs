@@ -57,8 +57,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         steps * self.settings.time_step
     }
 
-    /// Bonds every contact that exists now; returns how many this rank reports (the owner of the lower id).
-    pub(in crate::dem) fn bond(&mut self, particles: &Particles<S>) -> u64 {
+    /// Bonds every contact of spheres that exists now; returns how many this rank reports (the owner of the lower id).
+    pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
         let mut bonds = 0;
         let periodic = self.settings.region.any_periodic();
         for pair in &mut self.pairs {
@@ -208,35 +208,43 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 visit(contact);
             }
         }
-        let (mut found, mut taken) = (Vec::new(), Vec::new());
         for pair in &self.facets.pairs {
-            let (held, near) = (self.facets.held(pair), self.facets.near(pair));
-            let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
-            let Some(surface) = &wall.surface else {
-                continue;
-            };
-            let at = wall.local(&particles.motion[grain].position);
-            surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
-            taken.clear();
-            taken.resize(held.len(), false);
-            for one in &found {
-                let memory = memory_of(surface, held, &mut taken, &found, one.facet);
-                let bonded = L::bonded(&memory);
-                if one.distance < pair.radius || bonded {
-                    let overlap = pair.radius - one.distance;
-                    let normal = S::from_volume(&one.normal);
-                    visit(Contact {
-                        grain,
-                        other: None,
-                        wall: Some(pair.wall),
-                        overlap,
-                        normal,
-                        position: particles.location(grain)
-                            - normal * (pair.radius - 0.5 * overlap),
-                        normal_force: L::normal_spring(&pair.constants, &memory, overlap),
-                        bonded,
-                    });
-                }
+            L::facet_contacts(self, particles, pair, &mut narrow, &mut visit);
+        }
+    }
+
+    /// A sphere at facets as contacts.
+    pub(super) fn sphere_facet_contacts(
+        &self,
+        particles: &Particles<S>,
+        pair: &SurfacePair<L::Constants>,
+        visit: &mut impl FnMut(Contact<S>),
+    ) {
+        let (held, near) = (self.facets.held(pair), self.facets.near(pair));
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let at = wall.local(&particles.motion[grain].position);
+        let mut found = Vec::new();
+        surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
+        let mut taken = vec![false; held.len()];
+        for one in &found {
+            let memory = memory_of(surface, held, &mut taken, &found, one.facet);
+            let bonded = L::bonded(&memory);
+            if one.distance < pair.radius || bonded {
+                let overlap = pair.radius - one.distance;
+                let normal = S::from_volume(&one.normal);
+                visit(Contact {
+                    grain,
+                    other: None,
+                    wall: Some(pair.wall),
+                    overlap,
+                    normal,
+                    position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
+                    normal_force: L::normal_spring(&pair.constants, &memory, overlap),
+                    bonded,
+                });
             }
         }
     }

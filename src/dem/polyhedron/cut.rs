@@ -45,7 +45,7 @@ impl Cut {
     }
 
     /// What is left inside half-space number `name`; false where nothing is.
-    fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
+    pub(super) fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.height(v)).collect();
         let side = |v: u32| {
             let height = heights[v as usize];
@@ -154,7 +154,7 @@ impl Cut {
     }
 
     /// Without the corners that no face has.
-    fn compact(mut self) -> Self {
+    pub(super) fn compact(mut self) -> Self {
         let mut new = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();
         for (_, corners) in &mut self.faces {

@@ -405,6 +405,15 @@ impl Polyhedron {
         &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
+    /// Area (m²) of a face.
+    #[must_use]
+    pub fn face_area(&self, face: usize) -> f64 {
+        let corners = self.face(face);
+        let at = |k: usize| self.vertices[corners[k] as usize] - self.vertices[corners[0] as usize];
+        let twice = (2..corners.len()).map(|k| at(k - 1).cross(&at(k)));
+        0.5 * twice.sum::<Vector3<f64>>().norm()
+    }
+
     /// Its edges.
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
@@ -432,19 +441,8 @@ impl Polyhedron {
     /// Area (m²) of its largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {
-        let area = |face: usize| {
-            let corners: Vec<&Vector3<f64>> = self
-                .face(face)
-                .iter()
-                .map(|&v| &self.vertices[v as usize])
-                .collect();
-            let twice = corners
-                .windows(2)
-                .map(|edge| (edge[0] - corners[0]).cross(&(edge[1] - corners[0])))
-                .sum::<Vector3<f64>>();
-            0.5 * twice.norm()
-        };
-        (0..self.half_spaces.len()).map(area).fold(0.0, f64::max)
+        let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
+        areas.fold(0.0, f64::max)
     }
 
     /// The vertex farthest along a direction of the body frame, and how far (m, times the length of the direction).
@@ -463,6 +461,26 @@ impl Polyhedron {
 }
 
 impl Solid {
+    /// Its half-spaces (m) where it stood, in the order of the faces.
+    #[must_use]
+    pub fn half_spaces(&self) -> Vec<HalfSpace> {
+        let standing = |plane: &HalfSpace| {
+            let normal = self.orientation * plane.normal;
+            HalfSpace {
+                normal,
+                offset: plane.offset + normal.dot(&self.position),
+            }
+        };
+        self.shape.half_spaces().iter().map(standing).collect()
+    }
+
+    /// Its vertices (m) where it stood.
+    #[must_use]
+    pub fn vertices(&self) -> Vec<Vector3<f64>> {
+        let standing = |v: &Vector3<f64>| self.position + self.orientation * v;
+        self.shape.vertices().iter().map(standing).collect()
+    }
+
     fn moved(mut self, by: &Vector3<f64>) -> Self {
         self.position += by;
         self
@@ -547,7 +565,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
 }
 
 /// Volume, centroid, and second moments of the coordinates about `origin`.
-fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
+pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (_, corners) in &cut.faces {
         let at = |k: usize| cut.vertices[corners[k] as usize] - origin;

@@ -7,22 +7,6 @@ use super::super::{HalfSpace, Polyhedron, ShapeError, Solid};
 use super::{attitude, between, random_hull};
 use crate::random::Stream;
 
-/// The half-spaces of a solid where it stands.
-fn standing(solid: &Solid) -> Vec<HalfSpace> {
-    solid
-        .shape
-        .half_spaces()
-        .iter()
-        .map(|plane| {
-            let normal = solid.orientation * plane.normal;
-            HalfSpace {
-                normal,
-                offset: plane.offset + normal.dot(&solid.position),
-            }
-        })
-        .collect()
-}
-
 /// The triangles of a solid where it stands.
 fn triangles(solid: &Solid) -> Vec<[Vector3<f64>; 3]> {
     let at = |v: u32| solid.position + solid.orientation * solid.shape.vertices()[v as usize];
@@ -72,7 +56,7 @@ fn a_box_is_a_box_from_all_sides() {
     for (from, tolerance) in [(Vector3::zeros(), 1e-12), (place, 1e-8)] {
         let moved: Vec<Vector3<f64>> = cuboid.vertices().iter().map(|v| from + turn * v).collect();
         let by_vertices = Polyhedron::from_vertices(&moved).unwrap();
-        let by_planes = Polyhedron::from_half_spaces(&standing(&by_vertices)).unwrap();
+        let by_planes = Polyhedron::from_half_spaces(&by_vertices.half_spaces()).unwrap();
         let by_triangles = Polyhedron::from_triangles(&triangles(&by_vertices)).unwrap();
         for solid in [by_vertices, by_planes, by_triangles] {
             check(&solid.shape);
@@ -136,7 +120,7 @@ fn random_hulls_survive_every_way_round() {
             position: Vector3::from_fn(|_, _| between(&mut draw, -9.0, 9.0)),
             shape,
         };
-        let mut planes = standing(&solid);
+        let mut planes = solid.half_spaces();
         let again = Polyhedron::from_half_spaces(&planes).unwrap();
         assert_eq!(again.shape.vertices().len(), solid.shape.vertices().len());
         assert_relative_eq!(
@@ -230,11 +214,12 @@ fn what_is_no_block_is_refused_with_a_reason() {
     assert!(Polyhedron::cuboid(Vector3::new(1.0, 0.0, 1.0)).is_err());
     assert!(Polyhedron::cuboid(Vector3::new(1.0, 1e-12, 1.0)).is_err());
 
-    let cube = standing(&Solid {
+    let cube = Solid {
         shape: Polyhedron::cuboid(Vector3::new(1.0, 1.0, 1.0)).unwrap(),
         position: Vector3::new(5.0, 0.0, 0.0),
         orientation: UnitQuaternion::identity(),
-    });
+    }
+    .half_spaces();
     // Without a face it is open there.
     for face in 0..6 {
         let mut open = cube.clone();

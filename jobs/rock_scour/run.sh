@@ -1,0 +1,116 @@
+#!/usr/bin/env bash
+# Dry rock: a block on an incline, and the avalanche of a jointed rock mass.
+#
+#   run.sh [OPTIONS] [dry_incline] [avalanche]     runs or resumes; both without a name
+#
+#   --output DIR          default results/rock_scour under the current folder
+#   --end SECONDS         physical time; default that of the case
+#   --ranks N             MPI ranks; default 2
+#   --threads N           threads of a rank; default 1
+#
+# Environment: SOLVER (the binary; default target/release/solver of this checkout, built if missing), LAUNCH (what starts MPI;
+# default `mpirun -n RANKS`). Ends with 75 when a run was told to stop and can be resumed by the same call.
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+# shellcheck source=jobs/install.sh
+. "$root/jobs/install.sh"
+
+usage() {
+  sed -n '2,/^set -euo/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}" >&2
+  exit 2
+}
+
+output='' end='' ranks=2 threads=1
+words=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --output | --end | --ranks | --threads)
+      [ $# -ge 2 ] || usage
+      printf -v "${1#--}" '%s' "$2"
+      shift 2
+      ;;
+    dry_incline | avalanche)
+      words+=("$1")
+      shift
+      ;;
+    *) usage ;;
+  esac
+done
+[ "${#words[@]}" -gt 0 ] || words=(dry_incline avalanche)
+
+solver=${SOLVER:-${CARGO_TARGET_DIR:-$root/target}/release/solver}
+use_environment
+if [ -z "${SOLVER:-}" ] && [ ! -x "$solver" ]; then
+  install_needs
+  (cd "$root" && cargo build --release --locked --bin solver)
+fi
+output=${output:-results/rock_scour}
+mkdir -p "$output"
+output=$(cd "$output" && pwd)
+# shellcheck disable=SC2206 # words on purpose
+launch=(${LAUNCH:-mpirun --oversubscribe -n $ranks})
+
+child=
+pass_on() { [ -z "$child" ] || kill -USR2 "$child" 2>/dev/null || true; }
+trap pass_on USR2 TERM
+
+# Waits for a command through any signals that are passed on to it.
+supervise() {
+  local status
+  "$@" &
+  child=$!
+  while :; do
+    status=0
+    wait "$child" || status=$?
+    kill -0 "$child" 2>/dev/null || break
+  done
+  child=
+  return "$status"
+}
+
+# The acceleration (m/s2) of a body that slides down a slope (degrees), from the first and last rows of its probe after a tenth of
+# a second, beside g (sin slope - tan friction cos slope).
+sliding_law() {
+  awk -F, -v slope="$2" -v friction="$3" -v until="$4" '
+    NR == 1 { for (n = 1; n <= NF; n++) column[$n] = n; next }
+    $1 !~ /^[0-9]/ || $column["time"] < 0.1 || $column["time"] > until { next }
+    {
+      t = $column["time"]
+      v = sqrt($column["velocity_x"] ^ 2 + $column["velocity_y"] ^ 2 + $column["velocity_z"] ^ 2)
+      if (!seen) { seen = 1; t0 = t; v0 = v }
+    }
+    END {
+      if (t <= t0) exit
+      degree = atan2(0, -1) / 180
+      law = 9.81 * (sin(slope * degree) - sin(friction * degree) / cos(friction * degree) * cos(slope * degree))
+      printf "acceleration %.4f m/s2, sliding law %.4f m/s2\n", (v - v0) / (t - t0), law
+    }' "$1"
+}
+
+rock() {
+  local folder=$output/$1 status=0 args=()
+  if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
+    echo "rock: $1 is finished"
+  else
+    if compgen -G "$folder/checkpoints/*" >/dev/null; then
+      supervise "${launch[@]}" "$solver" restart "$folder" --threads "$threads" >>"$folder.log" 2>&1 || status=$?
+    else
+      rm -rf "$folder"
+      [ -z "$end" ] || args+=(--set "time.end=$end")
+      supervise "${launch[@]}" "$solver" "$here/$1.json" --output "$folder" --threads "$threads" "${args[@]}" \
+        >>"$folder.log" 2>&1 || status=$?
+    fi
+    echo "rock: $1 ended with $status; see $folder.log"
+  fi
+  [ "$status" -eq 0 ] || return "$status"
+  case $1 in
+    dry_incline) echo "rock: block: $(sliding_law "$folder/probe_slides.csv" 30 20 1)" ;;
+    # The witness reaches the floor after 4.8 s.
+    avalanche) echo "rock: witness: $(sliding_law "$folder/probe_witness.csv" 45 30 4)" ;;
+  esac
+}
+
+for word in "${words[@]}"; do
+  rock "$word"
+done

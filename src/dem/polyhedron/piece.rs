@@ -1,0 +1,143 @@
+//! A convex solid where it stands, cut in two by one plane after the other: how joints make blocks of a rock mass (B-30).
+//!
+//! Both halves get the same corners on the cut, to the last bit, so that neighbours fit and no volume is lost; each remembers which
+//! of its faces are cuts. Once the last plane is done, [`Piece::solid`] makes a block of it.
+
+use nalgebra::Vector3;
+
+use super::HalfSpace;
+use super::cut::{Cut, count_f64};
+use super::linear_program::{AFRESH, Verdict, solve};
+use super::shape::{Polyhedron, ShapeError, Solid, moments};
+
+/// Corners closer to a plane than this over the size of the solid are on it.
+const ON: f64 = 1e-11;
+
+/// A convex solid: see the module.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    cut: Cut,
+    sides: Vec<Side>,
+    tolerance: f64,
+}
+
+/// The plane of a face.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    plane: HalfSpace,
+    /// Whether a cut made it.
+    split: bool,
+}
+
+impl Piece {
+    /// The whole, with no cut yet.
+    #[must_use]
+    pub fn of(solid: &Solid) -> Self {
+        let planes = solid.half_spaces();
+        let faces = (0..planes.len()).map(|face| (face, solid.shape.face(face).to_vec()));
+        let side = |plane| Side {
+            plane,
+            split: false,
+        };
+        Self {
+            cut: Cut {
+                vertices: solid.vertices(),
+                faces: faces.collect(),
+            },
+            sides: planes.into_iter().map(side).collect(),
+            tolerance: ON * solid.shape.radius(),
+        }
+    }
+
+    /// The parts on both sides of a plane, the one inside the half-space first; none where the plane passes by.
+    #[must_use]
+    pub fn split(&self, plane: &HalfSpace) -> Option<[Self; 2]> {
+        let (low, high) = self.extent(&plane.normal);
+        if plane.offset - low <= self.tolerance || high - plane.offset <= self.tolerance {
+            return None;
+        }
+        let turned = HalfSpace {
+            normal: -plane.normal,
+            offset: -plane.offset,
+        };
+        Some([self.part(plane), self.part(&turned)])
+    }
+
+    /// What is left of it inside a half-space that cuts it.
+    fn part(&self, plane: &HalfSpace) -> Self {
+        let mut cut = self.cut.clone();
+        cut.by(plane, self.sides.len(), self.tolerance);
+        let mut cut = cut.compact();
+        let new = Side {
+            plane: *plane,
+            split: true,
+        };
+        let side = |name: usize| self.sides.get(name).copied().unwrap_or(new);
+        let sides = cut.faces.iter().map(|(name, _)| side(*name)).collect();
+        for (place, (name, _)) in cut.faces.iter_mut().enumerate() {
+            *name = place;
+        }
+        Self {
+            cut,
+            sides,
+            tolerance: self.tolerance,
+        }
+    }
+
+    /// How far it reaches along a direction (m, times the length of the direction): the least and the most.
+    #[must_use]
+    pub fn extent(&self, direction: &Vector3<f64>) -> (f64, f64) {
+        let start = (f64::INFINITY, f64::NEG_INFINITY);
+        self.cut.vertices.iter().fold(start, |(low, high), v| {
+            let height = direction.dot(v);
+            (low.min(height), high.max(height))
+        })
+    }
+
+    /// Volume (m³).
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        moments(&self.cut, &self.middle()).0
+    }
+
+    /// Diameter (m) of the largest sphere in it.
+    #[must_use]
+    pub fn thickness(&self) -> f64 {
+        let middle = self.middle();
+        let planes: Vec<HalfSpace> = self
+            .sides
+            .iter()
+            .map(|side| HalfSpace {
+                normal: side.plane.normal,
+                offset: side.plane.offset - side.plane.normal.dot(&middle),
+            })
+            .collect();
+        let far = |v: &Vector3<f64>| (v - middle).norm();
+        let reach = self.cut.vertices.iter().map(far).fold(0.0, f64::max);
+        match solve(&planes, planes.len(), 4.0 * reach, &mut AFRESH.clone()) {
+            Verdict::Overlap { depth, .. } => 2.0 * depth,
+            Verdict::Apart { .. } | Verdict::Open => 0.0,
+        }
+    }
+
+    /// The block, its cut faces moved inwards by `back` (m).
+    ///
+    /// # Errors
+    /// Where nothing of it is left.
+    pub fn solid(&self, back: f64) -> Result<Solid, ShapeError> {
+        let planes: Vec<HalfSpace> = self
+            .sides
+            .iter()
+            .map(|side| HalfSpace {
+                normal: side.plane.normal,
+                offset: side.plane.offset - if side.split { back } else { 0.0 },
+            })
+            .collect();
+        Polyhedron::from_half_spaces(&planes)
+    }
+
+    /// A point inside.
+    fn middle(&self) -> Vector3<f64> {
+        self.cut.vertices.iter().sum::<Vector3<f64>>() / count_f64(self.cut.vertices.len())
+    }
+}

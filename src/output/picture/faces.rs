@@ -1,0 +1,193 @@
+//! Faces of blocks in a picture: plane convex polygons, hidden by what is nearer, with their edges.
+
+use super::{Frame, Raster, dot, failed, floor, magnitudes};
+use crate::error::Error;
+use io::fields::read_column;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Faces of all blocks at one time.
+pub(super) struct Faces {
+    pub(super) points: Vec<[f64; 3]>,
+    /// Corners of each face, counter-clockwise from outside.
+    corners: Vec<Vec<usize>>,
+    /// What colours them.
+    pub(super) values: Vec<f64>,
+    pub(super) quantity: String,
+    pub(super) units: String,
+    /// Ids of the blocks.
+    pub(super) ids: BTreeSet<i64>,
+}
+
+impl Faces {
+    /// The faces of an output, coloured by a column.
+    pub(super) fn read(path: &Path, quantity: &str) -> Result<Self, Error> {
+        let read = |name: &str| read_column(path, name).map_err(|e| Error::Io(e.to_string()));
+        let points = read("position")?.values;
+        let points: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
+        let named = read("/VTKHDF/Polygons/Connectivity")?.values;
+        let starts = read("/VTKHDF/Polygons/Offsets")?.values;
+        let face = |ends: &[f64]| {
+            let corners = named.get(floor(ends[0])..floor(ends[1]))?;
+            let corners = corners.iter().map(|&corner| floor(corner));
+            corners
+                .map(|c| (c < points.len()).then_some(c))
+                .collect::<Option<Vec<usize>>>()
+        };
+        let corners: Option<Vec<Vec<usize>>> = starts.windows(2).map(face).collect();
+        let Some(corners) = corners else {
+            return Err(failed(path, "names corners that it does not hold"));
+        };
+        let column = read(quantity)?;
+        Ok(Self {
+            values: magnitudes(&column, corners.len()),
+            quantity: quantity.to_owned(),
+            units: column.units.unwrap_or_default(),
+            ids: read("id")?.values.iter().map(|&id| id_of(id)).collect(),
+            points,
+            corners,
+        })
+    }
+
+    /// Paints those that look at the viewer; `colour` is that of a value.
+    pub(super) fn paint(
+        &self,
+        raster: &mut Raster,
+        frame: &Frame,
+        colour: impl Fn(f64) -> [f64; 3],
+    ) {
+        for (corners, &value) in self.corners.iter().zip(&self.values) {
+            let corners: Vec<[f64; 3]> = corners.iter().map(|&c| self.points[c]).collect();
+            raster.face(frame, &corners, colour(value));
+        }
+    }
+}
+
+/// An id as files hold it.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "ids are whole numbers below 2^53"
+)]
+pub(super) fn id_of(number: f64) -> i64 {
+    number as i64
+}
+
+/// Twice the vector area of a polygon.
+fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for k in 2..corners.len() {
+        let [a, b] = [k - 1, k].map(|n| -> [f64; 3] {
+            std::array::from_fn(|axis| corners[n][axis] - corners[0][axis])
+        });
+        for axis in 0..3 {
+            let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+            sum[axis] += a[p] * b[q] - a[q] * b[p];
+        }
+    }
+    sum
+}
+
+impl Raster {
+    /// A convex polygon, darker within a pixel of its edges; nothing where its back is towards the viewer.
+    fn face(&mut self, frame: &Frame, corners: &[[f64; 3]], colour: [f64; 3]) {
+        let area = twice_area(corners);
+        let size = dot(area, area).sqrt();
+        let normal = [frame.right, frame.up, frame.near].map(|axis| dot(area, axis) / size);
+        if !(size > 0.0 && normal[2] > 1e-6) {
+            return;
+        }
+        let light = 0.35 + 0.65 * dot(normal, [-0.4, 0.5, 0.768]).max(0.0);
+        let at: Vec<[f64; 2]> = corners.iter().map(|&p| frame.place(p)).collect();
+        let [low, high] = [f64::min, f64::max].map(|of| {
+            let start = at[0];
+            at.iter()
+                .fold(start, |m, p| [of(m[0], p[0]), of(m[1], p[1])])
+        });
+        let span = |from: f64, to: f64, count: usize| {
+            let from = floor((from / self.pixel - 0.5).floor().max(0.0));
+            let to = floor((to / self.pixel + 0.5).ceil().max(0.0));
+            from.min(count)..to.min(count)
+        };
+        let columns = span(low[0] - frame.low[0], high[0] - frame.low[0], self.width);
+        let rows = span(frame.high[1] - high[1], frame.high[1] - low[1], self.height);
+        let away = dot(corners[0], frame.near);
+        for row in rows {
+            for column in columns.clone() {
+                let here = self.middle(frame, column, row);
+                let inside = clearance(&at, here);
+                if inside < 0.0 {
+                    continue;
+                }
+                let [x, y] = [here[0] - at[0][0], here[1] - at[0][1]];
+                let depth = away - (normal[0] * x + normal[1] * y) / normal[2];
+                let n = row * self.width + column;
+                if depth <= self.depth[n] {
+                    continue;
+                }
+                self.depth[n] = depth;
+                let edge = if inside < self.pixel { 0.6 } else { 1.0 };
+                self.colours[n] = colour.map(|c| c * light * edge);
+            }
+        }
+    }
+}
+
+/// How far a point is inside the edges of a counter-clockwise polygon; negative outside.
+fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
+    let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
+    edges
+        .map(|(a, b)| {
+            let along = [b[0] - a[0], b[1] - a[1]];
+            let length = along[0].hypot(along[1]);
+            if length > 0.0 {
+                (along[0] * (y - a[1]) - along[1] * (x - a[0])) / length
+            } else {
+                f64::INFINITY
+            }
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{PAPER, Scene, View, real};
+    use super::*;
+
+    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the triangle hides.
+    #[test]
+    fn a_face_covers_its_pixels_and_the_nearer_one_wins() {
+        let faces = Faces {
+            points: vec![
+                [0.0, 0.0, 1.0],
+                [1.0, 0.0, 1.0],
+                [1.0, 1.0, 1.0],
+                [0.0, 1.0, 1.0],
+                [0.0, 0.0, 2.0],
+                [1.0, 0.0, 2.0],
+                [0.0, 0.5, 2.0],
+            ],
+            corners: vec![vec![4, 5, 6], vec![0, 1, 2, 3], vec![3, 2, 1, 0]],
+            values: vec![1.0, 0.0, 0.5],
+            quantity: "velocity".into(),
+            units: "m/s".into(),
+            ids: BTreeSet::new(),
+        };
+        let scenes = [Scene {
+            time: 0.0,
+            water: None,
+            grains: None,
+            faces: Some(faces),
+        }];
+        let frame = Frame::new(&scenes, View::Z);
+        assert_eq!((frame.low, frame.high), ([0.0; 2], [1.0; 2]));
+        let mut raster = Raster::new(&frame);
+        let colour = |value: f64| [200.0 * value, 200.0 * (1.0 - value), 0.0];
+        if let Some(faces) = &scenes[0].faces {
+            faces.paint(&mut raster, &frame, colour);
+        }
+        let red = raster.colours.iter().filter(|c| c[0] > 0.0).count();
+        let part = real(red) / real(raster.colours.len());
+        assert!((part - 0.25).abs() < 3e-3, "{part}");
+        assert!(raster.colours.iter().all(|c| *c != PAPER));
+    }
+}

@@ -1,0 +1,644 @@
+//! The blocks of a scene: a jointed rock mass, a file or a list; their places, and that they start apart.
+
+use super::block::Block as Extent;
+use super::findings::{Findings, number};
+use super::grid::{Grid, count};
+use super::rock::joints::{JointSet, Spacing, upward_normal};
+use super::rock::{RockMass, list};
+use super::solids::{Body, GrainSource, Grains, Mobility, Wall, motion, needs_density};
+use super::{material, stl};
+use crate::case::Case;
+use crate::case::blocks::{Block as Written, BlockSource, Joints, Mass, Spacing as WrittenSpacing};
+use crate::case::geometry::Rotation;
+use crate::case::solids::{Mesh, Orientation, Shape};
+use crate::dem::polyhedron::{
+    HalfSpace, Memory, Model, Narrow, Piece, Placed, Polyhedron, ShapeError, Solid,
+};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// No rock mass is cut into more: every rank makes them all before the run starts. Larger ones come from a file.
+const MOST_BLOCKS: f64 = 2e4;
+/// No set has more planes.
+const MOST_PLANES: f64 = 1e5;
+/// Solids overlap at the start by no more than this, over the radius of the smaller one's largest sphere.
+const ALLOWED: f64 = 0.05;
+/// No more sentences than this about one kind of finding.
+const MOST_FINDINGS: usize = 20;
+
+/// Blocks and where they go.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Blocks {
+    /// How many.
+    pub number: usize,
+    /// How many of them never move.
+    pub fixed: usize,
+    /// Volume of all together [m3].
+    pub volume: f64,
+    /// The blocks, in the order of their ids.
+    #[serde(skip)]
+    pub list: Vec<RockBlock>,
+    /// File to which they go as they start; relative to the output folder.
+    pub save: Option<PathBuf>,
+}
+
+/// A block as it starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RockBlock {
+    /// Its shape, and where that stands.
+    pub solid: Solid,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
+    /// Rotation rate [rad/s].
+    pub angular_velocity: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+    /// Whether it never moves.
+    pub fixed: bool,
+}
+
+impl RockBlock {
+    /// At rest, free.
+    fn resting(solid: Solid, material: usize) -> Self {
+        Self {
+            solid,
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            material,
+            fixed: false,
+        }
+    }
+}
+
+pub(crate) fn blocks(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Option<Blocks> {
+    let written = case.blocks.as_ref()?;
+    if grid.dimension == 2 {
+        findings.error(
+            "blocks",
+            "blocks are for three dimensions",
+            "give the domain a third size",
+        );
+        return None;
+    }
+    let index = material(names, &written.material, "blocks.material", findings).unwrap_or(0);
+    needs_density(case, &written.material, findings);
+    let mut list = match &written.initial {
+        BlockSource::Joints(joints) => jointed(case, grid, joints, findings)?
+            .into_iter()
+            .map(|solid| RockBlock::resting(solid, index))
+            .collect(),
+        BlockSource::File { path } => read(case, path, names, index, findings)?,
+        BlockSource::List(list) => listed(case, grid, list, names, index, findings)?,
+    };
+    let boxes: Vec<Extent> = (written.fixed.iter().enumerate())
+        .map(|(n, extent)| Extent::resolve(grid, extent, &format!("blocks.fixed[{n}]"), findings))
+        .collect();
+    for block in &mut list {
+        let at = block.solid.position.into();
+        block.fixed |= boxes.iter().any(|extent| extent.contains(at));
+    }
+    let outside = |block: &&RockBlock| !grid.contains(block.solid.position.into());
+    if let Some(n) = list.iter().position(|block| outside(&block)) {
+        let all = count(list.iter().filter(outside).count());
+        findings.error(
+            "blocks.initial",
+            format!(
+                "the centroid of block {n} lies outside the domain, and those of {} in all",
+                number(all)
+            ),
+            "move them inside, or make the domain larger",
+        );
+    }
+    Some(Blocks {
+        number: list.len(),
+        fixed: list.iter().filter(|block| block.fixed).count(),
+        volume: list.iter().map(|block| block.solid.shape.volume()).sum(),
+        list,
+        save: written.save.clone(),
+    })
+}
+
+/// The blocks of a jointed mass, or findings.
+fn jointed(
+    case: &Case,
+    grid: &Grid,
+    joints: &Joints,
+    findings: &mut Findings,
+) -> Option<Vec<Solid>> {
+    let path = "blocks.initial.joints";
+    let mass = rock_mass(case, grid, joints, path, findings)?;
+    let blocks = mass.expected();
+    if blocks > MOST_BLOCKS {
+        findings.error(
+            &format!("{path}.sets"),
+            format!(
+                "the joints make up to {} blocks; at most {}",
+                number(blocks),
+                number(MOST_BLOCKS)
+            ),
+            "use a larger spacing, in m, or a smaller rock mass",
+        );
+        return None;
+    }
+    let narrowest = 0.5 * mass.smallest_thickness;
+    if mass.aperture > narrowest {
+        findings.error(
+            &format!("{path}.aperture"),
+            format!(
+                "open joints must leave something of the thinnest block: at most {} m, half of smallest_thickness",
+                number(narrowest)
+            ),
+            "use a smaller aperture, or a larger smallest_thickness",
+        );
+        return None;
+    }
+    match mass.blocks() {
+        Ok(blocks) => Some(blocks),
+        Err(error) => {
+            findings.error(
+                path,
+                format!("a block cannot be made: {error}"),
+                "use a larger smallest_thickness",
+            );
+            None
+        }
+    }
+}
+
+/// The rock before it is cut, with its joints, or findings.
+fn rock_mass(
+    case: &Case,
+    grid: &Grid,
+    joints: &Joints,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<RockMass> {
+    let whole = match &joints.mass {
+        Mass::Box(extent) => {
+            let path = format!("{path}.mass.box");
+            let extent = Extent::resolve(grid, extent, &path, findings);
+            let [from, to] = [extent.from, extent.to].map(Vector3::from);
+            let made = Polyhedron::cuboid(to - from).map(|shape| Solid {
+                shape,
+                position: 0.5 * (from + to),
+                orientation: UnitQuaternion::identity(),
+            });
+            usable(made.map_err(|e| e.to_string()), &path, findings)?
+        }
+        Mass::Mesh(mesh) => surface(case, mesh, &format!("{path}.mass.mesh"), findings)?,
+    };
+    let mut planes = whole.half_spaces();
+    for (n, plane) in joints.excavation.iter().enumerate() {
+        let path = format!("{path}.excavation[{n}]");
+        let point = Extent::vector(grid, &plane.point, &format!("{path}.point"), findings);
+        let normal = Extent::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
+        let (point, normal) = (Vector3::from(point), Vector3::from(normal));
+        planes.push(HalfSpace {
+            normal,
+            offset: normal.dot(&point),
+        });
+    }
+    let solid = if joints.excavation.is_empty() {
+        whole
+    } else {
+        let left = Polyhedron::from_half_spaces(&planes).map_err(|e| match e {
+            ShapeError::Empty { .. } | ShapeError::Flat { .. } => {
+                "nothing is left of the rock mass".to_owned()
+            }
+            other => format!("the half-spaces after those of the mass: {other}"),
+        });
+        usable(left, &format!("{path}.excavation"), findings)?
+    };
+    let whole = Piece::of(&solid);
+    let mut sets = Vec::with_capacity(joints.sets.len());
+    for (n, set) in joints.sets.iter().enumerate() {
+        let path = format!("{path}.sets[{n}]");
+        let origin = set.origin.as_ref().map_or(solid.position, |at| {
+            Extent::vector(grid, at, &format!("{path}.origin"), findings).into()
+        });
+        let set = JointSet {
+            normal: upward_normal(set.dip_degrees, set.dip_direction_degrees),
+            origin,
+            spacing: spacing(&set.spacing, &format!("{path}.spacing"), findings)?,
+            persistence: set.persistence,
+        };
+        let (low, high) = whole.extent(&set.normal);
+        let first = set.normal.dot(&set.origin);
+        let planes = (high.max(first) - low.min(first)) / set.spacing.mean();
+        if planes.is_nan() || planes > MOST_PLANES {
+            findings.error(
+                &format!("{path}.spacing"),
+                format!(
+                    "this makes {} joints between the origin of the set and the far end of the rock mass; at most {}",
+                    number(planes),
+                    number(MOST_PLANES)
+                ),
+                "use a larger spacing, in m, or an origin nearer to the rock",
+            );
+            return None;
+        }
+        sets.push(set);
+    }
+    let closest = sets
+        .iter()
+        .map(|set| set.spacing.mean())
+        .fold(f64::INFINITY, f64::min);
+    let default = if closest.is_finite() {
+        0.05 * closest
+    } else {
+        0.0
+    };
+    Some(RockMass {
+        solid,
+        sets,
+        seed: joints.seed,
+        aperture: joints.aperture,
+        smallest_thickness: joints.smallest_thickness.unwrap_or(default),
+        smallest_volume: joints.smallest_volume,
+    })
+}
+
+fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Option<Spacing> {
+    let spacing = match *written {
+        WrittenSpacing::Constant(gap) => Spacing::Constant(gap),
+        WrittenSpacing::Uniform { min, max } => Spacing::Uniform { min, max },
+        WrittenSpacing::Exponential { mean } => Spacing::Exponential { mean },
+        WrittenSpacing::Normal {
+            mean,
+            standard_deviation,
+        } => Spacing::Normal {
+            mean,
+            standard_deviation,
+        },
+    };
+    let wrong = match spacing {
+        Spacing::Uniform { min, max } if min > max => Some((
+            "uniform",
+            "the smallest spacing is above the largest",
+            "exchange min and max",
+        )),
+        Spacing::Normal {
+            mean,
+            standard_deviation,
+        } if standard_deviation > 0.5 * mean => Some((
+            "normal.standard_deviation",
+            "the deviation is above half of the mean: too many draws are below zero",
+            "use a smaller one, or another distribution",
+        )),
+        other if other.mean() > 0.0 => None,
+        _ => Some(("", "the spacing must be above 0", "give it in m")),
+    };
+    let Some((part, reason, remedy)) = wrong else {
+        return Some(spacing);
+    };
+    let path = format!("{path}.{part}");
+    findings.error(path.trim_end_matches('.'), reason, remedy);
+    None
+}
+
+/// What could be made, or a finding.
+fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> Option<Solid> {
+    match made {
+        Ok(solid) => Some(solid),
+        Err(reason) => {
+            findings.error(path, reason, "give a convex solid with a volume");
+            None
+        }
+    }
+}
+
+/// A convex solid from a file, or a finding.
+fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
+    let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
+    let file = case.directory.join(&mesh.path);
+    let made = std::fs::read(&file)
+        .map_err(|e| format!("cannot read {}: {e}", file.display()))
+        .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+        .and_then(|triangles| Polyhedron::from_triangles(&triangles).map_err(|e| e.to_string()))
+        .map_err(|e| format!("{}: {e}", mesh.path.display()));
+    usable(made, &format!("{path}.path"), findings)
+}
+
+/// The solid of a shape, turned about its centroid, or findings.
+pub(super) fn solid(
+    case: &Case,
+    shape: &Shape,
+    orientation: Option<&Orientation>,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Solid> {
+    let at = format!("{path}.shape");
+    let made = match shape {
+        Shape::Disc { .. } | Shape::Sphere { .. } => {
+            let remedy = "use cuboid, vertices, half_spaces or mesh; spheres are grains or bodies";
+            findings.error(&at, "a block is a polyhedron", remedy);
+            return None;
+        }
+        Shape::Cuboid { edges } => Polyhedron::cuboid((*edges).into()).map(|shape| Solid {
+            shape,
+            position: Vector3::zeros(),
+            orientation: UnitQuaternion::identity(),
+        }),
+        Shape::Vertices(vertices) => {
+            let points: Vec<Vector3<f64>> = vertices.iter().map(|&v| v.into()).collect();
+            Polyhedron::from_vertices(&points)
+        }
+        Shape::HalfSpaces(rows) => {
+            let planes: Vec<HalfSpace> = rows.iter().map(list::half_space).collect();
+            Polyhedron::from_half_spaces(&planes)
+        }
+        Shape::Mesh(mesh) => {
+            let solid = surface(case, mesh, &format!("{at}.mesh"), findings)?;
+            return Some(turned(solid, orientation, path, findings));
+        }
+    };
+    let solid = usable(made.map_err(|e| e.to_string()), &at, findings)?;
+    Some(turned(solid, orientation, path, findings))
+}
+
+fn turned(
+    mut solid: Solid,
+    orientation: Option<&Orientation>,
+    path: &str,
+    findings: &mut Findings,
+) -> Solid {
+    let Some(written) = orientation else {
+        return solid;
+    };
+    match Unit::try_new(Vector3::from(written.axis), 0.0) {
+        Some(axis) if axis.norm_squared().is_finite() => {
+            let angle = written.angle_degrees.to_radians();
+            solid.orientation = UnitQuaternion::from_axis_angle(&axis, angle) * solid.orientation;
+        }
+        _ => findings.error(
+            &format!("{path}.orientation.axis"),
+            "an axis needs a direction",
+            "write for example [0, 1, 0]",
+        ),
+    }
+    solid
+}
+
+/// The blocks of a file, or findings.
+fn read(
+    case: &Case,
+    path: &PathBuf,
+    names: &[String],
+    index: usize,
+    findings: &mut Findings,
+) -> Option<Vec<RockBlock>> {
+    let file = case.directory.join(path);
+    let read = std::fs::read_to_string(&file)
+        .map_err(|e| vec![format!("cannot read {}: {e}", file.display())])
+        .and_then(|text| list::read(&text));
+    let at = "blocks.initial.file.path";
+    let remedy = "correct the path (relative to the case) or the file";
+    let found = match read {
+        Ok(found) => found,
+        Err(reasons) => {
+            for reason in reasons {
+                findings.error(at, reason, remedy);
+            }
+            return None;
+        }
+    };
+    let mut blocks = Vec::with_capacity(found.len());
+    for listed in found {
+        let mut block = RockBlock::resting(listed.solid, index);
+        if let Some(name) = &listed.material {
+            block.material = material(names, name, at, findings)?;
+            needs_density(case, name, findings);
+        }
+        block.fixed = listed.fixed;
+        blocks.push(block);
+    }
+    Some(blocks)
+}
+
+/// The blocks of a list, or findings.
+fn listed(
+    case: &Case,
+    grid: &Grid,
+    written: &[Written],
+    names: &[String],
+    index: usize,
+    findings: &mut Findings,
+) -> Option<Vec<RockBlock>> {
+    let at = "blocks.initial.list";
+    if written.is_empty() {
+        findings.error(
+            at,
+            "the list holds no block",
+            "add one, or leave `blocks` out",
+        );
+    }
+    let mut blocks = Vec::with_capacity(written.len());
+    for (n, block) in written.iter().enumerate() {
+        let path = format!("{at}[{n}]");
+        let made = solid(
+            case,
+            &block.shape,
+            block.orientation.as_ref(),
+            &path,
+            findings,
+        );
+        let rotation = block.angular_velocity.map(Rotation::Vector);
+        let (velocity, angular_velocity) = motion(
+            grid,
+            block.velocity.as_ref(),
+            rotation.as_ref(),
+            &path,
+            findings,
+        );
+        let own = block.material.as_ref().map(|name| {
+            needs_density(case, name, findings);
+            material(names, name, &format!("{path}.material"), findings).unwrap_or(0)
+        });
+        let Some(mut solid) = made else { continue };
+        if let Some(position) = &block.position {
+            let path = format!("{path}.position");
+            solid.position = Extent::vector(grid, position, &path, findings).into();
+        }
+        blocks.push(RockBlock {
+            velocity,
+            angular_velocity,
+            ..RockBlock::resting(solid, own.unwrap_or(index))
+        });
+    }
+    (blocks.len() == written.len() && !blocks.is_empty()).then_some(blocks)
+}
+
+/// A solid that may overlap others: a sphere where it has no shape.
+struct Standing<'a> {
+    solid: Option<&'a Solid>,
+    position: Vector3<f64>,
+    radius: f64,
+    fixed: bool,
+    /// Blocks of one rock mass do not overlap.
+    mass: bool,
+    /// JSON path of where it stands.
+    path: String,
+    name: String,
+}
+
+impl Standing<'_> {
+    fn placed(&self) -> Option<Placed<'_>> {
+        self.solid.map(|solid| Placed {
+            shape: &solid.shape,
+            rotation: solid.orientation.to_rotation_matrix().into_inner(),
+        })
+    }
+
+    /// Radius (m) of the largest sphere in it.
+    fn inner(&self) -> f64 {
+        self.solid
+            .map_or(self.radius, |solid| 0.5 * Piece::of(solid).thickness())
+    }
+
+    /// How far below a plane it reaches (m).
+    fn below(&self, wall: &Wall) -> f64 {
+        let normal = Vector3::from(wall.normal);
+        let height = |v: &Vector3<f64>| normal.dot(&(v - Vector3::from(wall.point)));
+        match self.solid {
+            None => self.radius - height(&self.position),
+            Some(solid) => -solid
+                .vertices()
+                .iter()
+                .map(height)
+                .fold(f64::INFINITY, f64::min),
+        }
+    }
+}
+
+/// Blocks, bodies, listed grains and walls start apart: a deep overlap is a slip in the coordinates, which the springs would turn
+/// into an explosion. Pairs of spheres are looked at elsewhere.
+pub(crate) fn overlaps(
+    case: &Case,
+    blocks: Option<&Blocks>,
+    bodies: &[Body],
+    grains: Option<&Grains>,
+    walls: &[Wall],
+    findings: &mut Findings,
+) {
+    let mut all = standing(case, blocks, bodies, grains);
+    if all.iter().all(|one| one.solid.is_none()) {
+        return;
+    }
+    let mut found = 0;
+    let mut report = |one: &Standing, other: &str, depth: f64, findings: &mut Findings| {
+        found += 1;
+        if found <= MOST_FINDINGS {
+            let (name, depth) = (&one.name, number(depth));
+            let reason = format!("{name} overlaps {other} by {depth} m at the start");
+            findings.error(&one.path, reason, "move them apart");
+        }
+    };
+    for one in all.iter().filter(|one| one.solid.is_some() && !one.fixed) {
+        for wall in walls.iter().filter(|wall| wall.surface.is_none()) {
+            let depth = one.below(wall);
+            if depth > 0.0 && depth > ALLOWED * one.inner() {
+                report(one, &format!("the wall `{}`", wall.name), depth, findings);
+            }
+        }
+    }
+    all.sort_by(|a, b| (a.position.x - a.radius).total_cmp(&(b.position.x - b.radius)));
+    let mut narrow = Narrow::default();
+    for (n, one) in all.iter().enumerate() {
+        for other in &all[n + 1..] {
+            if other.position.x - other.radius > one.position.x + one.radius {
+                break;
+            }
+            if one.fixed && other.fixed || one.mass && other.mass {
+                continue;
+            }
+            let depth = depth(&mut narrow, one, other);
+            if depth > 0.0 && depth > ALLOWED * one.inner().min(other.inner()) {
+                report(other, &one.name, depth, findings);
+            }
+        }
+    }
+    if found > MOST_FINDINGS {
+        let more = number(count(found - MOST_FINDINGS));
+        findings.error(
+            "blocks.initial",
+            format!("{more} more overlaps"),
+            "move them apart",
+        );
+    }
+}
+
+/// How deep two solids overlap (m); zero for two spheres.
+fn depth(narrow: &mut Narrow, one: &Standing, other: &Standing) -> f64 {
+    let separation = other.position - one.position;
+    let geometry = match (one.placed(), other.placed()) {
+        (Some(a), Some(b)) => {
+            narrow.blocks(&a, &b, &separation, &Model::Patch, &mut Memory::default())
+        }
+        (Some(a), None) => narrow.sphere(&a, &separation, other.radius),
+        (None, Some(b)) => narrow.sphere(&b, &-separation, one.radius),
+        (None, None) => None,
+    };
+    geometry.map_or(0.0, |touch| touch.depth)
+}
+
+/// All that stands there at the start with a place of its own.
+fn standing<'a>(
+    case: &Case,
+    blocks: Option<&'a Blocks>,
+    bodies: &'a [Body],
+    grains: Option<&'a Grains>,
+) -> Vec<Standing<'a>> {
+    let source = case.blocks.as_ref().map(|blocks| &blocks.initial);
+    let mass = matches!(source, Some(BlockSource::Joints(_)));
+    let mut all = Vec::new();
+    for (n, block) in blocks.iter().flat_map(|b| &b.list).enumerate() {
+        all.push(Standing {
+            solid: Some(&block.solid),
+            position: block.solid.position,
+            radius: block.solid.shape.radius(),
+            fixed: block.fixed,
+            mass,
+            path: match source {
+                Some(BlockSource::List(_)) => format!("blocks.initial.list[{n}].position"),
+                _ => "blocks.initial".into(),
+            },
+            name: format!("block {n}"),
+        });
+    }
+    for (n, body) in bodies.iter().enumerate() {
+        all.push(Standing {
+            solid: body.solid.as_ref(),
+            position: body.position.into(),
+            radius: body.radius,
+            fixed: body.mobility == Mobility::Fixed,
+            mass: false,
+            path: format!("bodies[{n}].position"),
+            name: format!("the body `{}`", body.name),
+        });
+    }
+    if let Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) =
+        grains.map(|grains| &grains.source)
+    {
+        for (n, grain) in list.iter().enumerate() {
+            all.push(Standing {
+                solid: None,
+                position: grain.position.into(),
+                radius: grain.radius,
+                fixed: false,
+                mass: false,
+                path: "grains.initial".into(),
+                name: format!("grain {n}"),
+            });
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests;

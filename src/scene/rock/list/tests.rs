@@ -1,0 +1,86 @@
+//! Block lists: both forms, there and back, and what is refused.
+
+use approx::assert_relative_eq;
+
+use super::*;
+
+/// Two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal turned round.
+fn lines() -> String {
+    let cube = |x: f64| {
+        format!(
+            r#"{{"centerX":{x},"centerY":0.5,"centerZ":0.5,"generation":3,"faces":[
+            {{"a":1,"b":0,"c":0,"d":0.5,"phi":30,"cohesion":0}},{{"a":1,"b":0,"c":0,"d":-0.5,"phi":30,"cohesion":0}},
+            {{"a":0,"b":1,"c":0,"d":0.5,"phi":30,"cohesion":0}},{{"a":0,"b":-1,"c":0,"d":0.5,"phi":30,"cohesion":0}},
+            {{"a":0,"b":0,"c":1,"d":0.5,"phi":30,"cohesion":0}},{{"a":0,"b":0,"c":-1,"d":0.5,"phi":30,"cohesion":0}}]}}"#
+        )
+        .replace('\n', " ")
+    };
+    format!("{}\n{}\n", cube(0.5), cube(1.5))
+}
+
+#[test]
+fn spark_rocks_blocks_stand_where_their_centres_say() {
+    let array = format!("[{}]", lines().trim().replace('\n', ","));
+    for text in [lines(), array] {
+        let blocks = read(&text).unwrap();
+        assert_eq!(blocks.len(), 2);
+        for (block, x) in blocks.iter().zip([0.5, 1.5]) {
+            assert_relative_eq!(block.solid.shape.volume(), 1.0, epsilon = 1e-14);
+            assert_relative_eq!(
+                block.solid.position,
+                Vector3::new(x, 0.5, 0.5),
+                epsilon = 1e-14
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_written_is_read_again() {
+    let text = r#"{"blocks": [
+        {"id": 9, "vertices": [[0,0,0],[2,0,0],[0,3,0],[0,0,4]], "material": "slate"},
+        {"id": 4, "half_spaces": [[2,0,0,2],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0],[1,1,1,9]], "fixed": true}]}"#;
+    let blocks = read(text).unwrap();
+    // In the order of their ids; the plane that touches nothing is gone.
+    assert!(blocks[0].fixed && blocks[0].material.is_none());
+    assert_eq!(blocks[0].solid.shape.half_spaces().len(), 6);
+    assert_eq!(blocks[1].material.as_deref(), Some("slate"));
+    assert_relative_eq!(blocks[1].solid.shape.volume(), 4.0, epsilon = 1e-13);
+
+    let again = write(blocks.iter().map(|b| (&b.solid, "slate", b.fixed)));
+    let again = read(&again).unwrap();
+    for (one, other) in blocks.iter().zip(&again) {
+        assert_eq!(other.material.as_deref(), Some("slate"));
+        assert_eq!(one.fixed, other.fixed);
+        let (v, w) = (one.solid.shape.volume(), other.solid.shape.volume());
+        assert_relative_eq!(v, w, max_relative = 1e-14);
+        assert_relative_eq!(one.solid.position, other.solid.position, epsilon = 1e-14);
+    }
+}
+
+#[test]
+fn what_is_no_block_is_refused_by_its_number() {
+    let refused = |text: &str| read(text).unwrap_err().join("; ");
+    assert!(refused("{").contains("no JSON"));
+    assert!(refused(r#"{"blocks": []}"#).contains("holds no block"));
+    assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
+    let text = r#"{"blocks": [
+        {"id": 0, "vertices": [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]},
+        {"id": 1, "half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0]]},
+        {"id": 2, "half_spaces": [[1,0,0,-1],[-1,0,0,-1],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,1]]},
+        {"id": 2, "vertices": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]]},
+        {"id": 3}]}"#;
+    let problems = refused(text);
+    for expected in [
+        "block 0: the block is flat",
+        "block 1: the half-spaces are not bounded",
+        "block 2: the half-spaces have no point in common",
+        "block 2: there are two of this id",
+        "block 3: it needs either `half_spaces` or `vertices`",
+    ] {
+        assert!(problems.contains(expected), "{expected} in {problems}");
+    }
+    let open = lines().replacen("\"a\":1", "\"a\":0", 1);
+    assert!(refused(&open).contains("block 0: half-space 0"));
+    assert!(refused(&lines().replacen("\"d\":", "\"e\":", 1)).contains("block 0: faces[0]"));
+}

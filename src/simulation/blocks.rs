@@ -1,0 +1,74 @@
+//! What became of the blocks, for `summary.json`: where they are in the mean, how fast, and their energies.
+//!
+//! All blocks but those that never move, weighted by mass. The energy of position is that of gravity above the origin of the
+//! domain: what it and the energy of motion have lost together went into friction and dashpots, or sits in the springs. The sums are
+//! exact, so that they do not depend on the ranks.
+
+use crate::dem::particles::{Kind, Particles};
+use crate::dem::space::{Components, Space};
+use crate::plan::Plan;
+use decomposition::{Communicator, ExactSum};
+use serde_json::{Value, json};
+
+/// Mass, energies of motion and position, then mass times position, velocity and displacement.
+const SUMS: usize = 3 + 3 * 3;
+
+/// The summary; none where the case has no blocks. Collective.
+pub fn summary<S: Space>(
+    plan: &Plan,
+    particles: &Particles<S>,
+    communicator: &Communicator,
+) -> Option<Value> {
+    let blocks = plan.scene.blocks.as_ref()?;
+    let named = plan.scene.bodies.len() as u64;
+    let mut sums: [ExactSum; SUMS] = std::array::from_fn(|_| ExactSum::new());
+    for k in 0..particles.owned() {
+        let body = &particles.body[k];
+        let ours = (named..plan.scene.first_grain()).contains(&body.id);
+        let Some((shape, attitude)) = particles.polyhedron(k).filter(|_| ours) else {
+            continue;
+        };
+        if body.kind != Kind::Free {
+            continue;
+        }
+        let motion = &particles.motion[k];
+        let inertia = shape.inertia(body.mass / shape.volume());
+        let speeds = (0..S::DIMENSION).map(|axis| motion.velocity.get(axis).powi(2));
+        let energy = 0.5 * body.mass * speeds.sum::<f64>();
+        sums[0].add(body.mass);
+        sums[1].add(energy + attitude.energy(&inertia));
+        let displacement = particles.displacement(k).unwrap_or_default();
+        for axis in 0..S::DIMENSION {
+            let position = motion.position.get(axis);
+            sums[2].add_product(-body.mass * plan.scene.gravity[axis], position);
+            sums[3 + axis].add_product(body.mass, position);
+            sums[6 + axis].add_product(body.mass, motion.velocity.get(axis));
+            sums[9 + axis].add_product(body.mass, displacement.get(axis));
+        }
+    }
+    for sum in &mut sums {
+        sum.all_reduce(communicator);
+    }
+    let values = sums.map(|sum| sum.value());
+    let mean = |first: usize| {
+        let [x, y, z] = [0, 1, 2].map(|axis| values[first + axis] / values[0]);
+        json!({ "x": x, "y": y, "z": z })
+    };
+    let moving = values[0] > 0.0;
+    let mut report = json!({
+        "number": blocks.number,
+        "fixed": blocks.fixed,
+        "volume": blocks.volume,
+        "mass": values[0],
+        "kinetic_energy": values[1],
+        "potential_energy": values[2],
+    });
+    if moving {
+        report["centre_of_mass"] = mean(3);
+        report["mean_velocity"] = mean(6);
+        if plan.scene.follows_grains() {
+            report["mean_displacement"] = mean(9);
+        }
+    }
+    Some(report)
+}
