@@ -20,7 +20,7 @@ pub mod solids;
 pub(crate) mod stl;
 
 use crate::case::contact::Contact;
-use crate::case::coupling::Coupling;
+use crate::case::coupling::{Coupling, Scheme, SolidOperator};
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::solids::Shape;
@@ -279,6 +279,7 @@ fn agree(case: &Case, findings: &mut Findings) {
             .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
     let shaped = |shape: &Shape| !matches!(shape, Shape::Disc { .. } | Shape::Sphere { .. });
     let polyhedra = case.blocks.is_some() || case.bodies.iter().any(|b| shaped(&b.shape));
+    of_covered_cells(case, findings);
     if polyhedra {
         of_polyhedra(case, findings);
     } else if case.output.blocks.is_some() && solid {
@@ -329,13 +330,37 @@ fn agree(case: &Case, findings: &mut Findings) {
     }
 }
 
+/// The matched operator scales the times of its fluid.
+fn of_covered_cells(case: &Case, findings: &mut Findings) {
+    if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
+        (&case.coupling, &case.fluid)
+        && cells.solid_operator == Some(SolidOperator::ViscosityMatched)
+        && !fluid.collision.two_times()
+    {
+        findings.error(
+            "coupling.partially_saturated.solid_operator",
+            "viscosity_matched scales the one or two relaxation times of BGK and TRT",
+            "take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back",
+        );
+    }
+}
+
 /// What polyhedra can do without, and what they cannot.
 fn of_polyhedra(case: &Case, findings: &mut Findings) {
-    if case.fluid.is_some() {
+    if matches!(case.fluid, Some(Fluid::Darcy(_))) {
         findings.error(
             "fluid",
-            "water and blocks do not act on each other yet",
-            "take out the fluid, or the blocks and polyhedra",
+            "seepage drags grains, not blocks",
+            "take lattice_boltzmann, or take out the blocks and polyhedra",
+        );
+    }
+    if let Some(Coupling::BounceBack(links)) = &case.coupling
+        && links.scheme == Scheme::Interpolated
+    {
+        findings.error(
+            "coupling.bounce_back.scheme",
+            "links are interpolated to discs and spheres, not to the faces of blocks",
+            "use \"half_way\", or partially_saturated",
         );
     }
     if !matches!(case.contact, None | Some(Contact::Blocks(_))) {

@@ -71,8 +71,9 @@ pub enum Scheme {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PartiallySaturated {
-    /// What a solid does to the populations of a cell.
-    pub solid_operator: SolidOperator,
+    /// What a solid does to the populations of a cell. Without it: matched to the viscosity in slow flow (BGK or TRT, a relaxation
+    /// time of at least 0.52, no turbulence model), else bounce-back of the non-equilibrium part, which holds at high Reynolds numbers.
+    pub solid_operator: Option<SolidOperator>,
     /// How much a filled part counts.
     pub weighting: Weighting,
     /// How the filled part of a cell is found.
@@ -85,7 +86,7 @@ pub struct PartiallySaturated {
 impl Default for PartiallySaturated {
     fn default() -> Self {
         Self {
-            solid_operator: SolidOperator::default(),
+            solid_operator: None,
             weighting: Weighting::default(),
             solid_fraction: SolidFraction::default(),
             exclude_inner_fluid: true,
@@ -94,7 +95,7 @@ impl Default for PartiallySaturated {
 }
 
 /// What a solid does to the populations of a cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum SolidOperator {
@@ -104,9 +105,8 @@ pub enum SolidOperator {
     Superposition,
     /// Bounce-back of what departs from equilibrium at the velocity of the solid (Holdych 2003).
     BounceBackAboutSolid,
-    /// Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; it asks no
-    /// weighting.
-    #[default]
+    /// Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; for BGK and
+    /// TRT. It asks no weighting.
     ViscosityMatched,
 }
 

@@ -152,6 +152,14 @@ pub enum Collision {
     },
 }
 
+impl Collision {
+    /// Whether one relaxation time holds for all that is even and one for all that is odd.
+    #[must_use]
+    pub fn two_times(&self) -> bool {
+        matches!(self, Self::Bgk {} | Self::Trt { .. })
+    }
+}
+
 fn one() -> f64 {
     1.0
 }

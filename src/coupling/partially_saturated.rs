@@ -5,13 +5,14 @@
 //!
 //! **The water inside.** A covered cell holds water that moves with its body, and what moves it comes out of the body's force: the body
 //! would be heavier than it is by the mass of that water. It is given back as the change of a rigid body of water of the
-//! same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370):
+//! same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse what enters answer a change of
+//! the body's motion to and fro, so that the load is the mean of two steps, as with links that bounce (A-13):
 //!
 //! ```text
-//! F = F_lattice + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = M_lattice + (ρ_f/ρ_s) (L_n - L_n-1)/dt
+//! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt
 //! ```
 //!
-//! `extra` of a grain holds v and L (or, for discs and spheres, the spin) of the step before (0 … 5), and whether they are known (6).
+//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are known (6).
 
 use super::body_map::Grid;
 use super::cover_map::{CoverMap, rigid};
@@ -53,6 +54,8 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
+    /// The covered cells still hold what the fluid was started with.
+    fresh: bool,
     space: PhantomData<Sp>,
 }
 
@@ -74,6 +77,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             settings,
             loads: Vec::new(),
             owned: 0,
+            fresh: true,
             space: PhantomData,
         }
     }
@@ -85,44 +89,67 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         )
     }
 
-    /// What the water inside took of the force on owned grain `k` in the last step; keeps the present motion for the next.
-    fn inner_water(&self, particles: &mut Particles<Sp>, k: usize) {
-        let (motion, body) = (particles.motion[k], particles.body[k]);
-        let water = self.units.density * particles.volume(k) / self.units.time_step;
-        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
-        let (turning, moment): ([f64; 3], f64) = match particles.polyhedron(k) {
-            Some((_, attitude)) => (attitude.angular_momentum.into(), water / body.mass),
-            None => {
-                let spin = |a| {
-                    if a < Sp::Spin::COUNT {
-                        motion.spin.get(a)
-                    } else {
-                        0.0
-                    }
-                };
-                (
-                    std::array::from_fn(spin),
-                    water * Sp::inertia(1.0, body.radius),
-                )
-            }
+    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started with.
+    fn begin(&mut self) {
+        let Some(cover) = self.fluid.cover() else {
+            return;
         };
+        let mut cells = Vec::new();
+        for (at, position) in self.fluid.populations().interior() {
+            let part = cover.fraction(position);
+            if part > 0.0 {
+                let (drho, u) = self.fluid.state(position);
+                let at = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+                let us = if Sp::DIMENSION == 2 {
+                    cover.velocity::<2>(position, at)
+                } else {
+                    cover.velocity::<3>(position, at)
+                };
+                cells.push((
+                    position,
+                    drho,
+                    std::array::from_fn(|a| u[a] + part * (us[a] - u[a])),
+                ));
+            }
+        }
+        for (position, drho, u) in cells {
+            self.fluid.set_equilibrium(position, drho, u);
+        }
+        self.fluid.renew_velocities();
+    }
+
+    /// The load of owned grain `k` from that of this step and what it kept from the step before.
+    fn average(&self, particles: &mut Particles<Sp>, k: usize) {
+        let (motion, body) = (particles.motion[k], particles.body[k]);
+        let water = if self.settings.without_inner_water {
+            self.units.density * particles.volume(k) / self.units.time_step
+        } else {
+            0.0
+        };
+        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
+        let block = particles.polyhedron(k).map(|(_, a)| a.angular_momentum);
+        let turning = water * Sp::inertia(1.0, body.radius);
         let extra = &mut particles.extra[k];
         let load = &mut particles.fluid[k];
         let known = extra[6] > 0.0;
         for a in 0..Sp::DIMENSION {
-            let v = motion.velocity.get(a);
+            let now = load.force.get(a);
+            let inside = water * motion.velocity.get(a);
             if known {
-                load.force
-                    .set(a, load.force.get(a) + water * (v - extra[a]));
+                load.force.set(a, (0.5 * now + inside) + extra[a]);
             }
-            extra[a] = v;
+            extra[a] = 0.5 * now - inside;
         }
         for a in 0..Sp::Spin::COUNT {
+            let now = load.torque.get(a);
+            let inside = match block {
+                Some(momentum) => water / body.mass * momentum[a],
+                None => turning * motion.spin.get(a),
+            };
             if known {
-                let more = moment * (turning[a] - extra[3 + a]);
-                load.torque.set(a, load.torque.get(a) + more);
+                load.torque.set(a, (0.5 * now + inside) + extra[3 + a]);
             }
-            extra[3 + a] = turning[a];
+            extra[3 + a] = 0.5 * now - inside;
         }
         extra[6] = 1.0;
     }
@@ -152,10 +179,14 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         for k in 0..particles.owned() {
             let centre = rigid(particles, k, &self.grid, velocity, spin).position;
             let load = about_centre(centre, &self.loads[k]);
+            particles.fluid[k] = to_grain(&self.units, &load, [0.0; 3], 0.0);
+            self.average(particles, k);
             let volume = particles.volume(k);
-            particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
-            if self.settings.without_inner_water {
-                self.inner_water(particles, k);
+            let force = &mut particles.fluid[k].force;
+            for (a, buoyancy) in self.settings.buoyancy.into_iter().enumerate() {
+                if a < Sp::DIMENSION {
+                    force.set(a, force.get(a) + buoyancy * volume);
+                }
             }
         }
         Ok(())
@@ -165,6 +196,10 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         let (velocity, spin) = self.scales();
         if let Some(cover) = self.fluid.cover_mut() {
             self.map.follow(particles, cover, velocity, spin);
+        }
+        if self.fresh {
+            self.fresh = false;
+            self.begin();
         }
         Ok(())
     }
@@ -213,7 +248,9 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         &mut self.fluid
     }
 
-    fn restart(&mut self) {}
+    fn restart(&mut self) {
+        self.fresh = false;
+    }
 
     fn last_loads(&self) -> &[Load] {
         &self.loads[..self.owned.min(self.loads.len())]

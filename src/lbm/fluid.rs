@@ -63,13 +63,11 @@ pub enum Operator {
 }
 
 impl Operator {
-    /// Relaxation of what is odd.
+    /// Relaxation of what is odd, where one time holds for all of it.
     fn odd(&self) -> saturation::Odd {
         match *self {
-            Self::Bgk => saturation::Odd::AsEven,
             Self::Trt { magic } => saturation::Odd::Magic(magic),
-            Self::Mrt(rates) => saturation::Odd::Fixed(1.0 / rates.q - 0.5),
-            Self::Cumulant { .. } => saturation::Odd::Fixed(0.5),
+            Self::Bgk | Self::Mrt(_) | Self::Cumulant { .. } => saturation::Odd::AsEven,
         }
     }
 }
@@ -420,6 +418,20 @@ impl<S: Stored> Fluid<S> {
             field,
         );
         self.renew_velocities();
+    }
+
+    /// Sets a cell to equilibrium.
+    pub fn set_equilibrium(&mut self, cell: usize, drho: f64, u: [f64; 3]) {
+        let half = self.half_force();
+        for i in 0..self.populations.velocities().q() {
+            let v = self.populations.velocities();
+            let (w, c) = (v.w[i], v.c[i]);
+            // The velocity holds half the force: the momentum that came in does not.
+            let odd = (0..3).map(|a| f64::from(c[a]) * half[a]).sum::<f64>();
+            let g = initial::equilibrium(w, c, drho, u) - 3.0 * w * odd;
+            let position = self.populations.incoming(cell, i);
+            self.populations.numbers_mut()[position] = S::from_f64(g);
+        }
     }
 
     /// One step: collide and stream every cell, exchange, apply the faces. Afterwards every incoming population of the

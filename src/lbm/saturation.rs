@@ -56,7 +56,7 @@ pub enum Reflection {
     Superposition,
     /// Bounce-back of what departs from equilibrium at the solid's velocity.
     AboutSolid,
-    /// Rates and a drag of the cell such that steady slow flow does not depend on the viscosity.
+    /// Times and a drag of the cell such that steady slow flow does not depend on the viscosity; for operators of one or two times.
     Matched,
 }
 
@@ -85,8 +85,6 @@ pub enum Odd {
     AsEven,
     /// Λ over that of the even ones.
     Magic(f64),
-    /// A number of its own.
-    Fixed(f64),
 }
 
 /// Whether cells may be covered, as a type.
@@ -349,6 +347,36 @@ impl Cover {
             }
             _ => weight::<f64>(self.method.weighting, self.time, fraction),
         })
+    }
+
+    /// Velocity of the solids in a cell: `at` are its local coordinates.
+    #[must_use]
+    pub fn velocity<const D: usize>(&self, position: usize, at: [i32; 3]) -> [f64; 3] {
+        let owner = self.owner[position];
+        let single = [Share {
+            slot: owner,
+            fraction: 1.0,
+        }];
+        let shares = if owner == NONE {
+            &[][..]
+        } else if owner & SHARED == 0 {
+            &single[..]
+        } else {
+            self.shared
+                .get((owner & !SHARED) as usize)
+                .map_or(&[][..], Vec::as_slice)
+        };
+        let mut mean = [0.0; 3];
+        for share in shares {
+            if let Some(solid) = self.solids.get(share.slot as usize) {
+                let v = solid.velocity::<D>(solid.raw(at));
+                let part = f64::from(share.fraction) / total(shares);
+                for a in 0..D {
+                    mean[a] += part * v[a];
+                }
+            }
+        }
+        mean
     }
 
     /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw frame.
@@ -657,7 +685,6 @@ impl View {
         let odd_time = match self.odd {
             Odd::AsEven => time,
             Odd::Magic(magic) => N::splat(magic) / time,
-            Odd::Fixed(time) => N::splat(time),
         };
         let of_even = open * (time + half) / open.mul_add(half, time);
         let of_odd = (odd_time + half) / odd_time.mul_add(open, half);

@@ -2,12 +2,15 @@
 
 use super::Clock;
 use crate::case::contact::BlockModel;
-use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
+use crate::case::coupling::{
+    Coupling, PartiallySaturated, Scheme, SolidFraction, SolidOperator, Weighting,
+};
 use crate::case::darcy::Resistance;
 use crate::case::fluid::{Collision, Precision, Turbulence};
 use crate::scene::Scene;
 use crate::scene::contact::Law;
 use crate::scene::findings::number;
+use crate::scene::flow::Flow;
 use crate::scene::flow::Lattice;
 use serde::Serialize;
 
@@ -146,9 +149,9 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         }
     }
     match (&scene.coupling, &scene.flow) {
-        (Some(coupling), Some(_)) => choose(
+        (Some(coupling), Some(flow)) => choose(
             "coupling",
-            name(coupling),
+            name(coupling, flow),
             "there are solids in the fluid".into(),
         ),
         (None, Some(_)) => choose(
@@ -201,8 +204,23 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     list
 }
 
+/// From this relaxation time on, without eddies, flow is slow enough for the matched operator: its cells resist by viscosity alone.
+const SLOW: f64 = 0.52;
+
+/// What solids do to the cells that they cover: as written, or by the relaxation time.
+#[must_use]
+pub fn solid_operator(written: &PartiallySaturated, flow: &Flow) -> SolidOperator {
+    written.solid_operator.unwrap_or({
+        if flow.collision.two_times() && flow.turbulence.is_none() && flow.relaxation_time >= SLOW {
+            SolidOperator::ViscosityMatched
+        } else {
+            SolidOperator::NonEquilibriumBounceBack
+        }
+    })
+}
+
 /// The coupling in words.
-fn name(coupling: &Coupling) -> String {
+fn name(coupling: &Coupling, flow: &Flow) -> String {
     let written = match coupling {
         Coupling::BounceBack(written) => {
             return match written.scheme {
@@ -212,14 +230,15 @@ fn name(coupling: &Coupling) -> String {
         }
         Coupling::PartiallySaturated(written) => written,
     };
-    let operator = match written.solid_operator {
+    let chosen = solid_operator(written, flow);
+    let operator = match chosen {
         SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
         SolidOperator::Superposition => "superposition",
         SolidOperator::BounceBackAboutSolid => "bounce-back about the solid's velocity",
         SolidOperator::ViscosityMatched => "matched to the viscosity",
     };
     let weighting = match written.weighting {
-        _ if written.solid_operator == SolidOperator::ViscosityMatched => "no weighting",
+        _ if chosen == SolidOperator::ViscosityMatched => "no weighting",
         Weighting::Fraction => "weighted by the solid fraction",
         Weighting::Viscous => "weighted by fraction and viscosity",
     };

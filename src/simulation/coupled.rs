@@ -15,6 +15,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::Scheme;
 use crate::lbm::saturation::{Method as Saturation, Reflection, Weighting};
 use crate::plan::Plan;
+use crate::plan::models::solid_operator;
 use crate::units::LatticeUnits;
 
 /// Force per volume of a solid [N/m3] that the lattice does not know of.
@@ -65,8 +66,9 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
     let Some(Coupling::PartiallySaturated(written)) = &plan.scene.coupling else {
         return None;
     };
+    let flow = plan.scene.flow.as_ref()?;
     Some(Saturation {
-        reflection: match written.solid_operator {
+        reflection: match solid_operator(written, flow) {
             SolidOperator::NonEquilibriumBounceBack => Reflection::NonEquilibrium,
             SolidOperator::Superposition => Reflection::Superposition,
             SolidOperator::BounceBackAboutSolid => Reflection::AboutSolid,

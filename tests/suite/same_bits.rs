@@ -171,3 +171,127 @@ fn a_body_wider_than_a_slab_in_a_stream() {
         study.same("straight", name);
     }
 }
+
+/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere, eddies, inlet and
+/// outlet. Slabs of two planes are thinner than the block.
+#[test]
+fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
+    let _alone = alone();
+    let study = Study::new(SCOUR);
+    study.run("straight", 1, 1, &[]);
+    let moved = study.summary("straight")["blocks"].clone();
+    assert!(
+        moved["kinetic_energy"].as_f64().is_none_or(|e| e > 0.0),
+        "{moved}"
+    );
+    for (name, ranks, threads, set) in [
+        ("two", 2, 2, "domain.split=x"),
+        ("three", 3, 1, "domain.split=z"),
+        ("four", 4, 1, "domain.split=y"),
+        ("thin", 3, 1, "domain.slab_bounds=[9, 11]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.02"]);
+    study.restart("parts", 3, &["time.end=0.04"]).expect(0);
+    study.same("straight", "parts");
+    // The other operators, in water thick enough for the matched one.
+    let thick = "fluid.lattice_boltzmann.kinematic_viscosity=0.02";
+    let trt = r#"fluid.lattice_boltzmann.collision={"trt": {}}"#;
+    for operator in [
+        "superposition",
+        "bounce_back_about_solid",
+        "viscosity_matched",
+    ] {
+        let chosen = format!("coupling.partially_saturated.solid_operator={operator}");
+        let set = [
+            thick,
+            trt,
+            "fluid.lattice_boltzmann.turbulence=null",
+            &chosen,
+        ];
+        study.run(&format!("{operator} alone"), 1, 1, &set);
+        study.run(operator, 3, 1, &set);
+        study.same(&format!("{operator} alone"), operator);
+    }
+}
+
+/// The same with links that bounce.
+#[test]
+fn blocks_with_bouncing_links_on_any_ranks() {
+    let _alone = alone();
+    let study =
+        Study::new(&SCOUR.replace(r#"{"partially_saturated": {}}"#, r#"{"bounce_back": {}}"#));
+    study.run("straight", 1, 1, &[]);
+    study.run("three", 3, 1, &["domain.split=y"]);
+    study.same("straight", "three");
+    study.run("parts", 2, 1, &["time.end=0.02"]);
+    study.restart("parts", 3, &["time.end=0.04"]).expect(0);
+    study.same("straight", "parts");
+}
+
+const SCOUR: &str = r#"{
+  "domain": {"size": [0.26, 0.12, 0.14], "spacing": 0.01, "periodic": ["y"]},
+  "gravity": [0, 0, -9.81],
+  "materials": {"rock": {"density": 2650}},
+  "fluid": {
+    "lattice_boltzmann": {
+      "lattice": "d3q27",
+      "density": 1000,
+      "kinematic_viscosity": 1e-4,
+      "collision": {"mrt": {}},
+      "turbulence": {"wale": {}},
+      "time_step": 2e-4,
+      "initial": {"uniform": {"velocity": [2, 0, 0]}},
+      "boundaries": [
+        {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [2, 0, 0]}}}},
+        {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}},
+        {"name": "surface", "face": "z_max", "condition": {"free_slip": {}}}
+      ]
+    }
+  },
+  "bodies": [
+    {
+      "name": "plucked",
+      "shape": {"cuboid": {"edges": [0.056, 0.046, 0.04]}},
+      "position": [0.1, 0.063, 0.072],
+      "orientation": {"axis": [0, 0, 1], "angle_degrees": 20},
+      "motion": {"free": {"velocity": [0.3, 0.1, 0.2], "angular_velocity": [1, 2, 3]}},
+      "material": "rock"
+    },
+    {
+      "name": "ball",
+      "shape": {"sphere": {"radius": 0.021}},
+      "position": [0.19, 0.005, 0.1],
+      "motion": {"driven": {"velocity": [0.1, 0.2, 0]}},
+      "material": "rock"
+    }
+  ],
+  "blocks": {
+    "material": "rock",
+    "initial": {"list": [
+      {"shape": {"cuboid": {"edges": [0.08, 0.118, 0.045]}}, "position": [0.04, 0.06, 0.0225]},
+      {"shape": {"cuboid": {"edges": [0.12, 0.118, 0.045]}}, "position": [0.2, 0.06, 0.0225]}
+    ]},
+    "fixed": [{"from": [0, 0, 0], "to": [0.26, 0.12, 0.05]}]
+  },
+  "contact": {
+    "blocks": {
+      "normal_stiffness": {"per_area": 1e8},
+      "friction_angle_degrees": 35,
+      "normal_damping_ratio": 0.3,
+      "shear_damping_ratio": 0.3
+    }
+  },
+  "box_walls": ["z_min"],
+  "coupling": {"partially_saturated": {}},
+  "time": {"end": 0.04},
+  "guards": {"max_mach": 0.3},
+  "probes": [{"name": "plucked", "every": 0.004, "at": {"body": {"name": "plucked"}}}],
+  "output": {
+    "fluid": {"every": 0.02, "fields": ["velocity", "eddy_viscosity"], "precision": "f64"},
+    "blocks": {"every": 0.02}
+  },
+  "checkpoint": {"every": 0.01}
+}"#;
