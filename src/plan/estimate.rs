@@ -51,7 +51,7 @@ const CONTACT_OUTPUT_BYTES: f64 = 2.5 * 96.0;
 /// Vertices, faces and columns of a block in a file.
 const BLOCK_OUTPUT_BYTES: f64 = 1500.0;
 /// Million steps of blocks with a dozen neighbours each per second and core.
-const MILLION_BLOCK_STEPS: f64 = 0.04;
+const MILLION_BLOCK_STEPS: f64 = 0.03;
 /// Million particle steps per second and core.
 const MILLION_PARTICLE_STEPS: f64 = 4.0;
 

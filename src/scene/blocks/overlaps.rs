@@ -1,5 +1,6 @@
 //! That blocks, bodies, listed grains and walls start apart: a deep overlap is a slip in the coordinates, which the springs would turn
-//! into an explosion. Walls of facets are not looked at, and pairs of spheres elsewhere ([`super::super::solids`]).
+//! into an explosion. Walls of facets count where they reach into the largest sphere round the centroid; pairs of spheres are looked at in
+//! [`super::super::solids`].
 
 use super::super::findings::{Findings, number};
 use super::super::grid::count;
@@ -42,8 +43,16 @@ impl Standing<'_> {
             .map_or(self.radius, |solid| 0.5 * Piece::of(solid).thickness())
     }
 
-    /// How far below a plane it reaches (m).
-    fn below(&self, wall: &Wall) -> f64 {
+    /// How far it reaches into a wall (m); into facets at least so far.
+    fn reaches_into(&self, wall: &Wall) -> f64 {
+        if let Some(surface) = &wall.surface {
+            let away = surface.clearance(&self.position);
+            let inner = self.solid.map_or(self.radius, |solid| {
+                let faces = solid.shape.half_spaces().iter();
+                faces.map(|face| face.offset).fold(f64::INFINITY, f64::min)
+            });
+            return inner - away;
+        }
         let normal = Vector3::from(wall.normal);
         let height = |v: &Vector3<f64>| normal.dot(&(v - Vector3::from(wall.point)));
         match self.solid {
@@ -80,8 +89,8 @@ pub(crate) fn overlaps(
         }
     };
     for one in all.iter().filter(|one| one.solid.is_some() && !one.fixed) {
-        for wall in walls.iter().filter(|wall| wall.surface.is_none()) {
-            let depth = one.below(wall);
+        for wall in walls {
+            let depth = one.reaches_into(wall);
             if depth > 0.0 && depth > ALLOWED * one.inner() {
                 report(one, &format!("the wall `{}`", wall.name), depth, findings);
             }
