@@ -6,7 +6,12 @@
 
 pub mod body_map;
 pub mod bounce_back;
+pub mod cover_map;
 pub mod drag;
+pub mod lattice;
+pub mod loads;
+pub mod partially_saturated;
+pub mod solid_fraction;
 pub mod water;
 
 use crate::dem::particles::Particles;

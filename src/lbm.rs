@@ -2,7 +2,8 @@
 //!
 //! Everything here is in lattice units: cells, steps, deviations of density from one. A step is one fused
 //! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab, and the boundary rules
-//! ([`boundary`]). Moving bodies are the coupling's business; it meets the lattice through [`populations::Link`].
+//! ([`boundary`]). Moving bodies are the coupling's business; it meets the lattice through [`populations::Link`], or through the cells
+//! that they cover ([`saturation`]).
 
 pub mod boundary;
 pub mod collision;
@@ -14,4 +15,5 @@ pub mod lanes;
 pub mod lattice;
 pub mod links;
 pub mod populations;
+pub mod saturation;
 pub mod turbulence;

@@ -20,7 +20,7 @@ pub mod solids;
 pub(crate) mod stl;
 
 use crate::case::contact::Contact;
-use crate::case::coupling::{BounceBack, Coupling};
+use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::solids::Shape;
@@ -57,7 +57,7 @@ pub struct Scene {
     /// Named bodies.
     pub bodies: Vec<solids::Body>,
     /// The coupling, where there are fluid and solids.
-    pub coupling: Option<BounceBack>,
+    pub coupling: Option<Coupling>,
     /// Duration and steps, as written.
     pub time: Time,
     /// Regions.
@@ -145,10 +145,6 @@ impl Scene {
         {
             return (None, findings);
         }
-        let coupling = case
-            .coupling
-            .as_ref()
-            .map(|Coupling::BounceBack(b)| b.clone());
         let scene = Self {
             title: case.title.clone(),
             grid,
@@ -161,7 +157,7 @@ impl Scene {
             contact,
             walls,
             bodies,
-            coupling: coupling.filter(|_| solid),
+            coupling: case.coupling.clone().filter(|_| solid),
             time: case.time.clone(),
             regions,
             probes,
@@ -259,7 +255,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             "coupling",
             "there are a fluid and solids, but nothing says how they act on each other",
-            "add \"coupling\": {\"bounce_back\": {}}",
+            "add \"coupling\": {\"bounce_back\": {}} or {\"partially_saturated\": {}}",
         );
     }
     if case.coupling.is_some() && !fluid {

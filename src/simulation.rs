@@ -4,6 +4,7 @@
 
 pub mod blocks;
 pub mod collapse;
+pub mod coupled;
 pub mod critical;
 pub mod erosion;
 pub mod guards;
@@ -17,8 +18,8 @@ mod table;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
-use crate::coupling::bounce_back::BounceBack;
 use crate::coupling::drag::Seepage;
+use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::water::Water;
 use crate::coupling::{Flow, FluidView};
 use crate::dem::Dem;
@@ -48,7 +49,7 @@ struct Present<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Present<Sp, S> {
-    fn lattice(&self) -> Option<&BounceBack<Sp, S>> {
+    fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
         self.flow.as_ref().and_then(Water::lattice)
     }
 
@@ -76,7 +77,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
 
     fn state(&self) -> State<'_, Sp, S> {
         State {
-            fluid: self.lattice().map(BounceBack::fluid),
+            fluid: self.lattice().map(LatticeFlow::fluid),
             seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
             particles: &self.particles,
             contacts: self.dem.as_ref().map(Dem::contacts),

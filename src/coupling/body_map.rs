@@ -8,6 +8,7 @@
 //! All geometry is done in the frame of a body's raw position, so that every image of a body through a periodic face maps
 //! with the same bits.
 
+use super::solid_fraction::{Form, Plane, faces};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
@@ -58,12 +59,21 @@ struct Mapped {
     /// Centre in cells (raw frame) and radius when it was mapped.
     centre: [f64; 3],
     radius: f64,
+    /// Quaternion of a polyhedron when it was mapped.
+    orientation: [f64; 4],
     /// It cannot change cells until it has moved this far; negative: not mapped yet.
     slack: f64,
     /// It shares cells with another body: mapped again whenever anything is.
     shares: bool,
     /// Its cells: local coordinates.
     cells: Vec<[i32; 3]>,
+}
+
+/// How a polyhedron stands.
+#[derive(Clone, Debug, Default)]
+struct Turned {
+    quaternion: [f64; 4],
+    planes: Vec<Plane>,
 }
 
 /// The map of one slab.
@@ -81,6 +91,8 @@ pub struct BodyMap {
     entries: HashMap<u32, Vec<u32>>,
     links: Vec<Vec<BodyLink>>,
     motion: Vec<Rigid>,
+    /// How polyhedra stand now, by entry; without faces for the others, and empty where there is none.
+    blocks: Vec<Turned>,
     changes: Vec<([i32; 3], u32)>,
     again: Vec<u32>,
     relink: Vec<bool>,
@@ -127,6 +139,7 @@ impl BodyMap {
             entries: HashMap::new(),
             links: Vec::new(),
             motion: Vec::new(),
+            blocks: Vec::new(),
             changes: Vec::new(),
             again: Vec::new(),
             relink: Vec::new(),
@@ -144,6 +157,11 @@ impl BodyMap {
             }
         }
         map
+    }
+
+    /// The polyhedron that an entry is, if it is one.
+    fn block(&self, k: usize) -> Option<&Turned> {
+        self.blocks.get(k).filter(|block| !block.planes.is_empty())
     }
 
     fn ghosts(&self, axis: usize) -> i32 {
@@ -206,7 +224,10 @@ impl BodyMap {
         spin: f64,
     ) -> Result<(), String> {
         self.motion.clear();
-        for (body, motion) in particles.body.iter().zip(&particles.motion) {
+        if particles.has_blocks() {
+            self.blocks.resize_with(particles.len(), Turned::default);
+        }
+        for (k, (body, motion)) in particles.body.iter().zip(&particles.motion).enumerate() {
             if body.id >= u64::from(u32::MAX) - 2 {
                 return Err(format!("id {} is too large for the map of bodies", body.id));
             }
@@ -230,6 +251,21 @@ impl BodyMap {
                 for a in 0..3 {
                     rigid.spin[a] = motion.spin.get(a) * spin;
                 }
+            }
+            if let Some((shape, attitude)) = particles.polyhedron(k) {
+                rigid.radius = body.radius / self.grid.spacing;
+                let turned = &mut self.blocks[k];
+                turned.quaternion = attitude.orientation.coords.into();
+                let (rotation, spacing) = (attitude.matrix(), self.grid.spacing);
+                faces(
+                    shape,
+                    &rotation,
+                    rigid.position,
+                    spacing,
+                    &mut turned.planes,
+                );
+            } else if let Some(turned) = self.blocks.get_mut(k) {
+                turned.planes.clear();
             }
             self.motion.push(rigid);
         }
@@ -268,6 +304,13 @@ impl BodyMap {
             let moved: f64 = (0..self.dimension)
                 .map(|a| (now.position[a] - body.centre[a]).powi(2))
                 .sum();
+            // A point of a polyhedron moves no further than its centroid and its farthest corner by turning.
+            let moved = self.block(k).map_or(moved, |block| {
+                let turned: f64 = (0..4)
+                    .map(|a| (block.quaternion[a] - body.orientation[a]).powi(2))
+                    .sum();
+                (moved.sqrt() + 2.1 * now.radius * turned.sqrt()).powi(2)
+            });
             #[expect(
                 clippy::float_cmp,
                 reason = "any change of radius at all asks for a new map"
@@ -389,9 +432,10 @@ impl BodyMap {
     fn look(&mut self, k: usize) -> f64 {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
-        let slack = match self.dimension {
-            2 => self.look_in::<2>(k, &mut found),
-            _ => self.look_in::<3>(k, &mut found),
+        let slack = match (self.dimension, self.block(k)) {
+            (_, Some(block)) => self.look_in_block(k, &block.planes, &mut found),
+            (2, None) => self.look_in::<2>(k, &mut found),
+            (_, None) => self.look_in::<3>(k, &mut found),
         };
         self.found = found;
         slack
@@ -438,6 +482,36 @@ impl BodyMap {
         }
     }
 
+    /// As [`Self::look_in`], of a polyhedron: the distance from its surface is at least that from the nearest plane.
+    fn look_in_block(&self, k: usize, planes: &[Plane], found: &mut Vec<[i32; 3]>) -> f64 {
+        let rigid = &self.motion[k];
+        let frame = self.frame(self.bodies[k].shift);
+        let reach = rigid.radius + 1.5;
+        let low: [i32; 3] =
+            std::array::from_fn(|a| floor(rigid.position[a] - reach).max(-GHOSTS - frame[a]));
+        let high: [i32; 3] = std::array::from_fn(|a| {
+            floor(rigid.position[a] + reach).min(self.local[a] + GHOSTS - 1 - frame[a])
+        });
+        let form = Form::Block {
+            planes,
+            centre: rigid.position,
+            radius: rigid.radius,
+        };
+        let mut slack = 0.4_f64;
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    let height = form.height([x, y, z].map(|v| f64::from(v) + 0.5));
+                    slack = slack.min(height.abs());
+                    if height < 0.0 {
+                        found.push([x + frame[0], y + frame[1], z + frame[2]]);
+                    }
+                }
+            }
+        }
+        (slack * (1.0 - 1e-6) - 1e-9).max(0.0)
+    }
+
     /// Whether every cell that was found is this body's already, or outside.
     fn all_mine(&self, k: usize) -> bool {
         let mine = tag(self.bodies[k].id);
@@ -449,10 +523,12 @@ impl BodyMap {
 
     /// Notes where a body was looked at.
     fn keep(&mut self, k: usize, slack: f64) {
+        let orientation = self.block(k).map_or([0.0; 4], |block| block.quaternion);
         let rigid = &self.motion[k];
         let body = &mut self.bodies[k];
         body.centre = rigid.position;
         body.radius = rigid.radius;
+        body.orientation = orientation;
         body.slack = slack;
     }
 
@@ -513,8 +589,7 @@ impl BodyMap {
                     (after, 1.0)
                 };
                 if let Some((entry, frame)) = self.nearest(body, cell) {
-                    let force =
-                        momentum.map(|m| i128::from(crate::lbm::boundary::quanta(sign * m)));
+                    let force = momentum.map(|m| crate::lbm::boundary::quanta(sign * m));
                     let middle = std::array::from_fn(|a| {
                         if a < self.dimension {
                             2 * (cell[a] - frame[a]) + 1

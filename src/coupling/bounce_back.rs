@@ -10,12 +10,14 @@
 //! cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, Grid, Rules};
+use super::lattice::LatticeFlow;
+use super::loads::{about_centre, to_grain};
 use super::{Flow, FluidView};
-use crate::dem::particles::{Load as GrainLoad, Particles};
+use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
-use crate::dem::space::{Components, Space};
+use crate::dem::space::Space;
 use crate::error::Error;
-use crate::lbm::boundary::{Flux, from_quanta};
+use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Scheme, bounce};
@@ -72,17 +74,6 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// The fluid.
-    #[must_use]
-    pub fn fluid(&self) -> &Fluid<S> {
-        &self.fluid
-    }
-
-    /// The fluid, to set its state.
-    pub fn fluid_mut(&mut self) -> &mut Fluid<S> {
-        &mut self.fluid
-    }
-
     /// Which cells lie inside which body.
     #[must_use]
     pub fn map(&self) -> &BodyMap {
@@ -96,59 +87,9 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         )
     }
 
-    /// Force and torque in lattice units about the raw centre of entry `k`, from exact sums about the origin.
-    fn about_centre(&self, k: usize, load: &Load) -> [f64; 6] {
-        let x = self.map.motion()[k].position;
-        // Twice the moment about a corner of cells near the centre, still exact; only then to floating point.
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "positions in cells are far below 2^63"
-        )]
-        let corner = x.map(|v| i128::from(v.floor() as i64));
-        let f = [load[0], load[1], load[2]];
-        let moment = [
-            load[3] - 2 * (corner[1] * f[2] - corner[2] * f[1]),
-            load[4] - 2 * (corner[2] * f[0] - corner[0] * f[2]),
-            load[5] - 2 * (corner[0] * f[1] - corner[1] * f[0]),
-        ];
-        let force = f.map(from_quanta);
-        let rest: [f64; 3] = std::array::from_fn(|a| x[a] - x[a].floor());
-        let half = moment.map(|m| 0.5 * from_quanta(m));
-        [
-            force[0],
-            force[1],
-            force[2],
-            half[0] - (rest[1] * force[2] - rest[2] * force[1]),
-            half[1] - (rest[2] * force[0] - rest[0] * force[2]),
-            half[2] - (rest[0] * force[1] - rest[1] * force[0]),
-        ]
-    }
-
-    fn to_grain(&self, load: &[f64; 6], radius: f64) -> GrainLoad<Sp> {
-        let mut grain = GrainLoad::<Sp>::default();
-        let volume = Sp::measure(radius);
-        for a in 0..Sp::DIMENSION {
-            let force = self.units.force_to_si(load[a]) + self.settings.buoyancy[a] * volume;
-            grain.force.set(a, force);
-        }
-        if Sp::DIMENSION == 2 {
-            grain.torque.set(0, self.units.torque_to_si(load[5]));
-        } else {
-            for a in 0..3 {
-                grain.torque.set(a, self.units.torque_to_si(load[3 + a]));
-            }
-        }
-        grain
-    }
-
     fn clear_loads(&mut self, n: usize) {
         self.loads.clear();
         self.loads.resize(n, [0; 6]);
-    }
-
-    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::follow`].
-    pub fn restart(&mut self) {
-        self.fresh = true;
     }
 }
 
@@ -181,7 +122,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         particles.reduce_to_owners(&mut self.loads, ranks)?;
         self.owned = particles.owned();
         for k in 0..particles.owned() {
-            let half = self.about_centre(k, &self.loads[k]);
+            let half = about_centre(self.map.motion()[k].position, &self.loads[k]);
             let extra = &mut particles.extra[k];
             let mut load = [0.0; 6];
             for a in 0..6 {
@@ -194,7 +135,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 extra[a] = now;
                 extra[6 + a] = 0.0;
             }
-            particles.fluid[k] = self.to_grain(&load, particles.body[k].radius);
+            let volume = particles.volume(k);
+            particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
         }
         Ok(())
     }
@@ -222,7 +164,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         reduced?;
         for k in 0..particles.owned() {
             if self.loads[k] != [0; 6] {
-                let impulse = self.about_centre(k, &self.loads[k]);
+                let impulse = about_centre(self.map.motion()[k].position, &self.loads[k]);
                 for a in 0..6 {
                     particles.extra[k][6 + a] += impulse[a];
                 }
@@ -265,17 +207,29 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     }
 }
 
-impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
-    /// Loads of the links in the last step as this rank's entries hold them, owners' entries summed: for balances. Entries
-    /// of ghosts are left out, their loads stand at the owners.
-    #[must_use]
-    pub fn half_step_loads(&self) -> &[Load] {
+impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
+    fn fluid(&self) -> &Fluid<S> {
+        &self.fluid
+    }
+
+    fn fluid_mut(&mut self) -> &mut Fluid<S> {
+        &mut self.fluid
+    }
+
+    fn restart(&mut self) {
+        self.fresh = true;
+    }
+
+    fn last_loads(&self) -> &[Load] {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// The body force on all the fluid outside bodies in the last step (lattice units). Collective.
-    #[must_use]
-    pub fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
+    /// What is inside the shells is not the water's.
+    fn counts(&self, cell: [usize; 3]) -> bool {
+        self.map.body_at(cell).is_none()
+    }
+
+    fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
         let mut cells = 0_u64;
         for (at, _) in self.fluid.populations().interior() {
             cells += u64::from(self.map.body_at(at).is_none());

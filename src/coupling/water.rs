@@ -3,6 +3,8 @@
 use super::Flow;
 use super::bounce_back::BounceBack;
 use super::drag::Seepage;
+use super::lattice::LatticeFlow;
+use super::partially_saturated::PartiallySaturated;
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
@@ -12,7 +14,9 @@ use crate::lbm::lanes::Stored;
 /// A fluid with its coupling.
 pub enum Water<Sp: Space, S: Stored> {
     /// Lattice Boltzmann with moving bounce-back.
-    Lattice(Box<BounceBack<Sp, S>>),
+    BounceBack(Box<BounceBack<Sp, S>>),
+    /// Lattice Boltzmann with partially saturated cells.
+    Saturated(Box<PartiallySaturated<Sp, S>>),
     /// Darcy seepage with drag.
     Seepage(Box<Seepage<Sp>>),
 }
@@ -20,17 +24,19 @@ pub enum Water<Sp: Space, S: Stored> {
 impl<Sp: Space, S: Stored> Water<Sp, S> {
     /// The lattice, if it is one.
     #[must_use]
-    pub fn lattice(&self) -> Option<&BounceBack<Sp, S>> {
+    pub fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
         match self {
-            Self::Lattice(flow) => Some(flow),
+            Self::BounceBack(flow) => Some(flow.as_ref()),
+            Self::Saturated(flow) => Some(flow.as_ref()),
             Self::Seepage(_) => None,
         }
     }
 
     /// The lattice, to set its state.
-    pub fn lattice_mut(&mut self) -> Option<&mut BounceBack<Sp, S>> {
+    pub fn lattice_mut(&mut self) -> Option<&mut dyn LatticeFlow<Sp, S>> {
         match self {
-            Self::Lattice(flow) => Some(flow),
+            Self::BounceBack(flow) => Some(flow.as_mut()),
+            Self::Saturated(flow) => Some(flow.as_mut()),
             Self::Seepage(_) => None,
         }
     }
@@ -39,7 +45,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[must_use]
     pub fn seepage(&self) -> Option<&Seepage<Sp>> {
         match self {
-            Self::Lattice(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) => None,
             Self::Seepage(flow) => Some(flow),
         }
     }
@@ -47,7 +53,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     /// The seepage, to set its state.
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {
-            Self::Lattice(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) => None,
             Self::Seepage(flow) => Some(flow),
         }
     }
@@ -56,14 +62,16 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
 impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
         match self {
-            Self::Lattice(flow) => flow.advance(particles, ranks),
+            Self::BounceBack(flow) => flow.advance(particles, ranks),
+            Self::Saturated(flow) => flow.advance(particles, ranks),
             Self::Seepage(flow) => flow.advance(particles, ranks),
         }
     }
 
     fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
         match self {
-            Self::Lattice(flow) => flow.follow(particles, ranks),
+            Self::BounceBack(flow) => flow.follow(particles, ranks),
+            Self::Saturated(flow) => flow.follow(particles, ranks),
             Self::Seepage(flow) => flow.follow(particles, ranks),
         }
     }

@@ -194,6 +194,12 @@ impl<S: Space> Particles<S> {
         shape_of(self.blocks.as_ref(), k)
     }
 
+    /// Whether any entry may be a polyhedron.
+    #[must_use]
+    pub fn has_blocks(&self) -> bool {
+        self.blocks.is_some()
+    }
+
     /// Volume of entry `k` (m³; in the plane m² per m of depth).
     #[must_use]
     pub fn volume(&self, k: usize) -> f64 {

@@ -36,6 +36,7 @@ mod separating_axes;
 pub mod shape;
 
 pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
+pub(crate) use cut::across;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Attitude, Damping};

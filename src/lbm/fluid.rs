@@ -12,6 +12,7 @@ use super::kernel::{Pass, Shared, Update, choose};
 use super::lanes::{Level, Stored};
 use super::lattice::{D2Q9, D3Q19, D3Q27, Lattice, Velocities};
 use super::populations::Populations;
+use super::saturation::{self, Cover, Covered, Method, Open, Solids};
 use super::turbulence::smagorinsky::Smagorinsky;
 use super::turbulence::wale::Wale;
 use super::turbulence::{self, Eddies, Eddy, Model, Resolved, View};
@@ -59,6 +60,18 @@ pub enum Operator {
         /// Rate of the trace of the stress.
         bulk: f64,
     },
+}
+
+impl Operator {
+    /// Relaxation of what is odd.
+    fn odd(&self) -> saturation::Odd {
+        match *self {
+            Self::Bgk => saturation::Odd::AsEven,
+            Self::Trt { magic } => saturation::Odd::Magic(magic),
+            Self::Mrt(rates) => saturation::Odd::Fixed(1.0 / rates.q - 0.5),
+            Self::Cumulant { .. } => saturation::Odd::Fixed(0.5),
+        }
+    }
 }
 
 /// Uniform body force per volume in lattice units.
@@ -119,15 +132,17 @@ pub struct Setup {
     pub periodic: [bool; 3],
     /// Patches of the faces; faces without one are no-slip walls.
     pub patches: Vec<Patch>,
+    /// How solids act on cells that they cover; none where no cell can be covered.
+    pub saturation: Option<Method>,
 }
 
 /// Operator, force and eddies, chosen once: what a step does to some planes at a time.
 trait Step<S: Stored>: Send + Sync {
-    /// One pass over the planes; `force` is that of this step.
+    /// One pass over the planes by a worker; `force` is that of this step.
     ///
     /// # Safety
-    /// No other thread may work on the same planes.
-    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>);
+    /// No other thread may work on the same planes or be the same worker.
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>, worker: usize);
 }
 
 /// A pass function with the operator as a function of the force.
@@ -145,11 +160,18 @@ where
     T: Eddies,
     F: Fn([f64; 3]) -> C + Send + Sync,
 {
-    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
+    unsafe fn pass(
+        &self,
+        shared: &Shared<S>,
+        force: [f64; 3],
+        planes: Range<usize>,
+        worker: usize,
+    ) {
         let update = Update {
             collision: (self.operator)(force),
             eddies: self.eddies,
             viscosity: self.viscosity,
+            worker,
         };
         // SAFETY: the planes are the caller's promise; the level was chosen from what the processor offers.
         unsafe { (self.pass)(shared, &update, planes) };
@@ -163,6 +185,7 @@ struct Choice {
     turbulence: Model,
     relaxation_time: f64,
     forced: bool,
+    covered: bool,
     level: Level,
 }
 
@@ -173,6 +196,7 @@ impl Choice {
             turbulence: setup.turbulence,
             relaxation_time: setup.relaxation_time,
             forced: setup.force != Force::None,
+            covered: setup.saturation.is_some(),
             level,
         }
     }
@@ -186,98 +210,112 @@ impl Choice {
         }
     }
 
-    /// A uniform viscosity has a pass for each operator with and without a force. Where cells have viscosities of their own there is
-    /// one for each family, with the force as a number that may be zero: fewer passes to compile, and what is saved without a force
-    /// is little beside the gradients.
+    /// A uniform viscosity has a pass for each operator with and without a force. Where cells have viscosities of their own or may be
+    /// covered there is one for each family, with the force as a number that may be zero: fewer passes to compile, and what is saved
+    /// without a force is little beside the gradients.
     fn operator<L: Lattice<Q>, S: Stored, const Q: usize>(self) -> Box<dyn Step<S>> {
-        let omega = 1.0 / self.relaxation_time;
         let eddy = match self.turbulence {
-            Model::None => None,
-            Model::Wale(constant) => Some(Eddy::Wale(Wale { constant })),
-            Model::Smagorinsky(constant) => Some(Eddy::Smagorinsky(Smagorinsky { constant })),
+            Model::None => Eddy::None,
+            Model::Wale(constant) => Eddy::Wale(Wale { constant }),
+            Model::Smagorinsky(constant) => Eddy::Smagorinsky(Smagorinsky { constant }),
         };
-        match (self.operator, eddy, self.forced) {
-            (Operator::Bgk, None, false) => {
-                self.boxed::<L, _, _, S, Q>(move |force| Bgk::<false> { omega, force }, Resolved)
+        if self.covered {
+            self.general::<L, Covered, S, Q>(eddy)
+        } else if eddy.present() {
+            self.general::<L, Open, S, Q>(eddy)
+        } else {
+            self.plain::<L, S, Q>()
+        }
+    }
+
+    /// One viscosity, no covered cells.
+    fn plain<L: Lattice<Q>, S: Stored, const Q: usize>(self) -> Box<dyn Step<S>> {
+        let omega = 1.0 / self.relaxation_time;
+        match (self.operator, self.forced) {
+            (Operator::Bgk, false) => self
+                .boxed::<L, _, _, Open, S, Q>(move |force| Bgk::<false> { omega, force }, Resolved),
+            (Operator::Bgk, true) => self
+                .boxed::<L, _, _, Open, S, Q>(move |force| Bgk::<true> { omega, force }, Resolved),
+            (Operator::Trt { magic }, false) => {
+                let odd = Odd::Magic(magic);
+                let trt = move |force| Trt::<false> { omega, odd, force };
+                self.boxed::<L, _, _, Open, S, Q>(trt, Resolved)
             }
-            (Operator::Bgk, None, true) => {
-                self.boxed::<L, _, _, S, Q>(move |force| Bgk::<true> { omega, force }, Resolved)
-            }
-            (Operator::Trt { magic }, None, false) => {
-                let trt = move |force| Trt::<false> {
-                    omega,
-                    odd: Odd::Magic(magic),
-                    force,
-                };
-                self.boxed::<L, _, _, S, Q>(trt, Resolved)
-            }
-            (Operator::Trt { magic }, None, true) => {
-                let trt = move |force| Trt::<true> {
-                    omega,
-                    odd: Odd::Magic(magic),
-                    force,
-                };
-                self.boxed::<L, _, _, S, Q>(trt, Resolved)
-            }
-            (Operator::Bgk, Some(eddy), _) => {
-                let bgk = move |force| Trt::<true> {
-                    omega,
-                    odd: Odd::AsEven,
-                    force,
-                };
-                self.boxed::<L, _, _, S, Q>(bgk, eddy)
-            }
-            (Operator::Trt { magic }, Some(eddy), _) => {
-                let trt = move |force| Trt::<true> {
-                    omega,
-                    odd: Odd::Magic(magic),
-                    force,
-                };
-                self.boxed::<L, _, _, S, Q>(trt, eddy)
+            (Operator::Trt { magic }, true) => {
+                let odd = Odd::Magic(magic);
+                let trt = move |force| Trt::<true> { omega, odd, force };
+                self.boxed::<L, _, _, Open, S, Q>(trt, Resolved)
             }
             // The moments are those of D3Q27, whatever set was asked for.
-            (Operator::Mrt(rates), None, false) => {
+            (Operator::Mrt(rates), false) => {
                 let mrt = move |force| Mrt::<false> {
                     omega,
                     rates,
                     force,
                 };
-                self.boxed::<D3Q27, _, _, S, 27>(mrt, Resolved)
+                self.boxed::<D3Q27, _, _, Open, S, 27>(mrt, Resolved)
             }
-            (Operator::Mrt(rates), None, true) => {
+            (Operator::Mrt(rates), true) => {
                 let mrt = move |force| Mrt::<true> {
                     omega,
                     rates,
                     force,
                 };
-                self.boxed::<D3Q27, _, _, S, 27>(mrt, Resolved)
+                self.boxed::<D3Q27, _, _, Open, S, 27>(mrt, Resolved)
             }
-            (Operator::Cumulant { bulk }, None, _) => {
+            (Operator::Cumulant { bulk }, _) => {
                 let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
-                self.boxed::<D3Q27, _, _, S, 27>(cumulant, Resolved)
-            }
-            (Operator::Cumulant { bulk }, Some(eddy), _) => {
-                let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
-                self.boxed::<D3Q27, _, _, S, 27>(cumulant, eddy)
-            }
-            (Operator::Mrt(rates), Some(eddy), _) => {
-                let mrt = move |force| Mrt::<true> {
-                    omega,
-                    rates,
-                    force,
-                };
-                self.boxed::<D3Q27, _, _, S, 27>(mrt, eddy)
+                self.boxed::<D3Q27, _, _, Open, S, 27>(cumulant, Resolved)
             }
         }
     }
 
-    fn boxed<L: Lattice<Q>, C: Collision + 'static, T: Eddies, S: Stored, const Q: usize>(
+    /// Viscosities of the cells' own, covered cells.
+    fn general<L: Lattice<Q>, P: Solids, S: Stored, const Q: usize>(
+        self,
+        eddy: Eddy,
+    ) -> Box<dyn Step<S>> {
+        let omega = 1.0 / self.relaxation_time;
+        match self.operator {
+            Operator::Bgk => {
+                let odd = Odd::AsEven;
+                let bgk = move |force| Trt::<true> { omega, odd, force };
+                self.boxed::<L, _, _, P, S, Q>(bgk, eddy)
+            }
+            Operator::Trt { magic } => {
+                let odd = Odd::Magic(magic);
+                let trt = move |force| Trt::<true> { omega, odd, force };
+                self.boxed::<L, _, _, P, S, Q>(trt, eddy)
+            }
+            Operator::Mrt(rates) => {
+                let mrt = move |force| Mrt::<true> {
+                    omega,
+                    rates,
+                    force,
+                };
+                self.boxed::<D3Q27, _, _, P, S, 27>(mrt, eddy)
+            }
+            Operator::Cumulant { bulk } => {
+                let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, P, S, 27>(cumulant, eddy)
+            }
+        }
+    }
+
+    fn boxed<L, C, T, P, S, const Q: usize>(
         self,
         operator: impl Fn([f64; 3]) -> C + Send + Sync + 'static,
         eddies: T,
-    ) -> Box<dyn Step<S>> {
+    ) -> Box<dyn Step<S>>
+    where
+        L: Lattice<Q>,
+        C: Collision + 'static,
+        T: Eddies,
+        P: Solids,
+        S: Stored,
+    {
         Box::new(Chosen {
-            pass: choose::<L, C, T, S, Q>(self.level),
+            pass: choose::<L, C, T, P, S, Q>(self.level),
             operator,
             eddies,
             viscosity: (self.relaxation_time - 0.5) / 3.0,
@@ -293,7 +331,9 @@ pub struct Fluid<S: Stored> {
     turbulence: Model,
     /// Velocities for the eddy viscosity; none without one.
     field: Option<turbulence::Field>,
-    describe: fn(&mut Populations<S>, View) -> Shared<S>,
+    /// Where solids are, if cells can be covered.
+    cover: Option<Cover>,
+    describe: fn(&mut Populations<S>, View, saturation::View) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
@@ -340,6 +380,11 @@ impl<S: Stored> Fluid<S> {
                 domain,
             )?),
         };
+        let threads = rayon::current_num_threads();
+        let tau = setup.relaxation_time;
+        let cover = setup
+            .saturation
+            .map(|method| Cover::new(&populations, method, tau, setup.operator.odd(), threads));
         let boundaries = Boundaries::new(&populations, &frame, setup.patches);
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
@@ -350,6 +395,7 @@ impl<S: Stored> Fluid<S> {
             halo,
             turbulence: setup.turbulence,
             field,
+            cover,
             describe,
             pass,
             relaxation_time: setup.relaxation_time,
@@ -358,7 +404,7 @@ impl<S: Stored> Fluid<S> {
             start,
             periodic: setup.periodic,
             periodic_within,
-            threads: rayon::current_num_threads(),
+            threads,
             step: 0,
         })
     }
@@ -387,7 +433,11 @@ impl<S: Stored> Fluid<S> {
         let force = self.half_force().map(|f| 2.0 * f);
         // Faces first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        let shared = (self.describe)(&mut self.populations, velocity);
+        let cover = self
+            .cover
+            .as_mut()
+            .map_or(saturation::View::NONE, Cover::view);
+        let shared = (self.describe)(&mut self.populations, velocity, cover);
         self.run(&shared, force, 0..1);
         if planes > 1 {
             self.run(&shared, force, planes - 1..planes);
@@ -484,14 +534,14 @@ impl<S: Stored> Fluid<S> {
         let threads = self.threads.min(planes.len());
         if threads <= 1 {
             // SAFETY: the only worker.
-            unsafe { self.pass.pass(shared, force, planes) };
+            unsafe { self.pass.pass(shared, force, planes, 0) };
             return;
         }
         (0..threads).into_par_iter().for_each(|t| {
             let from = planes.start + planes.len() * t / threads;
             let to = planes.start + planes.len() * (t + 1) / threads;
-            // SAFETY: the shares of planes are disjoint.
-            unsafe { self.pass.pass(shared, force, from..to) };
+            // SAFETY: the shares of planes are disjoint, and each worker has one.
+            unsafe { self.pass.pass(shared, force, from..to, t) };
         });
     }
 
@@ -569,6 +619,17 @@ impl<S: Stored> Fluid<S> {
         &self.boundaries
     }
 
+    /// What covers the cells, if anything can.
+    #[must_use]
+    pub fn cover(&self) -> Option<&Cover> {
+        self.cover.as_ref()
+    }
+
+    /// What covers the cells, for the coupling.
+    pub fn cover_mut(&mut self) -> Option<&mut Cover> {
+        self.cover.as_mut()
+    }
+
     /// The lattice array.
     #[must_use]
     pub fn populations(&self) -> &Populations<S> {
@@ -634,6 +695,7 @@ mod tests {
             cells,
             periodic: [true, false, true],
             patches: Vec::new(),
+            saturation: None,
         }
     }
 

@@ -8,6 +8,7 @@ use super::collision::Collision;
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::Populations;
+use super::saturation::{self, Place, Solids};
 use super::turbulence::{Eddies, View, rate};
 use std::ops::Range;
 
@@ -20,9 +21,11 @@ pub struct Update<C, T> {
     pub eddies: T,
     /// Viscosity of the fluid itself, lattice units.
     pub viscosity: f64,
+    /// Which worker this is, from 0.
+    pub worker: usize,
 }
 
-/// One pass over some planes of a slab, chosen once at start for lattice, operator, eddies, storage and processor.
+/// One pass over some planes of a slab, chosen once at start for lattice, operator, eddies, solids, storage and processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, Range<usize>);
 
 /// What the threads of one pass share.
@@ -35,15 +38,20 @@ pub struct Shared<S> {
     rows: usize,
     cells: usize,
     velocity: View,
+    cover: saturation::View,
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each plane of
-// cells is given to one thread, so no two threads touch the same number.
+// cells is given to one thread, so no two threads touch the same number; sums over bodies are one for each worker.
 unsafe impl<S> Sync for Shared<S> {}
 
 impl<S: Stored> Shared<S> {
     /// Describes the coming pass over `populations`.
-    pub(crate) fn new<const Q: usize>(populations: &mut Populations<S>, velocity: View) -> Self {
+    pub(crate) fn new<const Q: usize>(
+        populations: &mut Populations<S>,
+        velocity: View,
+        cover: saturation::View,
+    ) -> Self {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
         let unit = |axis: usize| {
@@ -62,21 +70,22 @@ impl<S: Stored> Shared<S> {
             first,
             base: populations.base(),
             velocity,
+            cover,
         }
     }
 }
 
 /// The pass for this lattice, operator, storage and level.
 #[must_use]
-pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, S: Stored, const Q: usize>(
+pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     level: Level,
 ) -> Pass<S, C, T> {
     match level {
-        Level::Scalar => scalar::<L, C, T, S, Q>,
+        Level::Scalar => scalar::<L, C, T, P, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => S::avx2::<L, C, T, Q>(),
+        Level::Avx2 => S::avx2::<L, C, T, P, Q>(),
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => S::avx512::<L, C, T, Q>(),
+        Level::Avx512 => S::avx512::<L, C, T, P, Q>(),
     }
 }
 
@@ -85,64 +94,65 @@ pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, S: Stored, const Q: usize>
 pub trait OnEveryLevel: Sized {
     /// Pass with AVX2 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<Self, C, T>;
+    fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>() -> Pass<Self, C, T>;
     /// Pass with AVX-512 lanes.
     #[cfg(target_arch = "x86_64")]
-    fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<Self, C, T>;
+    fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
+    -> Pass<Self, C, T>;
 }
 
 macro_rules! on_every_level {
     ($stored:ty, $avx2:ident, $avx512:ident) => {
         impl OnEveryLevel for $stored {
             #[cfg(target_arch = "x86_64")]
-            fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>() -> Pass<$stored, C, T>
-            {
-                $avx2::<L, C, T, Q>
+            fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
+            -> Pass<$stored, C, T> {
+                $avx2::<L, C, T, P, Q>
             }
             #[cfg(target_arch = "x86_64")]
-            fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>()
+            fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
             -> Pass<$stored, C, T> {
-                $avx512::<L, C, T, Q>
+                $avx512::<L, C, T, P, Q>
             }
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        unsafe fn $avx2<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>(
+        unsafe fn $avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
             shared: &Shared<$stored>,
             update: &Update<C, T>,
             planes: Range<usize>,
         ) {
             // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, $stored, super::lanes::Avx2, Q>(shared, update, planes) }
+            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx2, Q>(shared, update, planes) }
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx2,fma")]
-        unsafe fn $avx512<L: Lattice<Q>, C: Collision, T: Eddies, const Q: usize>(
+        unsafe fn $avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
             shared: &Shared<$stored>,
             update: &Update<C, T>,
             planes: Range<usize>,
         ) {
             // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, $stored, super::lanes::Avx512, Q>(shared, update, planes) }
+            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx512, Q>(shared, update, planes) }
         }
     };
 }
 on_every_level!(f64, avx2_f64, avx512_f64);
 on_every_level!(f32, avx2_f32, avx512_f32);
 
-unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, S: Stored, const Q: usize>(
+unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
     planes: Range<usize>,
 ) {
     // SAFETY: forwarded from the caller.
-    unsafe { pass::<L, C, T, S, f64, Q>(shared, update, planes) }
+    unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, planes) }
 }
 
 /// # Safety
 /// No other thread may work on the same planes, and the processor must offer the instructions of `N`.
 #[inline(always)]
-unsafe fn pass<L, C, T, S, N, const Q: usize>(
+unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
     planes: Range<usize>,
@@ -150,8 +160,10 @@ unsafe fn pass<L, C, T, S, N, const Q: usize>(
     L: Lattice<Q>,
     C: Collision,
     T: Eddies,
+    P: Solids,
     S: Memory<N>,
     f32: Memory<N>,
+    f64: Memory<N>,
     N: super::lanes::Lanes,
 {
     // A copy on the stack that nothing else can change keeps the operator's rates in registers.
@@ -159,8 +171,11 @@ unsafe fn pass<L, C, T, S, N, const Q: usize>(
         collision,
         eddies,
         viscosity,
+        worker,
     } = *update;
     let velocity = shared.velocity;
+    let cover = shared.cover;
+    let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
     let mut rates = collision.uniform::<N>();
     for plane in planes {
         for row in 0..shared.rows {
@@ -174,22 +189,39 @@ unsafe fn pass<L, C, T, S, N, const Q: usize>(
             let cell = shared.first[0] + start;
             let mut k = 0;
             while k < shared.cells {
-                if T::ACTIVE {
+                if T::ACTIVE && eddies.present() {
                     // SAFETY: an interior cell.
                     let gradient = unsafe { velocity.gradient::<N>(cell + k) };
-                    rates = collision.local(rate(viscosity, eddies.viscosity(&gradient)));
+                    omega = rate(viscosity, eddies.viscosity(&gradient));
+                    rates = collision.local(omega);
                 }
                 let mut g = [N::splat(0.0); Q];
                 unroll!(populations i < Q => {
                     // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included.
                     g[i] = unsafe { S::load(at[i].add(k)) };
                 });
-                let u = collision.collide::<L, N, Q>(&mut g, &rates);
+                let mut u = collision.collide::<L, N, Q>(&mut g, &rates);
+                // SAFETY: an interior cell.
+                if P::ACTIVE && unsafe { cover.covers::<N>(cell + k) } {
+                    // Read again: kept from before the collision they would cost registers where nothing is solid.
+                    let mut before = [N::splat(0.0); Q];
+                    unroll!(populations i < Q => {
+                        // SAFETY: as above.
+                        before[i] = unsafe { S::load(at[i].add(k)) };
+                    });
+                    let place = Place {
+                        cell: cell + k,
+                        at: [plane, row, k],
+                        worker,
+                    };
+                    // SAFETY: an interior cell; no other thread is this worker.
+                    u = unsafe { cover.mix::<L, N, Q>(place, &before, &mut g, u, omega) };
+                }
                 unroll!(populations i < Q => {
                     // SAFETY: as for the load; the opposite of i was read here.
                     unsafe { S::store(at[L::OPPOSITE[i]].add(k), g[i]) };
                 });
-                if T::ACTIVE {
+                if T::ACTIVE && eddies.present() {
                     // SAFETY: this cell is ours, and ghosts are renewed after the pass.
                     unsafe { velocity.leave(cell + k, u) };
                 }

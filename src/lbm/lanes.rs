@@ -21,6 +21,8 @@ pub trait Lanes:
     fn neg_mul_add(self, a: Self, b: Self) -> Self;
     /// Square root, rounded once.
     fn sqrt(self) -> Self;
+    /// `a` where `self` is zero, else `b`.
+    fn where_zero(self, a: Self, b: Self) -> Self;
 }
 
 /// A number at rest in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
@@ -93,6 +95,10 @@ impl Lanes for f64 {
     fn sqrt(self) -> Self {
         f64::sqrt(self)
     }
+    #[inline(always)]
+    fn where_zero(self, a: Self, b: Self) -> Self {
+        if self == 0.0 { a } else { b }
+    }
 }
 
 impl<S: Stored> Memory<f64> for S {
@@ -121,7 +127,7 @@ mod x86 {
     pub struct Avx512(__m512d);
 
     macro_rules! operators {
-        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident) => {
+        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr) => {
             impl Add for $lanes {
                 type Output = Self;
                 #[inline(always)]
@@ -177,6 +183,12 @@ mod x86 {
                     // SAFETY: as for `add`.
                     Self(unsafe { $sqrt(self.0) })
                 }
+                #[inline(always)]
+                fn where_zero(self, a: Self, b: Self) -> Self {
+                    let ($test, $zero, $other) = (self.0, a.0, b.0);
+                    // SAFETY: as for `add`.
+                    Self(unsafe { $choose })
+                }
             }
         };
     }
@@ -190,7 +202,8 @@ mod x86 {
         _mm256_fmadd_pd,
         _mm256_fnmadd_pd,
         _mm256_set1_pd,
-        _mm256_sqrt_pd
+        _mm256_sqrt_pd,
+        |t, a, b| _mm256_blendv_pd(b, a, _mm256_cmp_pd::<_CMP_EQ_OQ>(t, _mm256_setzero_pd()))
     );
     operators!(
         Avx512,
@@ -202,7 +215,12 @@ mod x86 {
         _mm512_fmadd_pd,
         _mm512_fnmadd_pd,
         _mm512_set1_pd,
-        _mm512_sqrt_pd
+        _mm512_sqrt_pd,
+        |t, a, b| _mm512_mask_blend_pd(
+            _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(t, _mm512_setzero_pd()),
+            b,
+            a
+        )
     );
 
     macro_rules! memory {

@@ -64,13 +64,11 @@ pub enum Scheme {
     Interpolated,
 }
 
-/// Adds a force of g quanta along `c` at a point given in half cells. One multiplication of 64 by 64 bits each, where
-/// [`add_force`] needs whole ones: |g| stays below 2^62.
+/// Adds a force in quanta at a point given in half cells: multiplications of 64 by 64 bits, as |f| stays below 2^63.
 #[inline(always)]
-fn add<const D: usize>(load: &mut Load, c: [i64; 3], g: i64, middle: [i32; 3]) {
-    let f = c.map(|c| c * g);
+pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
     let moment = |a: usize, b: usize| {
-        i128::from(middle[a]) * i128::from(f[b]) - i128::from(middle[b]) * i128::from(f[a])
+        i128::from(at[a]) * i128::from(f[b]) - i128::from(at[b]) * i128::from(f[a])
     };
     for a in 0..D {
         load[a] += i128::from(f[a]);
@@ -79,20 +77,6 @@ fn add<const D: usize>(load: &mut Load, c: [i64; 3], g: i64, middle: [i32; 3]) {
     if D == 3 {
         load[3] += moment(1, 2);
         load[4] += moment(2, 0);
-    }
-}
-
-/// Adds a force in quanta at a point given in half cells.
-#[inline(always)]
-pub fn add_force<const D: usize>(load: &mut Load, f: [i128; 3], at: [i32; 3]) {
-    let r = at.map(i128::from);
-    for a in 0..D {
-        load[a] += f[a];
-    }
-    load[5] += r[0] * f[1] - r[1] * f[0];
-    if D == 3 {
-        load[3] += r[1] * f[2] - r[2] * f[1];
-        load[4] += r[2] * f[0] - r[0] * f[2];
     }
 }
 
@@ -213,7 +197,7 @@ fn dot<const D: usize>(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 #[inline(always)]
-fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [f64; 3] {
+pub(super) fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [f64; 3] {
     let (u, w) = (motion.velocity, motion.spin);
     if D == 2 {
         [u[0] - w[2] * r[1], u[1] + w[2] * r[0], 0.0]
@@ -260,7 +244,8 @@ unsafe fn half_way<S: Stored, const D: usize>(
         outer.write(S::from_f64(streams + term));
     }
     if link.loads {
-        add::<D>(load, table.ci[i], quanta(2.0 * leaves - term), link.middle);
+        let g = quanta(2.0 * leaves - term);
+        add_force::<D>(load, table.ci[i].map(|c| c * g), link.middle);
     }
 }
 
@@ -327,5 +312,6 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         inner.write(S::from_f64(back));
         outer.write(S::from_f64(streams + 6.0 * weight * middle));
     }
-    add::<D>(load, table.ci[i], quanta(leaves + back), link.middle);
+    let g = quanta(leaves + back);
+    add_force::<D>(load, table.ci[i].map(|c| c * g), link.middle);
 }

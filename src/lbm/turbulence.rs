@@ -37,6 +37,10 @@ pub enum Model {
 pub trait Eddies: Copy + Send + Sync + 'static {
     /// Whether cells have rates of their own.
     const ACTIVE: bool;
+    /// Whether there is a model at all, where the type leaves it open.
+    fn present(&self) -> bool {
+        Self::ACTIVE
+    }
     /// ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
     fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N;
 }
@@ -58,6 +62,8 @@ impl Eddies for Resolved {
 /// need not be compiled for each.
 #[derive(Clone, Copy, Debug)]
 pub enum Eddy {
+    /// No model.
+    None,
     /// WALE.
     Wale(wale::Wale),
     /// Smagorinsky.
@@ -68,8 +74,14 @@ impl Eddies for Eddy {
     const ACTIVE: bool = true;
 
     #[inline(always)]
+    fn present(&self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    #[inline(always)]
     fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
         match self {
+            Self::None => N::splat(0.0),
             Self::Wale(model) => model.viscosity(gradient),
             Self::Smagorinsky(model) => model.viscosity(gradient),
         }

@@ -454,7 +454,7 @@ fn resolution(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings)
         return;
     };
     let h = scene.grid.spacing;
-    let factor = coupling.hydraulic_radius_factor;
+    let factor = coupling.hydraulic_radius_factor();
     let mut diameters: Vec<(String, f64)> = Vec::new();
     if let Some(grains) = &scene.grains
         && let Some((smallest, _)) = grains.radii

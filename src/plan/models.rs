@@ -2,7 +2,7 @@
 
 use super::Clock;
 use crate::case::contact::BlockModel;
-use crate::case::coupling::Scheme;
+use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
 use crate::case::darcy::Resistance;
 use crate::case::fluid::{Collision, Precision, Turbulence};
 use crate::scene::Scene;
@@ -148,10 +148,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     match (&scene.coupling, &scene.flow) {
         (Some(coupling), Some(_)) => choose(
             "coupling",
-            match coupling.scheme {
-                Scheme::HalfWay => "moving bounce-back, half-way".into(),
-                Scheme::Interpolated => "moving bounce-back, interpolated".into(),
-            },
+            name(coupling),
             "there are solids in the fluid".into(),
         ),
         (None, Some(_)) => choose(
@@ -202,4 +199,34 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         format!("{} planes", scene.grid.cells[scene.grid.split_axis.min(2)]),
     );
     list
+}
+
+/// The coupling in words.
+fn name(coupling: &Coupling) -> String {
+    let written = match coupling {
+        Coupling::BounceBack(written) => {
+            return match written.scheme {
+                Scheme::HalfWay => "moving bounce-back, half-way".into(),
+                Scheme::Interpolated => "moving bounce-back, interpolated".into(),
+            };
+        }
+        Coupling::PartiallySaturated(written) => written,
+    };
+    let operator = match written.solid_operator {
+        SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
+        SolidOperator::Superposition => "superposition",
+        SolidOperator::BounceBackAboutSolid => "bounce-back about the solid's velocity",
+        SolidOperator::ViscosityMatched => "matched to the viscosity",
+    };
+    let weighting = match written.weighting {
+        _ if written.solid_operator == SolidOperator::ViscosityMatched => "no weighting",
+        Weighting::Fraction => "weighted by the solid fraction",
+        Weighting::Viscous => "weighted by fraction and viscosity",
+    };
+    let fraction = match written.solid_fraction {
+        SolidFraction::Exact => "exact fractions".into(),
+        SolidFraction::Samples(n) => format!("fractions from {n} samples along an edge"),
+        SolidFraction::Linear => "linear fractions".into(),
+    };
+    format!("partially saturated cells, {operator}, {weighting}, {fraction}")
 }

@@ -7,7 +7,7 @@
 //!   (moving bounce-back lets nothing through), and the momentum of the fluid outside the bodies against faces, bodies and
 //!   body force.
 
-use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::lattice::LatticeFlow;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -75,7 +75,7 @@ impl Guards {
     pub fn before<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
-        flow: Option<&BounceBack<Sp, S>>,
+        flow: Option<&dyn LatticeFlow<Sp, S>>,
         domain: &Domain,
     ) {
         self.before = None;
@@ -89,7 +89,7 @@ impl Guards {
     /// After the fluid step, before anything moved: closes the balance. Collective.
     pub fn after<Sp: Space, S: Stored>(
         &mut self,
-        flow: Option<&BounceBack<Sp, S>>,
+        flow: Option<&dyn LatticeFlow<Sp, S>>,
         domain: &Domain,
     ) {
         let (Some(before), Some(flow)) = (self.before.take(), flow) else {
@@ -106,7 +106,7 @@ impl Guards {
             }
         }
         let mut scale = 0.0_f64;
-        for load in flow.half_step_loads() {
+        for load in flow.last_loads() {
             for a in 0..3 {
                 crossed[a + 1] += load[a];
                 scale = scale.max(from_quanta(load[a]).abs());
@@ -141,7 +141,7 @@ impl Guards {
     pub fn check<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
-        flow: Option<&BounceBack<Sp, S>>,
+        flow: Option<&dyn LatticeFlow<Sp, S>>,
         particles: &Particles<Sp>,
         plan: &Plan,
         domain: &Domain,
@@ -199,13 +199,16 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
 }
 
 /// Mass of the lattice, momentum of the fluid outside bodies.
-fn totals<Sp: Space, S: Stored>(flow: &BounceBack<Sp, S>, communicator: &Communicator) -> [f64; 4] {
+fn totals<Sp: Space, S: Stored>(
+    flow: &dyn LatticeFlow<Sp, S>,
+    communicator: &Communicator,
+) -> [f64; 4] {
     let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
     let populations = flow.fluid().populations();
     for (at, cell) in populations.interior() {
         let (drho, momentum) = populations.moments(cell);
         sums[0].add(drho);
-        if flow.map().body_at(at).is_none() {
+        if flow.counts(at) {
             for a in 0..3 {
                 sums[a + 1].add(momentum[a]);
             }
@@ -219,7 +222,7 @@ fn totals<Sp: Space, S: Stored>(flow: &BounceBack<Sp, S>, communicator: &Communi
 
 /// The largest speed of the slab and the first cell whose numbers fail, by global index.
 fn search<Sp: Space, S: Stored>(
-    flow: &BounceBack<Sp, S>,
+    flow: &dyn LatticeFlow<Sp, S>,
     limit: f64,
     plan: &Plan,
 ) -> (f64, Option<(u64, String)>) {

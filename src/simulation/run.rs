@@ -2,6 +2,7 @@
 
 use super::blocks;
 use super::collapse::CollapseRecorder;
+use super::coupled;
 use super::erosion::ErosionRecorder;
 use super::guards::Guards;
 use super::phases::{Phase, Phases, Spent};
@@ -16,7 +17,7 @@ use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
 use crate::checkpoint::{self, Saved};
 use crate::coupling::Flow;
-use crate::coupling::bounce_back::BounceBack;
+use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::water::Water;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
@@ -315,9 +316,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         }
                     }
                 }
-                let coupling = setup::coupling(&plan);
-                let flow = BounceBack::<Sp, S>::new(fluid, units, [0.0; 3], coupling);
-                Some(Water::Lattice(Box::new(flow)))
+                Some(coupled::flow::<Sp, S>(&plan, fluid, units))
             }
             _ => setup::seepage::<Sp>(&plan, &communicator)?
                 .map(|seepage| Water::Seepage(Box::new(seepage))),
@@ -810,7 +809,7 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &
 /// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. Collective.
 fn warm_up<Sp: Space, S: Saved>(
     plan: &Plan,
-    flow: &mut BounceBack<Sp, S>,
+    flow: &mut dyn LatticeFlow<Sp, S>,
     particles: &mut Particles<Sp>,
     domain: &Domain,
 ) -> Result<(u64, String), Error> {

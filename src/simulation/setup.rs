@@ -2,10 +2,9 @@
 
 pub mod blocks;
 
-use crate::case::coupling::Scheme as WrittenScheme;
+use super::coupled;
 use crate::case::fluid::{Collision, Turbulence};
-use crate::coupling::body_map::{GHOSTS, Rules};
-use crate::coupling::bounce_back::Settings as CouplingSettings;
+use crate::coupling::body_map::GHOSTS;
 use crate::coupling::drag::{self, DragLaw, Seepage};
 use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
@@ -21,7 +20,6 @@ use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
 use crate::lbm::collision::mrt::Rates;
 use crate::lbm::fluid::{Force, Operator, Set, Setup};
 use crate::lbm::initial::Field;
-use crate::lbm::links::Scheme;
 use crate::lbm::turbulence::Model;
 use crate::plan::Plan;
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
@@ -96,6 +94,7 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
             grid.dimension == 2 || grid.periodic[2],
         ],
         patches,
+        saturation: coupled::saturation(plan),
     })
 }
 
@@ -326,32 +325,6 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
         }
         Initial::File(_) => return None,
     })
-}
-
-/// The choices of the coupling.
-#[must_use]
-pub fn coupling(plan: &Plan) -> CouplingSettings {
-    let scene = &plan.scene;
-    let written = scene.coupling.clone().unwrap_or_default();
-    let limit = written.drop_wall_velocity_at_solid_neighbours as usize;
-    let buoyancy = match &scene.flow {
-        // The pressure of the lattice is then the excess over hydrostatic.
-        Some(flow) if !flow.gravity_acts => scene.gravity.map(|g| -flow.density * g),
-        _ => [0.0; 3],
-    };
-    CouplingSettings {
-        scheme: match written.scheme {
-            WrittenScheme::HalfWay => Scheme::HalfWay,
-            WrittenScheme::Interpolated => Scheme::Interpolated,
-        },
-        average: written.force_average,
-        rules: Rules {
-            hydraulic_radius_factor: written.hydraulic_radius_factor,
-            first_grain: scene.first_grain(),
-            isolated: (limit > 0).then_some(limit),
-        },
-        buoyancy,
-    }
 }
 
 /// A vector of the space from three components.

@@ -230,6 +230,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         cells: [100, 40, 1],
         periodic: [false; 3],
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
+        saturation: None,
     };
     let settings = Settings {
         scheme: Scheme::HalfWay,

@@ -1,0 +1,380 @@
+//! Which cells each body fills, and by how much: kept up to date at the cost of what moved.
+//!
+//! A body that has not moved by a bit since it was mapped costs one comparison. One that has is walked row by row: the cells inside
+//! are known from where the row enters and leaves it, only those at its surface are measured ([`super::solid_fraction`]), and only
+//! cells whose fraction changed are told to the lattice ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions
+//! alone, the same after a restart and on any ranks: geometry is done in the frame of a body's raw position, and a slab holds
+//! the cells of its own.
+
+use super::body_map::Grid;
+use super::solid_fraction::{Form, Method, Plane, Scratch, faces};
+use crate::dem::particles::Particles;
+use crate::dem::space::{Components, Space};
+use crate::lbm::lanes::Stored;
+use crate::lbm::links::Rigid;
+use crate::lbm::populations::Populations;
+use crate::lbm::saturation::{Cover, DEEP, Solid};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Who is mapped: id, and which image.
+type Name = (u64, [i32; 3]);
+
+/// A covered cell: its position in the lattice, and how much of it.
+type Cell = (u32, f32);
+
+/// One body, or one image of a body, near this slab.
+#[derive(Debug, Default)]
+struct Mapped {
+    name: Name,
+    slot: u32,
+    /// What it was mapped as; none before the first time.
+    at: Option<Pose>,
+    /// Its cells by rising position.
+    cells: Vec<Cell>,
+    next: Vec<Cell>,
+    /// Faces of a polyhedron; none of a disc or sphere.
+    planes: Vec<Plane>,
+    moved: bool,
+}
+
+impl Mapped {
+    fn form(&self, pose: &Pose, dimension: usize) -> Form<'_> {
+        let Pose { centre, radius, .. } = *pose;
+        if !self.planes.is_empty() {
+            Form::Block {
+                planes: &self.planes,
+                centre,
+                radius,
+            }
+        } else if dimension == 2 {
+            Form::Disc { centre, radius }
+        } else {
+            Form::Ball { centre, radius }
+        }
+    }
+}
+
+/// Where a body stands, in cells, and how large it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pose {
+    centre: [f64; 3],
+    radius: f64,
+    /// Quaternion of a polyhedron.
+    orientation: [f64; 4],
+}
+
+/// The lattice as rows of cells.
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    cells: [i32; 3],
+    strides: [usize; 3],
+    origin: usize,
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+}
+
+/// The map of one slab.
+#[derive(Debug)]
+pub struct CoverMap {
+    grid: Grid,
+    method: Method,
+    rows: Rows,
+    dimension: usize,
+    bodies: Vec<Mapped>,
+    unused: Vec<u32>,
+    slots: u32,
+    /// Entry of the particles in each slot.
+    entries: Vec<u32>,
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates are far below 2^31"
+)]
+fn floor(x: f64) -> i32 {
+    x.clamp(-2e9, 2e9).floor() as i32
+}
+
+fn int(n: usize) -> i32 {
+    i32::try_from(n).unwrap_or(i32::MAX)
+}
+
+fn index(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+impl CoverMap {
+    /// No bodies over the slab of `populations`.
+    pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
+        let origin = populations.cell([0; 3]);
+        let stride = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            populations.cell(at) - origin
+        };
+        Self {
+            grid,
+            method,
+            rows: Rows {
+                cells: populations.cells().map(int),
+                strides: [stride(0), stride(1), stride(2)],
+                origin,
+                order: populations.order(),
+            },
+            dimension: populations.velocities().dimension,
+            bodies: Vec::new(),
+            unused: Vec::new(),
+            slots: 0,
+            entries: Vec::new(),
+        }
+    }
+
+    /// Entry of the particles that a slot stands for.
+    #[must_use]
+    pub fn entry(&self, slot: u32) -> Option<usize> {
+        self.entries.get(slot as usize).map(|&entry| entry as usize)
+    }
+
+    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units.
+    pub fn follow<Sp: Space>(
+        &mut self,
+        particles: &Particles<Sp>,
+        cover: &mut Cover,
+        velocity: f64,
+        spin: f64,
+    ) {
+        let same = self.bodies.len() == particles.len()
+            && self
+                .bodies
+                .iter()
+                .zip(particles.body.iter().zip(&particles.shift))
+                .all(|(old, (body, shift))| old.name == (body.id, *shift));
+        if !same {
+            self.adopt(particles, cover);
+        }
+        for (k, body) in self.bodies.iter_mut().enumerate() {
+            let motion = rigid(particles, k, &self.grid, velocity, spin);
+            let block = particles.polyhedron(k);
+            let pose = Pose {
+                centre: motion.position,
+                radius: motion.radius,
+                orientation: block
+                    .map_or([0.0; 4], |(_, attitude)| attitude.orientation.coords.into()),
+            };
+            body.moved = body.at != Some(pose);
+            body.at = Some(pose);
+            if let (true, Some((shape, attitude))) = (body.moved, block) {
+                let rotation = attitude.matrix();
+                let spacing = self.grid.spacing;
+                faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
+            }
+            let frame = frame(&self.grid, self.dimension, body.name.1);
+            cover.set(
+                body.slot,
+                Solid {
+                    name: body.name,
+                    motion,
+                    frame,
+                },
+            );
+        }
+        let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);
+        let look = |scratch: &mut Scratch, body: &mut Mapped| {
+            if let (true, Some(pose)) = (body.moved, body.at) {
+                let frame = frame(grid, dimension, body.name.1);
+                let mut next = std::mem::take(&mut body.next);
+                let form = body.form(&pose, dimension);
+                rows.walk(&form, frame, dimension, method, scratch, &mut next);
+                body.next = next;
+            }
+        };
+        if rayon::current_num_threads() > 1 && self.bodies.len() > 16 {
+            self.bodies
+                .par_iter_mut()
+                .with_min_len(8)
+                .for_each_init(Scratch::default, look);
+        } else {
+            let mut scratch = Scratch::default();
+            for body in &mut self.bodies {
+                look(&mut scratch, body);
+            }
+        }
+        for body in self.bodies.iter_mut().filter(|body| body.moved) {
+            tell(cover, body.slot, &body.cells, &body.next);
+            std::mem::swap(&mut body.cells, &mut body.next);
+        }
+    }
+
+    /// Gives each entry of the particles the map of the same body and image, and takes out those that went away.
+    fn adopt<Sp: Space>(&mut self, particles: &Particles<Sp>, cover: &mut Cover) {
+        let mut old: HashMap<Name, Mapped> = self
+            .bodies
+            .drain(..)
+            .map(|body| (body.name, body))
+            .collect();
+        let mut fresh = Vec::new();
+        for (body, shift) in particles.body.iter().zip(&particles.shift) {
+            let name = (body.id, *shift);
+            let known = old.remove(&name);
+            if known.is_none() {
+                fresh.push(self.bodies.len());
+            }
+            self.bodies.push(known.unwrap_or_else(|| Mapped {
+                name,
+                ..Mapped::default()
+            }));
+        }
+        for gone in old.into_values() {
+            tell(cover, gone.slot, &gone.cells, &[]);
+            self.unused.push(gone.slot);
+        }
+        for k in fresh {
+            self.bodies[k].slot = self.unused.pop().unwrap_or_else(|| {
+                self.slots += 1;
+                self.slots - 1
+            });
+        }
+        cover.make_room(self.slots as usize);
+        self.entries.clear();
+        self.entries.resize(self.slots as usize, u32::MAX);
+        for (k, body) in self.bodies.iter().enumerate() {
+            self.entries[body.slot as usize] = index(k);
+        }
+    }
+}
+
+/// Motion of an entry in lattice units, its position raw.
+pub fn rigid<Sp: Space>(
+    particles: &Particles<Sp>,
+    k: usize,
+    grid: &Grid,
+    velocity: f64,
+    spin: f64,
+) -> Rigid {
+    let motion = &particles.motion[k];
+    let mut rigid = Rigid {
+        radius: particles.body[k].radius / grid.spacing,
+        ..Rigid::default()
+    };
+    for a in 0..Sp::DIMENSION {
+        rigid.position[a] = (motion.position.get(a) - grid.origin[a]) / grid.spacing;
+        rigid.velocity[a] = motion.velocity.get(a) * velocity;
+    }
+    if Sp::DIMENSION == 2 {
+        rigid.spin[2] = motion.spin.get(0) * spin;
+    } else {
+        for a in 0..3 {
+            rigid.spin[a] = motion.spin.get(a) * spin;
+        }
+    }
+    rigid
+}
+
+/// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+fn frame(grid: &Grid, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
+    std::array::from_fn(|a| {
+        if a < dimension {
+            shift[a] * int(grid.cells[a]) - int(grid.start[a])
+        } else {
+            0
+        }
+    })
+}
+
+impl Rows {
+    /// Lists the cells of the slab that a body fills, by rising position.
+    fn walk(
+        &self,
+        form: &Form<'_>,
+        frame: [i32; 3],
+        dimension: usize,
+        method: Method,
+        scratch: &mut Scratch,
+        found: &mut Vec<Cell>,
+    ) {
+        found.clear();
+        let (centre, radius) = form.bounds();
+        let (mut low, mut high) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            if a < dimension {
+                low[a] = (floor(centre[a] - radius) - 1 + frame[a]).max(0);
+                high[a] = (floor(centre[a] + radius) + 2 + frame[a]).min(self.cells[a]);
+            } else {
+                high[a] = 1;
+            }
+        }
+        let [slow, middle, fast] = self.order;
+        let mut cell = [0; 3];
+        for i in low[slow]..high[slow] {
+            cell[slow] = i;
+            for j in low[middle]..high[middle] {
+                cell[middle] = j;
+                cell[fast] = 0;
+                let lower = corner(cell, frame);
+                let row = form.row(fast, lower);
+                if row.misses() {
+                    continue;
+                }
+                let first = (floor(row.outer[0]) + frame[fast]).max(low[fast]);
+                let last = (floor(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
+                let start = self.origin
+                    + self.strides[slow] * usize::try_from(i).unwrap_or(0)
+                    + self.strides[middle] * usize::try_from(j).unwrap_or(0);
+                for k in first..last {
+                    cell[fast] = k;
+                    let lower = corner(cell, frame);
+                    let x = lower[fast];
+                    let fraction = if x - 1.0 >= row.deep[0] && x + 2.0 <= row.deep[1] {
+                        DEEP
+                    } else if x >= row.inner[0] && x + 1.0 <= row.inner[1] {
+                        1.0
+                    } else {
+                        rounded(form.fraction(method, lower, scratch))
+                    };
+                    if fraction > 0.0 {
+                        found.push((index(start) + k.cast_unsigned(), fraction));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "f32 is what a cell holds")]
+fn rounded(fraction: f64) -> f32 {
+    fraction as f32
+}
+
+/// Lower corner of a local cell in the raw frame.
+fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| f64::from(cell[a] - frame[a]))
+}
+
+/// Tells the lattice what is different between two lists by rising position.
+fn tell(cover: &mut Cover, slot: u32, old: &[Cell], new: &[Cell]) {
+    let (mut i, mut j) = (0, 0);
+    loop {
+        match (old.get(i), new.get(j)) {
+            (Some(a), Some(b)) if a.0 == b.0 => {
+                if a.1.to_bits() != b.1.to_bits() {
+                    cover.cover(b.0 as usize, slot, b.1);
+                }
+                i += 1;
+                j += 1;
+            }
+            (Some(a), b) if b.is_none_or(|b| a.0 < b.0) => {
+                cover.cover(a.0 as usize, slot, 0.0);
+                i += 1;
+            }
+            (_, Some(b)) => {
+                cover.cover(b.0 as usize, slot, b.1);
+                j += 1;
+            }
+            (_, None) => return,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

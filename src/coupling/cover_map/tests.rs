@@ -1,0 +1,84 @@
+use super::*;
+use crate::dem::Volume;
+use crate::dem::particles::{Body, Motion};
+use crate::dem::polyhedron::Polyhedron;
+use crate::lbm::lattice::{D3Q19, Velocities};
+use crate::lbm::saturation::{Method as Action, Odd, Reflection, Weighting};
+use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+const CELLS: [usize; 3] = [20, 17, 13];
+
+fn populations(split: usize) -> Populations<f64> {
+    Populations::new(Velocities::of::<D3Q19, 19>(), CELLS, split).unwrap()
+}
+
+fn map(populations: &Populations<f64>) -> (CoverMap, Cover) {
+    let grid = Grid {
+        cells: CELLS,
+        start: [0; 3],
+        periodic: [true; 3],
+        origin: [0.0; 3],
+        spacing: 0.1,
+    };
+    let action = Action {
+        reflection: Reflection::Matched,
+        weighting: Weighting::Fraction,
+    };
+    (
+        CoverMap::new(populations, grid, Method::Exact),
+        Cover::new(populations, action, 0.8, Odd::AsEven, 2),
+    )
+}
+
+fn solid(populations: &Populations<f64>, cover: &Cover) -> f64 {
+    populations
+        .interior()
+        .map(|(_, position)| cover.fraction(position))
+        .sum()
+}
+
+fn at(x: f64, y: f64, z: f64) -> Motion<Volume> {
+    Motion {
+        position: Vector3::new(x, y, z),
+        ..Motion::default()
+    }
+}
+
+/// The cover of a body is its volume wherever it stands, for every order of the axes, and nothing is left where it was.
+#[test]
+fn the_cover_follows_and_adds_up_to_the_volume() {
+    for split in 0..3 {
+        let populations = populations(split);
+        let (mut map, mut cover) = map(&populations);
+        let mut particles = Particles::<Volume>::new();
+        let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
+        particles
+            .set_shapes(Arc::from(vec![shape.clone()]))
+            .unwrap();
+        particles.insert(
+            Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
+            at(0.71, 0.82, 0.55),
+        );
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
+        let block = Body::of_block(2, &shape, 1000.0, 0);
+        particles
+            .add_block(block, at(1.43, 0.77, 0.64), 0, turn)
+            .unwrap();
+        let exact = (4.0 / 3.0 * std::f64::consts::PI * 0.37_f64.powi(3) + shape.volume()) * 1e3;
+        for _ in 0..40 {
+            map.follow(&particles, &mut cover, 1.0, 1.0);
+            let found = solid(&populations, &cover);
+            assert!(
+                (found / exact - 1.0).abs() < 1e-6,
+                "{split} {found} {exact}"
+            );
+            for motion in &mut particles.motion {
+                motion.position += Vector3::new(0.0031, -0.0043, 0.0012);
+            }
+        }
+        let gone = Particles::<Volume>::new();
+        map.follow(&gone, &mut cover, 1.0, 1.0);
+        assert!(solid(&populations, &cover) == 0.0);
+    }
+}

@@ -1,0 +1,242 @@
+//! Lattice Boltzmann with partially saturated cells (B-19 … B-26): bodies of any shape, no links, forces smooth in their motion.
+//!
+//! In a step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns what each received; the
+//! grains feel it unchanged through their solid steps; then the cover follows them ([`super::cover_map`]).
+//!
+//! **The water inside.** A covered cell holds water that moves with its body, and what moves it comes out of the body's force: the body
+//! would be heavier than it is by the mass of that water. It is given back as the change of a rigid body of water of the
+//! same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370):
+//!
+//! ```text
+//! F = F_lattice + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = M_lattice + (ρ_f/ρ_s) (L_n - L_n-1)/dt
+//! ```
+//!
+//! `extra` of a grain holds v and L (or, for discs and spheres, the spin) of the step before (0 … 5), and whether they are known (6).
+
+use super::body_map::Grid;
+use super::cover_map::{CoverMap, rigid};
+use super::lattice::LatticeFlow;
+use super::loads::{about_centre, to_grain};
+use super::solid_fraction;
+use super::{Flow, FluidView};
+use crate::dem::particles::Particles;
+use crate::dem::ranks::Ranks;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::lbm::boundary::Flux;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::lanes::Stored;
+use crate::lbm::links::Load;
+use crate::lbm::saturation::cells;
+use crate::units::LatticeUnits;
+use decomposition::Communicator;
+use std::marker::PhantomData;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// How solid fractions are found.
+    pub fractions: solid_fraction::Method,
+    /// Whether the water inside a body is taken out of its inertia.
+    pub without_inner_water: bool,
+    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
+    /// over hydrostatic.
+    pub buoyancy: [f64; 3],
+}
+
+/// Fluid with bodies over its cells. The fluid must have been made with a method for covered cells.
+pub struct PartiallySaturated<Sp: Space, S: Stored> {
+    fluid: Fluid<S>,
+    map: CoverMap,
+    grid: Grid,
+    units: LatticeUnits,
+    settings: Settings,
+    loads: Vec<Load>,
+    owned: usize,
+    space: PhantomData<Sp>,
+}
+
+impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
+    /// Couples a fluid with the bodies that [`Flow::follow`] will show it.
+    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
+        let grid = Grid {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin,
+            spacing: units.spacing,
+        };
+        Self {
+            map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
+            fluid,
+            grid,
+            units,
+            settings,
+            loads: Vec::new(),
+            owned: 0,
+            space: PhantomData,
+        }
+    }
+
+    fn scales(&self) -> (f64, f64) {
+        (
+            self.units.velocity_to_lattice(1.0),
+            self.units.angular_velocity_to_lattice(1.0),
+        )
+    }
+
+    /// What the water inside took of the force on owned grain `k` in the last step; keeps the present motion for the next.
+    fn inner_water(&self, particles: &mut Particles<Sp>, k: usize) {
+        let (motion, body) = (particles.motion[k], particles.body[k]);
+        let water = self.units.density * particles.volume(k) / self.units.time_step;
+        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
+        let (turning, moment): ([f64; 3], f64) = match particles.polyhedron(k) {
+            Some((_, attitude)) => (attitude.angular_momentum.into(), water / body.mass),
+            None => {
+                let spin = |a| {
+                    if a < Sp::Spin::COUNT {
+                        motion.spin.get(a)
+                    } else {
+                        0.0
+                    }
+                };
+                (
+                    std::array::from_fn(spin),
+                    water * Sp::inertia(1.0, body.radius),
+                )
+            }
+        };
+        let extra = &mut particles.extra[k];
+        let load = &mut particles.fluid[k];
+        let known = extra[6] > 0.0;
+        for a in 0..Sp::DIMENSION {
+            let v = motion.velocity.get(a);
+            if known {
+                load.force
+                    .set(a, load.force.get(a) + water * (v - extra[a]));
+            }
+            extra[a] = v;
+        }
+        for a in 0..Sp::Spin::COUNT {
+            if known {
+                let more = moment * (turning[a] - extra[3 + a]);
+                load.torque.set(a, load.torque.get(a) + more);
+            }
+            extra[3 + a] = turning[a];
+        }
+        extra[6] = 1.0;
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        self.fluid.advance();
+        if particles.is_empty() && ranks.size() == 1 {
+            return Ok(());
+        }
+        self.loads.clear();
+        self.loads.resize(particles.len(), [0; 6]);
+        let (map, loads) = (&self.map, &mut self.loads);
+        if let Some(cover) = self.fluid.cover_mut() {
+            cover.collect(|slot, received| {
+                if let Some(load) = map.entry(slot).and_then(|entry| loads.get_mut(entry)) {
+                    for (sum, part) in load.iter_mut().zip(received) {
+                        *sum += part;
+                    }
+                }
+            });
+        }
+        particles.reduce_to_owners(&mut self.loads, ranks)?;
+        self.owned = particles.owned();
+        let (velocity, spin) = self.scales();
+        for k in 0..particles.owned() {
+            let centre = rigid(particles, k, &self.grid, velocity, spin).position;
+            let load = about_centre(centre, &self.loads[k]);
+            let volume = particles.volume(k);
+            particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
+            if self.settings.without_inner_water {
+                self.inner_water(particles, k);
+            }
+        }
+        Ok(())
+    }
+
+    fn follow(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+        let (velocity, spin) = self.scales();
+        if let Some(cover) = self.fluid.cover_mut() {
+            self.map.follow(particles, cover, velocity, spin);
+        }
+        Ok(())
+    }
+}
+
+impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
+    fn units(&self) -> &LatticeUnits {
+        &self.units
+    }
+    fn cells(&self) -> [usize; 3] {
+        self.fluid.populations().cells()
+    }
+    fn start(&self) -> [usize; 3] {
+        self.fluid.start()
+    }
+    fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.state(position)
+    }
+    fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.stress(position)
+    }
+    fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.eddy_viscosity(position)
+    }
+    fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        self.fluid.cover()?.body_at(position)
+    }
+    fn patches(&self) -> Vec<String> {
+        self.fluid.boundaries().names().map(str::to_owned).collect()
+    }
+    fn fluxes(&self) -> Vec<Flux> {
+        self.fluid.fluxes()
+    }
+}
+
+impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
+    fn fluid(&self) -> &Fluid<S> {
+        &self.fluid
+    }
+
+    fn fluid_mut(&mut self) -> &mut Fluid<S> {
+        &mut self.fluid
+    }
+
+    fn restart(&mut self) {}
+
+    fn last_loads(&self) -> &[Load] {
+        &self.loads[..self.owned.min(self.loads.len())]
+    }
+
+    /// The bodies received what all cells lost.
+    fn counts(&self, _: [usize; 3]) -> bool {
+        true
+    }
+
+    /// A covered cell feels the force by 1 - B.
+    fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
+        let populations = self.fluid.populations();
+        let (mut all, mut covered) = (0_i128, 0_i128);
+        for (_, position) in populations.interior() {
+            all += i128::from(crate::lbm::boundary::quanta(1.0));
+            if let Some(cover) = self.fluid.cover() {
+                covered += i128::from(cover.weight(position));
+            }
+        }
+        let open = communicator
+            .all_reduce_sum_u128((all - covered).cast_unsigned())
+            .cast_signed();
+        self.fluid.last_force().map(|f| f * cells(open))
+    }
+}

@@ -1,0 +1,432 @@
+//! How much of a cell a body fills (B-25): spheres, discs and convex polyhedra, exactly or at less cost.
+//!
+//! | method | of a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
+//! |---|---|---|
+//! | exact | closed form of box and ball; box cut by planes | rounding |
+//! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
+//! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
+//!
+//! The linear estimate of a ball uses a radius less by 1/(12 r), of a disc by 1/(24 r): then the sum over all cells is the true
+//! volume to second order, where the plain one is too large. One plane through a cell cuts it in closed form (R. Scardovelli, S. Zaleski,
+//! J. Comput. Phys. 164 (2000) 228); where several do, the volume is ⅓ Σ area times distance over the faces of what is left, each face
+//! clipped for itself, so that no topology can break.
+//!
+//! All lengths are in cells, in the raw frame of the body.
+
+use crate::darcy::overlap::{disc_rectangle, sphere_box};
+use crate::dem::polyhedron::Polyhedron;
+use nalgebra::{Matrix3, Vector3};
+
+/// How fractions are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Closed forms.
+    Exact,
+    /// This many points along each edge of a cell.
+    Samples(u32),
+    /// From the distance between the cell's centre and the surface.
+    Linear,
+}
+
+/// The half-space `normal . x <= offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, outwards.
+    pub normal: [f64; 3],
+    /// Distance from the origin along it.
+    pub offset: f64,
+}
+
+/// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+pub fn faces(
+    shape: &Polyhedron,
+    rotation: &Matrix3<f64>,
+    centre: [f64; 3],
+    spacing: f64,
+    planes: &mut Vec<Plane>,
+) {
+    planes.clear();
+    planes.extend(shape.half_spaces().iter().map(|face| {
+        let normal: [f64; 3] = (rotation * face.normal).into();
+        Plane {
+            normal,
+            offset: face.offset / spacing + dot(normal, centre),
+        }
+    }));
+}
+
+/// A body as geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Form<'a> {
+    /// A disc, in the plane.
+    Disc {
+        /// Its centre.
+        centre: [f64; 3],
+        /// Its radius.
+        radius: f64,
+    },
+    /// A ball.
+    Ball {
+        /// Its centre.
+        centre: [f64; 3],
+        /// Its radius.
+        radius: f64,
+    },
+    /// A convex polyhedron: what all planes have in common.
+    Block {
+        /// Its faces.
+        planes: &'a [Plane],
+        /// Its centroid.
+        centre: [f64; 3],
+        /// From the centroid to the farthest corner.
+        radius: f64,
+    },
+}
+
+/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals along the row, empty
+/// where the first is not below the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// No cell beyond it meets the body.
+    pub outer: [f64; 2],
+    /// Every cell within it is full.
+    pub inner: [f64; 2],
+    /// Every cell that lies within it with a cell on each side is full, and so are all cells round it.
+    pub deep: [f64; 2],
+}
+
+impl Row {
+    const EMPTY: [f64; 2] = [0.0, -1.0];
+    const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+    /// The row does not meet the body.
+    #[must_use]
+    pub fn misses(&self) -> bool {
+        self.outer[0] > self.outer[1]
+    }
+}
+
+/// Lengths (in cells) below which a cut does not count.
+const TOUCH: f64 = 1e-12;
+/// A component of a normal that small has no interval of its own.
+const LEVEL: f64 = 1e-12;
+
+/// Buffers of the clipping.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    cuts: Vec<Plane>,
+    polygon: Vec<Vector3<f64>>,
+    clipped: Vec<Vector3<f64>>,
+}
+
+impl Form<'_> {
+    /// Its centre and a radius that holds all of it.
+    #[must_use]
+    pub fn bounds(&self) -> ([f64; 3], f64) {
+        match *self {
+            Self::Disc { centre, radius }
+            | Self::Ball { centre, radius }
+            | Self::Block { centre, radius, .. } => (centre, radius),
+        }
+    }
+
+    /// The row of cells along `axis` through the cell with this lower corner.
+    #[must_use]
+    pub fn row(&self, axis: usize, lower: [f64; 3]) -> Row {
+        match self {
+            Self::Disc { centre, radius } => round_row::<2>(*centre, *radius, axis, lower),
+            Self::Ball { centre, radius } => round_row::<3>(*centre, *radius, axis, lower),
+            Self::Block { planes, .. } => block_row(planes, axis, lower),
+        }
+    }
+
+    /// The filled part of the cell with this lower corner, 0 … 1.
+    #[must_use]
+    pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+        match method {
+            Method::Exact => self.exact(lower, scratch).clamp(0.0, 1.0),
+            Method::Samples(n) => self.samples(n, lower),
+            Method::Linear => self.linear(lower),
+        }
+    }
+
+    fn exact(&self, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+        let upper = lower.map(|x| x + 1.0);
+        match self {
+            Self::Disc { centre, radius } => disc_rectangle(*centre, *radius, lower, upper),
+            Self::Ball { centre, radius } => sphere_box(*centre, *radius, lower, upper),
+            Self::Block { planes, .. } => cut_cell(planes, lower, scratch),
+        }
+    }
+
+    fn samples(&self, n: u32, lower: [f64; 3]) -> f64 {
+        let step = 1.0 / f64::from(n);
+        let at = |k: u32| (f64::from(k) + 0.5) * step;
+        let deep = if matches!(self, Self::Disc { .. }) {
+            1
+        } else {
+            n
+        };
+        let mut inside = 0_u32;
+        for z in 0..deep {
+            for y in 0..n {
+                for x in 0..n {
+                    let point = [lower[0] + at(x), lower[1] + at(y), lower[2] + at(z)];
+                    inside += u32::from(self.height(point) <= 0.0);
+                }
+            }
+        }
+        f64::from(inside) / (f64::from(n) * f64::from(n) * f64::from(deep))
+    }
+
+    fn linear(&self, lower: [f64; 3]) -> f64 {
+        let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
+        let less = match self {
+            Self::Disc { radius, .. } => 1.0 / (24.0 * radius),
+            Self::Ball { radius, .. } => 1.0 / (12.0 * radius),
+            Self::Block { .. } => 0.0,
+        };
+        (0.5 - less - self.height(middle)).clamp(0.0, 1.0)
+    }
+
+    /// Distance of a point outside the surface, negative inside; for a polyhedron that from the nearest plane.
+    #[must_use]
+    pub fn height(&self, point: [f64; 3]) -> f64 {
+        match self {
+            Self::Disc { centre, radius } => {
+                let d: [f64; 2] = std::array::from_fn(|a| point[a] - centre[a]);
+                (d[0] * d[0] + d[1] * d[1]).sqrt() - radius
+            }
+            Self::Ball { centre, radius } => {
+                let d: [f64; 3] = std::array::from_fn(|a| point[a] - centre[a]);
+                (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - radius
+            }
+            Self::Block { planes, .. } => planes
+                .iter()
+                .map(|plane| dot(plane.normal, point) - plane.offset)
+                .fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn round_row<const D: usize>(centre: [f64; 3], radius: f64, axis: usize, lower: [f64; 3]) -> Row {
+    let mut nearest = 0.0;
+    let mut farthest = 0.0;
+    let mut beyond = 0.0;
+    for b in (0..D).filter(|&b| b != axis) {
+        let (low, high) = (lower[b] - centre[b], lower[b] + 1.0 - centre[b]);
+        let near = low.max(-high).max(0.0);
+        let far = high.max(-low);
+        nearest += near * near;
+        farthest += far * far;
+        beyond += (far + 1.0) * (far + 1.0);
+    }
+    let reach = |squared: f64| {
+        let left = radius * radius - squared;
+        if left > 0.0 {
+            let half = left.sqrt();
+            [centre[axis] - half, centre[axis] + half]
+        } else {
+            Row::EMPTY
+        }
+    };
+    Row {
+        outer: reach(nearest),
+        inner: reach(farthest),
+        deep: reach(beyond),
+    }
+}
+
+fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
+    let mut row = Row {
+        outer: Row::ALL,
+        inner: Row::ALL,
+        deep: Row::ALL,
+    };
+    for plane in planes {
+        let n = plane.normal;
+        let mut least = 0.0;
+        let mut most = 0.0;
+        let mut beside = 0.0;
+        for b in (0..3).filter(|&b| b != axis) {
+            let (p, q) = (n[b] * lower[b], n[b] * (lower[b] + 1.0));
+            least += p.min(q);
+            most += p.max(q);
+            beside += n[b].abs();
+        }
+        narrow(&mut row.outer, n[axis], plane.offset - least);
+        narrow(&mut row.inner, n[axis], plane.offset - most);
+        narrow(&mut row.deep, n[axis], plane.offset - most - beside);
+    }
+    row
+}
+
+/// Keeps of an interval what obeys `slope * x <= room`.
+fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
+    if slope > LEVEL {
+        interval[1] = interval[1].min(room / slope);
+    } else if slope < -LEVEL {
+        interval[0] = interval[0].max(room / slope);
+    } else if room < 0.0 {
+        *interval = Row::EMPTY;
+    }
+}
+
+/// Volume of the unit cell with this lower corner inside all planes.
+fn cut_cell(planes: &[Plane], lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+    let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
+    scratch.cuts.clear();
+    for plane in planes {
+        let n = plane.normal;
+        let reach = 0.5 * (n[0].abs() + n[1].abs() + n[2].abs());
+        let offset = plane.offset - dot(n, middle);
+        if offset <= TOUCH - reach {
+            return 0.0;
+        }
+        if offset < reach - TOUCH {
+            // From here on about the centre of the cell.
+            scratch.cuts.push(Plane { normal: n, offset });
+        }
+    }
+    match scratch.cuts[..] {
+        [] => 1.0,
+        [only] => cut_once(&only),
+        _ => cut_often(scratch),
+    }
+}
+
+/// Volume of a unit cube about the origin inside one plane that cuts it.
+fn cut_once(plane: &Plane) -> f64 {
+    let mut m = plane.normal.map(f64::abs);
+    m.sort_by(f64::total_cmp);
+    let sum = m[0] + m[1] + m[2];
+    // As a plane with positive normal of unit sum, its distance counted from the lowest corner.
+    let alpha = 0.5 + plane.offset / sum;
+    let [m1, m2, m3] = m.map(|x| x / sum);
+    let small = alpha.min(1.0 - alpha).max(0.0);
+    let part = smaller_part(small, m1, m2, m3);
+    if alpha <= 0.5 { part } else { 1.0 - part }
+}
+
+/// Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m = 1.
+fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
+    const TINY: f64 = 1e-8;
+    if m2 < TINY {
+        return alpha / m3;
+    }
+    let below = |x: f64| {
+        let y = (alpha - x).max(0.0);
+        y * y
+    };
+    if m1 < TINY {
+        return (alpha * alpha - below(m2) - below(m3)) / (2.0 * m2 * m3);
+    }
+    let m12 = m1 + m2;
+    if alpha < m1 {
+        alpha * alpha * alpha / (6.0 * m1 * m2 * m3)
+    } else if alpha < m2 {
+        (alpha * (alpha - m1) + m1 * m1 / 3.0) / (2.0 * m2 * m3)
+    } else if alpha < m12.min(m3) {
+        let cubic = alpha * alpha * (3.0 * m12 - alpha)
+            + m1 * m1 * (m1 - 3.0 * alpha)
+            + m2 * m2 * (m2 - 3.0 * alpha);
+        cubic / (6.0 * m1 * m2 * m3)
+    } else if m3 < m12 {
+        let cubic = alpha * alpha * (3.0 - 2.0 * alpha)
+            + m1 * m1 * (m1 - 3.0 * alpha)
+            + m2 * m2 * (m2 - 3.0 * alpha)
+            + m3 * m3 * (m3 - 3.0 * alpha);
+        cubic / (6.0 * m1 * m2 * m3)
+    } else {
+        (2.0 * alpha - m12) / (2.0 * m3)
+    }
+}
+
+/// Volume of a unit cube about the origin inside the planes of `scratch.cuts`.
+fn cut_often(scratch: &mut Scratch) -> f64 {
+    let Scratch {
+        cuts,
+        polygon,
+        clipped,
+    } = scratch;
+    let mut volume = 0.0;
+    // Faces of the cube.
+    for axis in 0..3 {
+        for side in [-0.5, 0.5] {
+            polygon.clear();
+            for corner in [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]] {
+                let mut at = Vector3::zeros();
+                at[axis] = side;
+                at[(axis + 1) % 3] = corner[0];
+                at[(axis + 2) % 3] = corner[1];
+                polygon.push(at);
+            }
+            for plane in cuts.iter() {
+                clip(polygon, clipped, plane.normal.into(), plane.offset);
+            }
+            volume += area(polygon) * 0.5;
+        }
+    }
+    // Faces of the body.
+    for (k, face) in cuts.iter().enumerate() {
+        let n = Vector3::from(face.normal);
+        let (s, t) = crate::dem::polyhedron::across(&n);
+        let foot = n * face.offset;
+        polygon.clear();
+        for (a, b) in [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)] {
+            polygon.push(foot + s * a + t * b);
+        }
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let mut normal = Vector3::zeros();
+                normal[axis] = side;
+                clip(polygon, clipped, normal, 0.5);
+            }
+        }
+        for (_, other) in cuts.iter().enumerate().filter(|&(other, _)| other != k) {
+            clip(polygon, clipped, other.normal.into(), other.offset);
+        }
+        volume += area(polygon) * face.offset;
+    }
+    volume / 3.0
+}
+
+/// What is left of a convex polygon inside `normal . x <= offset`.
+fn clip(
+    polygon: &mut Vec<Vector3<f64>>,
+    clipped: &mut Vec<Vector3<f64>>,
+    normal: Vector3<f64>,
+    offset: f64,
+) {
+    clipped.clear();
+    for (k, from) in polygon.iter().enumerate() {
+        let to = polygon[(k + 1) % polygon.len()];
+        let (p, q) = (normal.dot(from) - offset, normal.dot(&to) - offset);
+        if p <= 0.0 {
+            clipped.push(*from);
+        }
+        if (p < 0.0 && q > 0.0) || (p > 0.0 && q < 0.0) {
+            clipped.push(from + (to - from) * (p / (p - q)));
+        }
+    }
+    std::mem::swap(polygon, clipped);
+}
+
+/// Area of a plane convex polygon.
+fn area(polygon: &[Vector3<f64>]) -> f64 {
+    let mut sum = Vector3::zeros();
+    if let [first, rest @ ..] = polygon {
+        for pair in rest.windows(2) {
+            sum += (pair[0] - first).cross(&(pair[1] - first));
+        }
+    }
+    0.5 * sum.norm()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,98 @@
+//! From the plan to the fluid with its coupling.
+
+use crate::case::coupling::{
+    BounceBack as WrittenBounceBack, Coupling, Scheme as WrittenScheme, SolidFraction,
+    SolidOperator, Weighting as WrittenWeighting,
+};
+use crate::coupling::body_map::Rules;
+use crate::coupling::bounce_back::{self, BounceBack};
+use crate::coupling::partially_saturated::{self, PartiallySaturated};
+use crate::coupling::solid_fraction::Method as FractionMethod;
+use crate::coupling::water::Water;
+use crate::dem::space::Space;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::lanes::Stored;
+use crate::lbm::links::Scheme;
+use crate::lbm::saturation::{Method as Saturation, Reflection, Weighting};
+use crate::plan::Plan;
+use crate::units::LatticeUnits;
+
+/// Force per volume of a solid [N/m3] that the lattice does not know of.
+fn buoyancy(plan: &Plan) -> [f64; 3] {
+    match &plan.scene.flow {
+        // The pressure of the lattice is then the excess over hydrostatic.
+        Some(flow) if !flow.gravity_acts => plan.scene.gravity.map(|g| -flow.density * g),
+        _ => [0.0; 3],
+    }
+}
+
+/// A fluid with the coupling of the plan; links that bounce where it names none.
+#[must_use]
+pub fn flow<Sp: Space, S: Stored>(
+    plan: &Plan,
+    fluid: Fluid<S>,
+    units: LatticeUnits,
+) -> Water<Sp, S> {
+    let origin = [0.0; 3];
+    match &plan.scene.coupling {
+        Some(Coupling::PartiallySaturated(written)) => {
+            let settings = partially_saturated::Settings {
+                fractions: match written.solid_fraction {
+                    SolidFraction::Exact => FractionMethod::Exact,
+                    SolidFraction::Samples(n) => FractionMethod::Samples(n),
+                    SolidFraction::Linear => FractionMethod::Linear,
+                },
+                without_inner_water: written.exclude_inner_fluid,
+                buoyancy: buoyancy(plan),
+            };
+            let flow = PartiallySaturated::new(fluid, units, origin, settings);
+            Water::Saturated(Box::new(flow))
+        }
+        Some(Coupling::BounceBack(written)) => {
+            let settings = links(plan, written);
+            Water::BounceBack(Box::new(BounceBack::new(fluid, units, origin, settings)))
+        }
+        None => {
+            let settings = links(plan, &WrittenBounceBack::default());
+            Water::BounceBack(Box::new(BounceBack::new(fluid, units, origin, settings)))
+        }
+    }
+}
+
+/// What solids do to the cells that they cover; none where they bounce links.
+#[must_use]
+pub fn saturation(plan: &Plan) -> Option<Saturation> {
+    let Some(Coupling::PartiallySaturated(written)) = &plan.scene.coupling else {
+        return None;
+    };
+    Some(Saturation {
+        reflection: match written.solid_operator {
+            SolidOperator::NonEquilibriumBounceBack => Reflection::NonEquilibrium,
+            SolidOperator::Superposition => Reflection::Superposition,
+            SolidOperator::BounceBackAboutSolid => Reflection::AboutSolid,
+            SolidOperator::ViscosityMatched => Reflection::Matched,
+        },
+        weighting: match written.weighting {
+            WrittenWeighting::Fraction => Weighting::Fraction,
+            WrittenWeighting::Viscous => Weighting::Viscous,
+        },
+    })
+}
+
+fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
+    let scene = &plan.scene;
+    let limit = written.drop_wall_velocity_at_solid_neighbours as usize;
+    bounce_back::Settings {
+        scheme: match written.scheme {
+            WrittenScheme::HalfWay => Scheme::HalfWay,
+            WrittenScheme::Interpolated => Scheme::Interpolated,
+        },
+        average: written.force_average,
+        rules: Rules {
+            hydraulic_radius_factor: written.hydraulic_radius_factor,
+            first_grain: scene.first_grain(),
+            isolated: (limit > 0).then_some(limit),
+        },
+        buoyancy: buoyancy(plan),
+    }
+}
