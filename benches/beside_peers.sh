@@ -326,7 +326,7 @@ p8_yade() {
   peer=$(cd "$work" && BLOCKS=$count SETTLE=$settle timeout --kill-after=30 7200 taskset -c "$core" yade -n -x -j1 "$here/peers/yade_blocks.py" 2>/dev/null | field contacts_per_second)
 }
 row_P8() {
-  local pair ours peer blocks count=1000 settle=3000
+  local pair ours peer blocks count=1000 settle=6000
   [ "$quick" -eq 0 ] || count=40 settle=600
   blocks=$(bench_binary "${BLOCKS_BENCH:-}" blocks)
   for ((pair = 1; pair <= pairs; pair++)); do

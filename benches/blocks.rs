@@ -3,7 +3,7 @@
 //! `cargo bench --bench blocks`; words after `--` choose `pairs` or `pile`, with RAYON_NUM_THREADS=1 for one core.
 //!
 //! `pile [BLOCKS] [STEPS]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m, as in
-//! `benches/peers/yade_blocks.py`; after 3,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of
+//! `benches/peers/yade_blocks.py`; after 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of
 //! three runs of 300 steps with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them.
 //!
 //! `pairs`: each row is a shape and a model; each column what the pair remembers:
@@ -286,7 +286,7 @@ fn main() -> Result<(), Error> {
         pairs().map_err(|error| Error::Internal(error.to_string()))?;
     }
     if chosen("pile") {
-        pile(number(1, 1000), u64::from(number(2, 3000)))?;
+        pile(number(1, 1000), u64::from(number(2, 6000)))?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 # YADE polyhedra: a pile of random convex blocks in a box (P-8).
 #
-#   BLOCKS=1000 SETTLE=3000 STEPS=300 taskset -c 0 yade -n -x -j1 yade_blocks.py
+#   BLOCKS=1000 SETTLE=6000 STEPS=300 taskset -c 0 yade -n -x -j1 yade_blocks.py
 #
 # Peer: YADE 2023.02a (Smilauer et al. 2021), Debian's package; its polyhedra (J. Elias, Powder Technology 264, 2014) take the volume
 # of the overlap by CGAL as measure of contact. Blocks of 4 cm fall from a lattice into a box of 0.3 m with a floor. What is timed
@@ -15,7 +15,7 @@ import numpy as np
 from yade import polyhedra_utils, utils
 
 get = os.environ.get
-BLOCKS, SETTLE, STEPS = int(get("BLOCKS", "1000")), int(get("SETTLE", "3000")), int(get("STEPS", "300"))
+BLOCKS, SETTLE, STEPS = int(get("BLOCKS", "1000")), int(get("SETTLE", "6000")), int(get("STEPS", "300"))
 SIZE, WIDTH, ACROSS = 0.04, 0.30, 6
 draw = np.random.default_rng(3)
 

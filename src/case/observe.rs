@@ -123,7 +123,7 @@ pub enum ProbeAt {
 pub struct Output {
     /// Fields of the fluid.
     pub fluid: Option<FluidOutput>,
-    /// Positions, velocities, forces of the grains.
+    /// Positions, velocities, forces of the grains; of blocks with the radius of the sphere round them.
     pub grains: Option<GrainOutput>,
     /// Contacts with their forces and bonds.
     pub contacts: Option<Every>,

@@ -51,7 +51,7 @@ const CONTACT_OUTPUT_BYTES: f64 = 2.5 * 96.0;
 /// Vertices, faces and columns of a block in a file.
 const BLOCK_OUTPUT_BYTES: f64 = 1500.0;
 /// Million steps of blocks with a dozen neighbours each per second and core.
-const MILLION_BLOCK_STEPS: f64 = 0.05;
+const MILLION_BLOCK_STEPS: f64 = 0.03;
 /// Million particle steps per second and core.
 const MILLION_PARTICLE_STEPS: f64 = 4.0;
 
@@ -127,6 +127,9 @@ impl Estimate {
         let million_steps =
             (grains - blocks) / MILLION_PARTICLE_STEPS + blocks / MILLION_BLOCK_STEPS;
         estimate.seconds_on_one_core += 1e-6 * solid_steps * million_steps;
+        if blocks > 0.0 {
+            estimate.million_particle_steps = grains / million_steps;
+        }
         let solid_memory = grains * GRAIN_BYTES + blocks * BLOCK_BYTES;
         let lattice_bytes = cells * estimate.bytes_per_cell;
         estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + solid_memory;

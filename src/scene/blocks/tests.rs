@@ -169,6 +169,29 @@ fn overlaps_are_named_with_both() {
     assert!(plan(&mixed, Path::new("")).is_ok());
 }
 
+/// A cube beside a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
+#[test]
+fn a_wall_of_facets_is_not_inside_a_block() {
+    let beside = |x: f64| {
+        let cube = json!([{"shape": {"cuboid": {"edges": [1, 1, 1]}}, "position": [x, 2, 2]}]);
+        let mut parts = list(&cube);
+        parts["walls"] = json!([{"name": "screen", "material": "slate",
+            "shape": {"polygon": [[2, 0, 0], [2, 4, 0], [2, 4, 4], [2, 0, 4]]}}]);
+        plan(&parts, Path::new(""))
+    };
+    assert!(beside(1.52).is_ok() && beside(2.48).is_ok());
+    for x in [1.53, 2.0, 2.47] {
+        let problems = beside(x).expect_err("a screen in a block");
+        assert!(
+            problems[0]
+                .reason
+                .contains("block 0 overlaps the wall `screen`"),
+            "{}",
+            problems[0]
+        );
+    }
+}
+
 /// A cube of mass m between six neighbours: K = 2 k_n A + 4 k_s A, and the step is a tenth of sqrt(2 m/K).
 #[test]
 fn the_step_follows_from_mass_and_faces() {
