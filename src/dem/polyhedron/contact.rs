@@ -95,8 +95,16 @@ pub struct Geometry {
     pub depth: f64,
     /// Area of contact (m²).
     pub area: f64,
-    /// Polar second moment (m⁴) of the area about the contact point: what resists twisting.
-    pub polar: f64,
+    /// Second moments (m⁴) of the area about the contact point: the sum of `a a^T` over its arms `a` across the normal.
+    pub second: Matrix3<f64>,
+}
+
+impl Geometry {
+    /// Polar second moment (m⁴) of the area: what resists twisting.
+    #[must_use]
+    pub fn polar(&self) -> f64 {
+        self.second.trace().max(0.0)
+    }
 }
 
 /// What a pair remembers: plain data, 17 numbers. Lengths in m, forces in N.
@@ -214,10 +222,10 @@ struct Overlap {
 pub struct Hidden {
     /// m³, and its first moment (m⁴).
     part: Overlap,
-    /// Area (m²) of the facets inside the block, its first (m³) and polar (m⁴) moments about the centroid.
+    /// Area (m²) of the facets inside the block, its first (m³) and second (m⁴) moments about the centroid.
     area: f64,
     first: Vector3<f64>,
-    polar: f64,
+    second: Matrix3<f64>,
 }
 
 /// The buffers of the narrow phase: one for each thread.
@@ -382,12 +390,15 @@ impl Narrow {
         // The sphere's section in the middle of the overlap.
         let half = (distance + 0.5 * depth).abs().min(radius);
         let area = std::f64::consts::PI * (radius * radius - half * half);
+        let normal = block.rotation * normal;
+        // Of a disc: the same about all axes across the normal.
+        let moment = area * area / (4.0 * std::f64::consts::PI);
         Some(Geometry {
-            arm: block.rotation * (foot - normal * (0.5 * depth)),
-            normal: block.rotation * normal,
+            arm: block.rotation * foot - normal * (0.5 * depth),
+            normal,
             depth,
             area,
-            polar: area * area / (2.0 * std::f64::consts::PI),
+            second: (Matrix3::identity() - normal * normal.transpose()) * moment,
         })
     }
 
@@ -429,7 +440,7 @@ impl Narrow {
             sum.area += area;
             let flat = triangle.map(|corner| corner - normal * offset);
             sum.first += (flat[0] + flat[1] + flat[2]) * (area / 3.0);
-            sum.polar += spread(&flat) * (area / 6.0);
+            sum.second += spread(&flat) * (area / 12.0);
         }
         // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no volume.
         self.grown.clear();
@@ -498,13 +509,13 @@ impl Narrow {
                     None => return self.exhaust(first, other, memory),
                 };
                 let depth = exit(own, &point, &normal) + exit(others, &point, &-normal);
-                let (area, polar) = self.section(&point, &normal, first.radius());
+                let (area, second) = self.section(&point, &normal, first.radius());
                 Some(Geometry {
                     arm: point,
                     normal,
                     depth,
                     area,
-                    polar,
+                    second,
                 })
             }
         }
@@ -566,7 +577,7 @@ impl Narrow {
         // A block that goes through another: areas cancel, and the bed of springs is still as strong as its volume.
         let mut geometry = touch(&arm, &axis, depth);
         geometry.area = overlap.area.dot(&axis).max(volume / depth);
-        geometry.polar = self.polar(&arm, &axis);
+        geometry.second = self.second_moments(&arm, &axis);
         Some(geometry)
     }
 
@@ -721,41 +732,47 @@ impl Narrow {
             normal,
             depth: overlap.volume / area,
             area,
-            polar: self.polar(&overlap.centroid, &normal),
+            second: self.second_moments(&overlap.centroid, &normal),
         })
     }
 
-    /// Polar second moment (m⁴) about an axis of the first's surface inside the second, seen along the axis.
-    fn polar(&self, point: &Vector3<f64>, normal: &Vector3<f64>) -> f64 {
-        let sum = self.triangles.iter().map(|triangle| {
+    /// Second moments (m⁴) about an axis of the first's surface inside the second, seen along the axis.
+    fn second_moments(&self, point: &Vector3<f64>, normal: &Vector3<f64>) -> Matrix3<f64> {
+        let mut sum = Matrix3::zeros();
+        for triangle in &self.triangles {
             let flat = triangle.map(|corner| {
                 let arm = corner - point;
                 arm - normal * normal.dot(&arm)
             });
-            let area = (flat[1] - flat[0]).cross(&(flat[2] - flat[0])).dot(normal);
-            area * spread(&flat)
-        });
-        (sum.sum::<f64>() / 12.0).max(0.0)
+            let twice = (flat[1] - flat[0]).cross(&(flat[2] - flat[0])).dot(normal);
+            sum += spread(&flat) * (twice / 24.0);
+        }
+        sum
     }
 
-    /// Area and polar second moment of the section of all half-spaces across `normal` at `point`.
-    fn section(&mut self, point: &Vector3<f64>, normal: &Vector3<f64>, radius: f64) -> (f64, f64) {
+    /// Area and second moments of the section of all half-spaces across `normal` at `point`.
+    fn section(
+        &mut self,
+        point: &Vector3<f64>,
+        normal: &Vector3<f64>,
+        radius: f64,
+    ) -> (f64, Matrix3<f64>) {
         square(&mut self.polygon, point, normal, 2.0 * radius);
         for k in 0..self.planes.len() {
             if !self.cut(|narrow| narrow.planes[k]) {
-                return (0.0, 0.0);
+                return (0.0, Matrix3::zeros());
             }
         }
-        let (mut area, mut polar) = (0.0, 0.0);
+        let (mut area, mut second) = (0.0, Matrix3::zeros());
         for k in 1..self.polygon.len().saturating_sub(1) {
             let triangle = [0, k, k + 1].map(|k| self.polygon[k] - point);
-            let part = (triangle[1] - triangle[0])
+            let twice = (triangle[1] - triangle[0])
                 .cross(&(triangle[2] - triangle[0]))
                 .dot(normal);
-            area += 0.5 * part;
-            polar += part * spread(&triangle) / 12.0;
+            area += 0.5 * twice;
+            second += spread(&triangle) * (twice / 24.0);
         }
-        (area, polar)
+        (area, second)
     }
 }
 
@@ -772,13 +789,14 @@ impl Hidden {
         let arm = self.part.centroid / volume;
         let along = block.rotation.tr_mul(normal);
         let flat = arm - along * along.dot(&arm);
-        let polar = self.polar - 2.0 * flat.dot(&self.first) + flat.norm_squared() * self.area;
+        let mixed = flat * self.first.transpose();
+        let second = self.second - mixed - mixed.transpose() + flat * flat.transpose() * self.area;
         Some(Geometry {
             arm: block.rotation * arm,
             normal: -normal,
             depth: volume / self.area,
             area: self.area,
-            polar: polar.max(0.0),
+            second: block.rotation * second * block.rotation.transpose(),
         })
     }
 }
@@ -791,6 +809,7 @@ fn finish(found: Option<Geometry>, first: &Placed, memory: &mut Memory) -> Optio
     found.map(|geometry| Geometry {
         arm: first.rotation * geometry.arm,
         normal: first.rotation * geometry.normal,
+        second: first.rotation * geometry.second * first.rotation.transpose(),
         ..geometry
     })
 }
@@ -802,7 +821,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
         normal: *normal,
         depth,
         area: 0.0,
-        polar: 0.0,
+        second: Matrix3::zeros(),
     }
 }
 
@@ -828,11 +847,12 @@ fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)) * 0.5
 }
 
-/// `a² + b² + c² + ab + bc + ca`: six times the mean square over a triangle.
+/// Twelve times the mean of `r r^T` over a triangle of corners r.
 #[inline]
-fn spread(triangle: &[Vector3<f64>; 3]) -> f64 {
+fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     let [a, b, c] = triangle;
-    a.norm_squared() + b.norm_squared() + c.norm_squared() + a.dot(b) + b.dot(c) + c.dot(a)
+    let sum = a + b + c;
+    a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()
 }
 
 /// A square across `normal`, counter-clockwise about it.

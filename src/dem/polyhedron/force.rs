@@ -4,7 +4,7 @@
 //! F_n = k_n depth - c_n d(gap)/dt, at least 0
 //! F_s = cut(F_s' - k_s slip dt - c_s slip)      cut to length mu F_n
 //! M_t = cut(M_t' - k_t spin_n dt - c_t spin_n)  cut to mu F_n R,   R = 2/3 of the radius of the patch
-//! M_r = cut(-c_r spin across n)                 cut to F_n times the patch's radius of gyration
+//! M_r = cut(-c_r Q (spin across n))             cut to F_n times the patch's radius of gyration about M_r
 //! ```
 //!
 //! The stiffness is given per contact (N/m), or per area of contact (Pa/m) as joints of rock are: then `k = (per area) times
@@ -12,7 +12,9 @@
 //! step, carried along with the contact: turned as the normal turned and with the mean spin of both blocks about it, its
 //! length kept. `M_t` holds a face against twisting on a face, with the patch's polar moment J: `k_t = k_s J/area`, and for a disc `R` is
 //! that of an even pressure; without it one point on the axis would let a block spin freely on another. The dashpots are spread over
-//! the patch like the springs: `c_t = c_s J/area`, `c_r = c_n J/(2 area)`; a dashpot at one point would leave rocking undamped.
+//! the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the second moments `Q` of the area about the axes across
+//! the normal: a face is damped as it rocks, while a block turns freely about an edge. A dashpot at one point would leave rocking
+//! undamped.
 //! Force and moment are equal and opposite at one point: momentum and angular momentum are kept.
 //! Source: R. Hart, P. A. Cundall, J. Lemos, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 25 (1988) 117; they damp by mass
 //! ([`super::Damping`]), the dashpots are for collisions.
@@ -119,20 +121,24 @@ impl Law {
         };
 
         let (mut twist, mut moment) = (0.0, Vector3::zeros());
-        if touch.area > 0.0 && touch.polar > 0.0 {
-            let spread = touch.polar / touch.area;
+        let polar = touch.polar();
+        if touch.area > 0.0 && polar > 0.0 {
+            let spread = polar / touch.area;
             let turning = other - spin;
             let about = turning.dot(&n);
             let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
             twist = memory.twist - shear_stiff * spread * about * dt;
             let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
             twist = twist.clamp(-limit, limit);
-            // The mean of both moments of the area across the normal: half the polar.
-            let rocking = (turning - n * about) * (-0.5 * spread * dashpots[0]);
-            let most = normal * (0.5 * spread).sqrt();
+            // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
+            let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
+            let across = turning - n * about;
+            let rocking = about_axis(&across) * (-dashpots[0] / touch.area);
             let size = rocking.norm();
-            let rocking = if size > most {
-                rocking * (most / size)
+            let rocking = if size > 0.0 {
+                let axis = rocking / size;
+                let gyration = (axis.dot(&about_axis(&axis)) / touch.area).max(0.0).sqrt();
+                axis * size.min(normal * gyration)
             } else {
                 rocking
             };

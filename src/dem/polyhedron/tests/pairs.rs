@@ -173,7 +173,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
                 touch.depth > 0.0 && touch.depth.is_finite(),
                 "pair {id}: {touch:?}"
             );
-            assert!(touch.area >= 0.0 && touch.polar >= 0.0);
+            assert!(touch.area >= 0.0 && touch.polar() >= 0.0);
             assert!(touch.arm.norm() <= pair.shapes[0].radius() + 1e-9);
         }
         // Warm: the same answer, and where apart without another program.

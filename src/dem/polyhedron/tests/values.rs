@@ -5,8 +5,9 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::super::force::Approach;
 use super::super::linear_program::{AFRESH, Verdict, solve};
-use super::super::{HalfSpace, Memory, Model, Narrow, Polyhedron};
+use super::super::{HalfSpace, Law, Memory, Model, Narrow, Polyhedron, Stiffness};
 use super::{attitude, between, direction, placed, random_hull};
 use crate::random::Stream;
 
@@ -152,7 +153,7 @@ fn cubes_touch_where_the_table_says() {
             case.volume,
             max_relative = tolerance
         );
-        assert!(touch.polar > 0.0);
+        assert!(touch.polar() > 0.0);
     }
     assert_eq!(narrow.ways.exhaustive, 0);
     assert_eq!(narrow.ways.off_centre, 0);
@@ -325,4 +326,58 @@ fn spheres_touch_the_closest_point() {
             "{distance} {best}"
         );
     }
+}
+
+/// A box on its edge, a strip of length L: the dashpots resist a turn across the edge as they would a beam, with c_n L²/12, and let the box
+/// turn about the edge, over which the strip is next to nothing wide.
+#[test]
+fn a_block_turns_freely_about_its_edge() {
+    let (length, depth, tilt) = (0.4, 1e-5, 0.3);
+    let shape = Polyhedron::cuboid(Vector3::new(0.2, length, 0.5)).unwrap();
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt);
+    let block = placed(&shape, &turn);
+    let below = shape.support(&(turn.inverse() * -Vector3::z())).1;
+    let law = |damping| Law {
+        stiffness: Stiffness::PerContact {
+            normal: 1e8,
+            shear: 1e8,
+        },
+        friction: 0.5,
+        normal_damping: damping,
+        shear_damping: 0.0,
+    };
+    let mut narrow = Narrow::default();
+    let mut memory = Memory::default();
+    let touch = narrow
+        .plane(
+            &block,
+            &Vector3::z(),
+            below - depth,
+            &Model::Patch,
+            &mut memory,
+        )
+        .unwrap();
+    // The bottom and the side cut the plane at a right angle: the strip is between their feet.
+    let width = depth / tilt.tan() + depth * tilt.tan();
+    let dashpot = 2.0 * 0.3 * (100.0_f64 * 1e8).sqrt();
+    let resisting = |spin: Vector3<f64>| {
+        let approach = Approach {
+            // The contact's point is at rest.
+            velocity: spin.cross(&touch.arm),
+            spins: [spin, Vector3::zeros()],
+            separation: Vector3::new(0.0, 0.0, depth - below),
+            mass: 100.0,
+            time_step: 1e-6,
+        };
+        let [with, without] = [0.3, 0.0].map(|damping| {
+            let mut memory = Memory::default();
+            law(damping).act(&touch, &mut memory, &approach).on_first
+        });
+        with - without
+    };
+    let across = resisting(Vector3::new(1e-3, 0.0, 0.0));
+    let beam = Vector3::new(-1e-3 * dashpot * length * length / 12.0, 0.0, 0.0);
+    assert_relative_eq!(across, beam, max_relative = 1e-6);
+    let about = resisting(Vector3::new(0.0, 1e-3, 0.0)).norm();
+    assert!(about <= 1e-3 * dashpot * width * width, "{about:e}");
 }
