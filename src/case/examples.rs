@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 14] = [
+pub const EXAMPLES: [Example; 15] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -77,6 +77,11 @@ pub const EXAMPLES: [Example; 14] = [
         name: "dry-incline",
         summary: "two blocks on an incline: one sticks, one slides as the textbook says",
         text: include_str!("examples/dry-incline.json"),
+    },
+    Example {
+        name: "scour",
+        summary: "blocks of a jointed bed under a turbulent stream: one stands out, one is flush",
+        text: include_str!("examples/scour.json"),
     },
     Example {
         name: "avalanche",

@@ -9,7 +9,7 @@
 //!       = [f_ī - f_ī^eq(u_s)] - [f_i - f_i^eq(u_s)]                      bounce-back about the solid's velocity
 //!
 //! force of a cell on the solid   -B Σ c_i Ω^s_i = -B (α ρ u_s + r),      α = 1, 1, 2                (E-10)
-//! r = ρu - 2m,   (1 - ω)(m - ρu) - m,   -2m,     with m = Σ c f and ρu = m + F/2
+//! r = ρu - 2m,   (1 - ω)(m - ρu) - m,   -2m,     with m = Σ c f and ρu = m + F/2 (but for what leaks, below)
 //! ```
 //!
 //! All keep the mass of a cell; the momentum that the water loses is what the solids get, to rounding. τ is that of the water
@@ -36,6 +36,9 @@
 //! **Deep inside** a body, where no water is beside a cell, its populations are set to the equilibrium at the solid's velocity. Nothing there
 //! damps what the surface sends in: without it bodies that slide on each other stir the water inside until it carries momentum
 //! through them, and a cell that is uncovered shows it.
+//!
+//! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
+//! would swing for ever, and at high Reynolds numbers grow.
 //!
 //! Beside the populations a cell holds ε (f32) and its body: 8 bytes. The loop asks once for a vector of cells whether any is
 //! covered; the rest of this file runs only where one is.
@@ -116,8 +119,7 @@ pub const DEEP: f32 = 2.0;
 /// Homsy's drag of a simple cubic array of spheres 8 to 12 cells across.
 const DRAG: f64 = 0.75;
 
-/// A full cell that reverses what enters keeps this much open: what was caught between two such cells when they were covered would go to
-/// and fro for ever, and the force with it.
+/// What a cell loses of what it reverses: caught between two full cells it would go to and fro for ever, and the force with it.
 const LEAK: f64 = 1.0 / 64.0;
 
 /// No body.
@@ -608,11 +610,13 @@ impl View {
             b = b * N::splat(1.0 - LEAK);
         }
         let keep = N::splat(1.0) - cell.omega;
+        let half = N::splat(0.5);
+        let stays = N::splat(1.0 - LEAK);
         // At rest no direction: the even part alone.
         let even_u = cell.even::<L, Q>(0, cell.uu, zero);
         let even_s = cell.even::<L, Q>(0, cell.ss, zero);
         let solid = match reflection {
-            Reflection::NonEquilibrium => even_s - even_u,
+            Reflection::NonEquilibrium => stays * (before[0] - even_u) + (even_s - before[0]),
             Reflection::Superposition => (even_s - before[0]) + keep * (before[0] - even_u),
             _ => zero,
         };
@@ -629,9 +633,10 @@ impl View {
             let (x, y) = (before[i], before[j]);
             let (on_i, on_j) = match reflection {
                 Reflection::NonEquilibrium => {
-                    let even = even_s - even_u;
-                    let odd = (odd_s + odd_u) - (x - y);
-                    (even + odd, even - odd)
+                    // Departure from equilibrium, reversed, less what leaks.
+                    let (even, odd) = ((x + y) * half - even_u, (x - y) * half - odd_u);
+                    let (p, q) = (stays * (even - odd), stays * (even + odd));
+                    ((p - x) + (even_s + odd_s), (q - y) + (even_s - odd_s))
                 }
                 Reflection::Superposition => (
                     ((even_s + odd_s) - x) + keep * (x - (even_u + odd_u)),
@@ -650,7 +655,7 @@ impl View {
         unroll!(axes a < 3 => {
             let (m, ru) = (cell.m[a], cell.ru[a]);
             rest[a] = match reflection {
-                Reflection::NonEquilibrium => ru - (m + m),
+                Reflection::NonEquilibrium => stays * (ru - m) - m,
                 Reflection::Superposition => keep * (m - ru) - m,
                 _ => zero - (m + m),
             };

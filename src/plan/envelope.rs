@@ -380,8 +380,16 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     }
     let (_, height) = passage(scene, axis);
     let viscous = size * height * height / (8.0 * flow.density * flow.kinematic_viscosity);
+    let start = match &flow.initial {
+        Initial::Uniform { velocity, .. } => velocity.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        Initial::Channel { peak, .. } => peak.abs(),
+        _ => 0.0,
+    };
     let estimate = match flow.body_force {
-        BodyForce::Constant(_) => viscous,
+        // Turbulent flow is rougher: some 30 friction velocities; and no flow is faster than the force has had time for.
+        BodyForce::Constant(_) => viscous
+            .min(30.0 * (size * height / flow.density).sqrt())
+            .min(size * scene.time.end / flow.density + start),
         BodyForce::Oscillating { period, .. } => {
             viscous.min(size * period / (std::f64::consts::TAU * flow.density))
         }

@@ -404,7 +404,8 @@ fn time_step(
         );
         return None;
     }
-    if tau < 0.51 {
+    // Eddies add to the viscosity where the flow asks for it.
+    if tau < 0.51 && lbm.turbulence.is_none() {
         findings.warn(
             &path,
             format!("the relaxation time is tau = {tau:.5}, close to the limit 0.5: the flow may turn unstable"),
