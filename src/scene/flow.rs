@@ -250,6 +250,7 @@ impl Flow {
         let relaxation_time = lbm
             .relaxation_time
             .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
+        at_edges(lbm, grid, relaxation_time, findings);
         Some(Self {
             density: lbm.density,
             kinematic_viscosity: lbm.kinematic_viscosity,
@@ -313,6 +314,22 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
         );
     }
     lattice
+}
+
+/// In ducts and boxes multiple relaxation times with the rates of Suga grow from round-off in the cells at the edges: seen from
+/// tau = 0.75 on with bounce-back walls, not at 0.7 and below, and with no other operator.
+fn at_edges(lbm: &LatticeBoltzmann, grid: &Grid, tau: f64, findings: &mut Findings) {
+    let walls = (0..grid.dimension).filter(|&a| !grid.periodic[a]).count();
+    if matches!(lbm.collision, Collision::Mrt { .. }) && tau > 0.7 && walls > 1 {
+        findings.warn(
+            &format!("{PATH}.collision.mrt"),
+            format!(
+                "the relaxation time is tau = {}: with the rates of Suga the flow turns unstable where two walls meet",
+                number(tau)
+            ),
+            "use trt or cumulant, or a tau of at most 0.7",
+        );
+    }
 }
 
 /// The time step from whichever of the three ways the case uses.
