@@ -10,6 +10,7 @@ use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
+use crate::output::averages::{Averages, SUMS};
 use crate::output::together::Together;
 use decomposition::{Communicator, StateHash, field_key};
 use io::checkpoint::{Array, Reader};
@@ -111,6 +112,8 @@ impl Saved for f32 {}
 pub struct State<'a, Sp: Space, S: Stored> {
     /// The fluid, if any.
     pub fluid: Option<&'a Fluid<S>>,
+    /// Sums over time, if any.
+    pub averages: Option<&'a Averages>,
     /// Numbers of the seepage, the same on every rank; none without one.
     pub seepage: Vec<f64>,
     /// Grains and bodies.
@@ -165,6 +168,17 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 start,
                 count,
                 data: Data::from(values.as_slice()),
+            });
+        }
+        attributes["averages"] = json!(self.averages.map_or(0, Averages::samples));
+        if let (Some(fluid), Some(averages)) = (self.fluid, self.averages) {
+            let [shape, start, count] = box_of(fluid, SUMS).map(|v| v.to_vec());
+            arrays.push(Array {
+                name: "averages",
+                shape,
+                start,
+                count,
+                data: Data::from(averages.sums()),
             });
         }
         if !self.seepage.is_empty() {
@@ -279,6 +293,16 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 }
             }
         }
+        if let (Some(fluid), Some(averages)) = (self.fluid, self.averages) {
+            let key = field_key("averages");
+            let [shape, start, _] = box_of(fluid, SUMS);
+            for (([x, y, z], _), sums) in cells_of(fluid).zip(averages.sums().chunks_exact(SUMS)) {
+                let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                for (k, sum) in sums.iter().enumerate() {
+                    hash.add(key, (cell * SUMS + k) as u64, sum.to_bits());
+                }
+            }
+        }
         if communicator.rank() == 0 {
             let key = field_key("seepage");
             for (index, value) in (0..).zip(&self.seepage) {
@@ -385,6 +409,25 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
         }
     }
     fluid.spread_velocities();
+    Ok(())
+}
+
+/// Sums over time of a slab from a checkpoint; they stay at nothing where it holds none.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn read_averages<S: Saved>(
+    averages: &mut Averages,
+    fluid: &Fluid<S>,
+    reader: &Reader,
+) -> Result<(), Error> {
+    let samples = reader.attributes()["averages"].as_u64().unwrap_or(0);
+    if samples == 0 {
+        return Ok(());
+    }
+    let [_, start, count] = box_of(fluid, SUMS).map(|v| v.to_vec());
+    let sums = reader.read("averages", &start, &count).map_err(as_error)?;
+    averages.restore(samples, sums);
     Ok(())
 }
 

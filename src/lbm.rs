@@ -16,4 +16,5 @@ pub mod lattice;
 pub mod links;
 pub mod populations;
 pub mod saturation;
+pub mod synthetic;
 pub mod turbulence;

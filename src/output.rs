@@ -9,12 +9,14 @@
 //! | `schedule` | when something is due |
 //! | `view` | what there is to see of a run |
 //! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
+//! | `averages` | averages over time, and their profile |
 //! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks in one order |
 //! | `probes` | numbers over time |
 //! | `info` | what is in a file or folder |
 //!
 //! No file depends on the number of ranks.
 
+pub mod averages;
 mod blocks;
 mod contacts;
 mod fluid;
@@ -29,10 +31,12 @@ mod seepage;
 pub mod together;
 pub mod view;
 
+use crate::case::geometry::Axis;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::view::View;
 use crate::plan::Plan;
+use averages::AverageFields;
 use blocks::Blocks;
 use contacts::Contacts;
 use decomposition::Domain;
@@ -69,6 +73,7 @@ pub struct Outputs {
     grains: Option<Output<Grains>>,
     contacts: Option<Output<Contacts>>,
     blocks: Option<Output<Blocks>>,
+    averages: Option<Output<AverageFields>>,
     probes: Vec<Probe>,
     next: u64,
 }
@@ -135,6 +140,18 @@ impl Outputs {
             }
             None => None,
         };
+        let averages = match &written.averages {
+            Some(output) => {
+                // Without an interval only the end of the run is left.
+                let every = output.every.map_or(plan.clock.steps, every);
+                let fields = AverageFields::new(output.profile.map(Axis::index));
+                let mut output =
+                    Output::open(folder, "averages", every, fields, &group, resumed_at)?;
+                output.open_profile(folder, &group, resumed_at)?;
+                Some(output)
+            }
+            None => None,
+        };
         let probes = Probe::all(plan, folder, domain, resumed_at)?;
         let mut outputs = Self {
             provenance,
@@ -142,6 +159,7 @@ impl Outputs {
             grains,
             contacts,
             blocks,
+            averages,
             probes,
             next: 0,
         };
@@ -190,10 +208,15 @@ impl Outputs {
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
     pub fn sync(&self, domain: &Domain) -> Result<(), Error> {
-        if self.probes.is_empty() {
+        let profile = self.averages.as_ref();
+        let profile = profile.and_then(|output| output.buffers.table.as_ref());
+        if self.probes.is_empty() && self.averages.is_none() {
             return Ok(());
         }
-        Together(domain.communicator()).on_root(|| self.probes.iter().try_for_each(Probe::sync))
+        Together(domain.communicator()).on_root(|| {
+            profile.map_or(Ok(()), io::Table::sync)?;
+            self.probes.iter().try_for_each(Probe::sync)
+        })
     }
 
     fn write_series<S: Space>(
@@ -278,6 +301,48 @@ impl Outputs {
             }
             output.schedule.pass(view.step);
         }
+        self.write_averages(view, due)
+    }
+
+    fn write_averages<S: Space>(
+        &mut self,
+        view: &View<S>,
+        due: impl Fn(&Schedule) -> bool,
+    ) -> Result<(), Error> {
+        let Some(output) = &mut self.averages else {
+            return Ok(());
+        };
+        let group = Together(view.domain.communicator());
+        let averages = view.averages.ok_or_else(averages::none)?;
+        if averages.samples() > 0 && output.is_wanted(view.step, &due) {
+            let fluid = probes::fluid(view)?;
+            let grid = &view.plan.scene.grid;
+            if let Some(axis) = output.buffers.profile {
+                let rows = averages::profile(averages, fluid, grid, axis, group.0);
+                group.on_root(|| {
+                    let table = output.buffers.table.as_mut();
+                    table.map_or(Ok(()), |table| {
+                        rows.iter().try_for_each(|row| {
+                            table.row(view.step, &[&[view.time], row.as_slice()].concat())
+                        })
+                    })
+                })?;
+            }
+            output.buffers.read(averages, fluid.units());
+            let image = output.buffers.image(fluid, grid);
+            let when = Moment {
+                step: view.step,
+                time: view.time,
+            };
+            let (provenance, mode) = (&self.provenance, Mode::Collective);
+            group.settle(
+                output
+                    .series
+                    .write_image(when, &image, provenance, &group, mode),
+            )?;
+            output.last = Some(view.step);
+        }
+        output.schedule.pass(view.step);
         Ok(())
     }
 
@@ -287,6 +352,7 @@ impl Outputs {
             self.grains.as_ref().map(|o| o.schedule),
             self.contacts.as_ref().map(|o| o.schedule),
             self.blocks.as_ref().map(|o| o.schedule),
+            self.averages.as_ref().map(|o| o.schedule),
         ];
         let probes = self.probes.iter().map(|probe| probe.schedule);
         series
@@ -331,6 +397,27 @@ impl<T> Output<T> {
 
     fn is_wanted(&self, step: u64, due: impl Fn(&Schedule) -> bool) -> bool {
         self.last != Some(step) && due(&self.schedule)
+    }
+}
+
+impl Output<AverageFields> {
+    /// The table of the profile, on rank 0, if one is asked for. Its rows are written before the fields of the same step.
+    fn open_profile(
+        &mut self,
+        folder: &Path,
+        group: &Together,
+        resumed_at: Option<u64>,
+    ) -> Result<(), Error> {
+        if self.buffers.profile.is_none() {
+            return Ok(());
+        }
+        let path = folder.join("averages_profile.csv");
+        let resumed_at = resumed_at.map(|step| (step, self.last == Some(step)));
+        let table = &mut self.buffers.table;
+        group.on_root(|| {
+            *table = Some(averages::open(&path, resumed_at)?);
+            Ok(())
+        })
     }
 }
 

@@ -27,6 +27,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::Outputs;
+use crate::output::averages::Averages;
 pub use crate::output::view;
 use crate::plan::Plan;
 use collapse::CollapseRecorder;
@@ -44,6 +45,8 @@ struct Present<Sp: Space, S: Saved> {
     flow: Option<Water<Sp, S>>,
     dem: Option<Dem<Sp>>,
     particles: Particles<Sp>,
+    /// Sums over time, where they are asked for.
+    averages: Option<Averages>,
     /// Fluid steps done.
     step: u64,
 }
@@ -68,6 +71,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
             domain: &self.domain,
             fluid: self.lattice().map(|flow| flow as &dyn FluidView),
             seepage: self.seepage(),
+            averages: self.averages.as_ref(),
             particles: &self.particles,
             dem: self.dem.as_ref(),
             step: self.step,
@@ -78,6 +82,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
     fn state(&self) -> State<'_, Sp, S> {
         State {
             fluid: self.lattice().map(LatticeFlow::fluid),
+            averages: self.averages.as_ref(),
             seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
             particles: &self.particles,
             contacts: self.dem.as_ref().map(Dem::contacts),
@@ -137,6 +142,10 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             flow.follow(&mut now.particles, &now.domain)?;
         }
         self.phases.done(Phase::Mapping);
+        let flow = now.flow.as_ref().and_then(Water::lattice);
+        if let (Some(averages), Some(flow)) = (&mut now.averages, flow) {
+            averages.sample(now.step, flow);
+        }
         let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
         self.recorder
             .record_due(&now.view(), &removed, breaks, self.guards.mass_error())?;

@@ -42,6 +42,9 @@ pub enum Condition {
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0))]
         ramp_time: Option<f64>,
+        /// Turbulence that enters with the flow; the profile is then the mean.
+        #[serde(default)]
+        turbulence: Option<Fluctuations>,
     },
     /// Pressure imposed, tangential velocity zero.
     Pressure {
@@ -53,6 +56,13 @@ pub enum Condition {
     },
     /// The flow leaves freely: no gradient along the normal.
     Outflow {},
+    /// What leaves is carried out with the flow: df/dt + U df/dn = 0. Vortices leave with little reflection.
+    ConvectiveOutflow {
+        /// U [m/s]; without it the velocity of the fluid at the face, cell by cell.
+        #[serde(default)]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        velocity: Option<f64>,
+    },
 }
 
 /// A velocity over a face or patch.
@@ -72,6 +82,21 @@ pub enum VelocityProfile {
         /// rows. Relative to the case.
         path: PathBuf,
     },
+}
+
+/// Synthetic turbulence: isotropic fluctuations made of random Fourier modes (Kraichnan 1970), without divergence.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluctuations {
+    /// Root mean square of each component over the mean speed at the same place, without unit.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub intensity: f64,
+    /// Longitudinal integral length: the integral of the correlation exp(-pi r²/(4 L²)) [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub length_scale: f64,
+    /// Seed of the random numbers.
+    #[serde(default)]
+    pub seed: u64,
 }
 
 /// A linear change in time.

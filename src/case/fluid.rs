@@ -1,6 +1,6 @@
 //! The fluid: its properties, its numerics, what drives it and how it starts.
 
-use super::boundary::Boundary;
+use super::boundary::{Boundary, Fluctuations};
 use super::darcy::Darcy;
 use super::geometry::Vector;
 use schemars::JsonSchema;
@@ -249,14 +249,17 @@ pub enum Initial {
         #[serde(default)]
         pressure: f64,
     },
-    /// The Taylor-Green vortices in the x-y plane with their pressure and stress:
-    /// u = -U cos(ax) sin(by), v = (a/b) U sin(ax) cos(by), with a = 2 pi n/size.
+    /// The Taylor-Green vortices with their pressure and stress: u = -U cos(ax) sin(by) cos(cz),
+    /// v = (a/b) U sin(ax) cos(by) cos(cz), with a = 2 pi n/size. Along z they are the same (c = 0) if no waves are asked for.
     TaylorGreen {
         /// Largest velocity U along x [m/s].
         velocity: f64,
         /// Waves along x and y.
         #[serde(default = "one_wave")]
         waves: [u32; 2],
+        /// Waves along z, which make the vortices stretch each other (Taylor and Green 1937).
+        #[serde(default)]
+        waves_along_z: u32,
     },
     /// A parabola across the domain: the developed flow between two walls.
     Channel {
@@ -266,6 +269,9 @@ pub enum Initial {
         across: super::geometry::Axis,
         /// Velocity half-way between the walls [m/s].
         peak: f64,
+        /// Fluctuations about the parabola, from which turbulence grows.
+        #[serde(default)]
+        fluctuations: Option<Fluctuations>,
     },
     /// Velocity and pressure of a field output (VTKHDF) of the same size and spacing.
     File {

@@ -129,6 +129,28 @@ pub struct Output {
     pub contacts: Option<Every>,
     /// Surfaces of the blocks, with where each came from and how it moves.
     pub blocks: Option<Every>,
+    /// Averages over time of velocity, pressure and Reynolds stresses of a fluid on a lattice.
+    pub averages: Option<AveragesOutput>,
+}
+
+/// Averages over time: sums of velocity, its products and pressure in every cell, which go on through a restart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AveragesOutput {
+    /// Time of the first sample [s].
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
+    pub from: f64,
+    /// Time between samples [s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub sample_every: f64,
+    /// Time between outputs of what has been summed so far [s]; without it at the end of the run only.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub every: Option<f64>,
+    /// Means over the planes across this axis, too, as a table: the profile between walls.
+    #[serde(default)]
+    pub profile: Option<Axis>,
 }
 
 /// Fields of the fluid.

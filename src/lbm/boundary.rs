@@ -2,11 +2,13 @@
 //!
 //! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
 //! that leaves through an edge or a corner belongs to the face with the strongest condition, in the order wall,
-//! velocity, pressure, outflow, free slip; a wall therefore always closes its corners.
+//! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
 
+pub mod convective;
 pub mod free_slip;
 pub mod outflow;
 pub mod pressure;
+pub mod turbulent;
 pub mod wall;
 
 use super::lanes::Stored;
@@ -54,10 +56,14 @@ pub enum Condition {
     NoSlip,
     /// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
     Velocity(Profile, Ramp),
+    /// The same with turbulence over the profile.
+    Turbulent(Profile, Ramp, turbulent::Synthetic),
     /// Density deviation δρ = 3 p (pressure above the reference, in lattice units).
     Pressure(Ramp),
     /// The fluid leaves with the state it has.
     Outflow,
+    /// The fluid is carried out with this velocity [cells per step]; without one with its own.
+    Convective(Option<f64>),
     /// No flow through, no friction along.
     FreeSlip,
 }
@@ -66,9 +72,9 @@ impl Condition {
     fn strength(&self) -> u8 {
         match self {
             Self::NoSlip => 4,
-            Self::Velocity(..) => 3,
+            Self::Velocity(..) | Self::Turbulent(..) => 3,
             Self::Pressure(_) => 2,
-            Self::Outflow => 1,
+            Self::Outflow | Self::Convective(_) => 1,
             Self::FreeSlip => 0,
         }
     }
@@ -112,6 +118,8 @@ pub struct Boundaries {
     pressure_links: Vec<pressure::PressureLink>,
     mirrors: Vec<free_slip::Mirror>,
     outflows: Vec<outflow::OutflowLink>,
+    convective: convective::Convective,
+    inlets: Vec<turbulent::Inlet>,
 }
 
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
@@ -155,6 +163,13 @@ pub struct Frame {
     pub periodic: [bool; 3],
 }
 
+fn factor(patches: &[Patch], patch: usize, step: f64) -> f64 {
+    match &patches[patch].condition {
+        Condition::Velocity(_, ramp) | Condition::Turbulent(_, ramp, _) => ramp.at(step),
+        _ => 0.0,
+    }
+}
+
 impl Boundaries {
     /// Finds the boundary links of a slab. Faces without a patch are no-slip walls.
     #[must_use]
@@ -170,6 +185,8 @@ impl Boundaries {
             pressure_links: Vec::new(),
             mirrors: Vec::new(),
             outflows: Vec::new(),
+            convective: convective::Convective::default(),
+            inlets: Vec::new(),
         };
         for axis in 0..3 {
             // Last resort, weakest in the search below because later patches win.
@@ -241,7 +258,29 @@ impl Boundaries {
                             term: 0.0,
                         });
                     }
-                    Condition::Velocity(profile, _) => {
+                    Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..) => {
+                        if let Condition::Turbulent(_, _, synthetic) = &all.patches[patch].condition
+                        {
+                            let (axis, upper) = (all.patches[patch].axis, all.patches[patch].upper);
+                            let mut centre: [f64; 3] =
+                                std::array::from_fn(|a| middle[a] - 0.5 * f64::from(c[a]));
+                            centre[axis] = middle[axis];
+                            let u = profile(centre);
+                            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+                            let known = all.inlets.iter().position(|inlet| inlet.patch == patch);
+                            let n = known.unwrap_or_else(|| {
+                                let side = (axis, upper);
+                                all.inlets.push(turbulent::Inlet::new(
+                                    patch,
+                                    side,
+                                    synthetic,
+                                    frame.cells,
+                                ));
+                                all.inlets.len() - 1
+                            });
+                            let strength = synthetic.intensity * speed;
+                            all.inlets[n].add(at, strength, link, weight, c);
+                        }
                         let u = profile(middle);
                         let term = wall::term(weight, c, u);
                         all.walls.push(wall::WallLink {
@@ -275,6 +314,11 @@ impl Boundaries {
                             patch,
                         ));
                     }
+                    Condition::Convective(speed) => {
+                        let link = outflow::OutflowLink::new(populations, cell, i, outside, patch);
+                        let side = (all.patches[patch].axis, all.patches[patch].upper);
+                        all.convective.add(link, cell, side, *speed);
+                    }
                     Condition::FreeSlip => {
                         all.mirrors.push(free_slip::Mirror::new(
                             populations,
@@ -297,10 +341,7 @@ impl Boundaries {
     /// Factor of the velocity of a patch at a step: that of its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
-        match &self.patches[patch].condition {
-            Condition::Velocity(_, ramp) => ramp.at(step),
-            _ => 0.0,
-        }
+        factor(&self.patches, patch, step)
     }
 
     /// Names of the patches, in the order of [`Boundaries::fluxes`].
@@ -308,9 +349,14 @@ impl Boundaries {
         self.patches.iter().map(|p| p.name.as_str())
     }
 
+    /// Notes what the rules need of the state before a pass.
+    pub fn remember<S: Stored>(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
+        self.convective.remember(populations, half_force);
+    }
+
     /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force.
     pub fn apply<S: Stored>(
-        &self,
+        &mut self,
         populations: &mut Populations<S>,
         step: f64,
         half_force: [f64; 3],
@@ -327,12 +373,16 @@ impl Boundaries {
             half_force,
         );
         outflow::apply(&self.outflows, populations);
+        self.convective.apply(populations);
         free_slip::apply(&self.mirrors, populations);
         wall::apply(
             &self.walls,
-            |patch| self.velocity_factor(patch, step),
+            |patch| factor(&self.patches, patch, step),
             populations,
         );
+        for inlet in &mut self.inlets {
+            inlet.apply(populations, step, factor(&self.patches, inlet.patch, step));
+        }
     }
 
     /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over
@@ -384,7 +434,7 @@ impl Boundaries {
                 back,
             );
         }
-        for o in &self.outflows {
+        for o in self.outflows.iter().chain(self.convective.links()) {
             let back = velocities.opposite[o.direction];
             add(
                 o.patch,
@@ -403,6 +453,6 @@ impl Boundaries {
     /// Whether any rule needs the cell behind the first (outflow), so that a slab at a face must be two planes thick.
     #[must_use]
     pub fn needs_two_planes(&self) -> bool {
-        !self.outflows.is_empty()
+        !(self.outflows.is_empty() && self.convective.links().is_empty())
     }
 }

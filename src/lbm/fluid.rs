@@ -443,6 +443,8 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         let force = self.half_force().map(|f| 2.0 * f);
+        let half = force.map(|f| 0.5 * f);
+        self.boundaries.remember(&self.populations, half);
         // Faces first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self
@@ -479,8 +481,7 @@ impl<S: Stored> Fluid<S> {
         self.step += 1;
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = self.step as f64;
-        self.boundaries
-            .apply(&mut self.populations, time, force.map(|f| 0.5 * f));
+        self.boundaries.apply(&mut self.populations, time, half);
         self.complete_velocities();
     }
 
@@ -787,6 +788,35 @@ mod tests {
             (on(lid) - exact).abs() < 1e-14 && (on(floor) + exact).abs() < 1e-14,
             "{drag}"
         );
+    }
+
+    /// B-15: a force against a wall makes the hydrostatic pressure up to the first cell, with every operator.
+    #[test]
+    fn hydrostatic_pressure_reaches_the_walls() {
+        let n = 8;
+        for operator in [
+            Operator::Bgk,
+            Operator::Trt { magic: 3.0 / 16.0 },
+            Operator::Mrt(mrt::Rates::SUGA),
+            Operator::Cumulant { bulk: 1.0 },
+        ] {
+            let mut s = setup(Set::D3Q27, operator, 0.8, [2, n, 2]);
+            let g = 1e-5;
+            s.force = Force::Constant([2e-6, -g, 0.0]);
+            let mut fluid = serial(0, s);
+            for _ in 0..3000 {
+                fluid.advance();
+            }
+            for y in 0..n {
+                let cell = fluid.populations().cell([0, y.cast_signed(), 0]);
+                let (drho, u) = fluid.state(cell);
+                let exact = 3.0 * g * (0.5 * n as f64 - (y as f64 + 0.5));
+                assert!(
+                    (drho - exact).abs() < 1e-3 * 3.0 * g && u[1].abs() < 1e-9,
+                    "{operator:?} {y} {drho} {exact} {u:?}"
+                );
+            }
+        }
     }
 
     /// B-18: beside walls the derivative of a parabola is exact, beside open faces that of a straight line.

@@ -252,13 +252,17 @@ impl Field {
                     }
                     match holder.map(|p| &patches[p].condition) {
                         None | Some(Condition::NoSlip) => {}
-                        Some(Condition::Velocity(profile, _)) => {
+                        Some(
+                            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..),
+                        ) => {
                             #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
                             let scaled = profile(position).map(|u| (share * u) as f32);
                             wall = scaled;
                             patch = holder;
                         }
-                        Some(Condition::Pressure(_) | Condition::Outflow) => {
+                        Some(
+                            Condition::Pressure(_) | Condition::Outflow | Condition::Convective(_),
+                        ) => {
                             (inner, outer) = if frame.cells[axis] == 1 {
                                 ([1.0; 3], 0.0)
                             } else {

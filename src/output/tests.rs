@@ -162,6 +162,7 @@ impl Run {
             domain: &self.domain,
             fluid: Some(&self.fluid),
             seepage: None,
+            averages: None,
             particles: &self.particles,
             dem: Some(&self.dem),
             step,

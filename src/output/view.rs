@@ -1,5 +1,6 @@
 //! What outputs, probes and analyses may see of a running simulation.
 
+use super::averages::Averages;
 use crate::coupling::FluidView;
 use crate::coupling::drag::Seepage;
 use crate::dem::Dem;
@@ -19,6 +20,8 @@ pub struct View<'a, S: Space> {
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,
+    /// Sums over time of this rank's slab, if the scene asks for averages.
+    pub averages: Option<&'a Averages>,
     /// Grains and bodies of this rank, ghosts up to date.
     pub particles: &'a Particles<S>,
     /// Contacts, if anything moves.

@@ -38,6 +38,8 @@ pub struct Estimate {
 const CELL_EXTRA_BYTES: f64 = 12.0;
 /// Two velocities in f32 for the eddy viscosity.
 const EDDY_BYTES: f64 = 24.0;
+/// Eleven sums over time in f64.
+const AVERAGE_BYTES: f64 = 88.0;
 /// A grain with its neighbour list, contacts and history.
 const GRAIN_BYTES: f64 = 1500.0;
 /// What a block needs beside: its shape, here and in the scene, and the longer memory of its contacts.
@@ -100,6 +102,9 @@ impl Estimate {
                 count(flow.lattice.velocities()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
             if flow.turbulence.is_some() {
                 estimate.bytes_per_cell += EDDY_BYTES;
+            }
+            if scene.output.averages.is_some() {
+                estimate.bytes_per_cell += AVERAGE_BYTES;
             }
             estimate.mlups = mlups(flow.lattice, flow.storage);
             let updates = cells * (steps + steps_number(clock.warm_up_steps));

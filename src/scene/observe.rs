@@ -6,7 +6,8 @@ use super::grid::Grid;
 use super::solids::{Body, check_radii};
 use super::{material, unique};
 use crate::case::Case;
-use crate::case::geometry::Face;
+use crate::case::fluid::Fluid;
+use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
 use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
 use serde::Serialize;
@@ -326,6 +327,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
             }
         }
     }
+    averages(case, findings);
     let others = [
         ("output.grains", output.grains.as_ref().map(|o| o.every)),
         ("output.contacts", output.contacts.as_ref().map(|o| o.every)),
@@ -345,6 +347,46 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
     }
     if let Some(every) = case.checkpoint.every {
         due(case, every, "checkpoint.every", findings);
+    }
+}
+
+fn averages(case: &Case, findings: &mut Findings) {
+    let Some(averages) = &case.output.averages else {
+        return;
+    };
+    let path = "output.averages";
+    if !matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
+        findings.error(
+            path,
+            "averages are those of a fluid on a lattice, and there is none in this case",
+            "take this output out",
+        );
+    }
+    due(
+        case,
+        averages.sample_every,
+        &format!("{path}.sample_every"),
+        findings,
+    );
+    if let Some(every) = averages.every {
+        due(case, every, &format!("{path}.every"), findings);
+    }
+    if averages.from >= case.time.end {
+        findings.error(
+            &format!("{path}.from"),
+            format!(
+                "the run ends at {} s, before the first sample",
+                number(case.time.end)
+            ),
+            format!("use less than {}", number(case.time.end)),
+        );
+    }
+    if averages.profile == Some(Axis::Z) && case.domain.size.0.len() == 2 {
+        findings.error(
+            &format!("{path}.profile"),
+            "there is no z in a 2-D problem",
+            "use x or y",
+        );
     }
 }
 

@@ -25,6 +25,7 @@ use crate::error::{Error, Problem, Severity};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
+use crate::output::averages::Averages;
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
@@ -426,6 +427,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if resumed {
             collapse.restore(&collapse_state)?;
         }
+        let lattice = flow.as_ref().and_then(Water::lattice);
+        let mut averages = lattice.and_then(|flow| Averages::new(&plan, flow));
+        if let (Some(averages), Some(flow), Some((found, _))) = (&mut averages, lattice, &found) {
+            let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+            checkpoint::read_averages(averages, flow.fluid(), &reader)?;
+        }
         let mut guards = Guards::new(&plan);
         guards.restore(&guards_state);
         progress = Progress::new(speaks, step);
@@ -437,6 +444,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     flow,
                     dem,
                     particles,
+                    averages,
                     step,
                 },
                 removal,

@@ -3,6 +3,7 @@
 pub mod blocks;
 
 use super::coupled;
+use crate::case::boundary::Fluctuations;
 use crate::case::fluid::{Collision, Turbulence};
 use crate::coupling::body_map::GHOSTS;
 use crate::coupling::drag::{self, DragLaw, Seepage};
@@ -16,10 +17,12 @@ use crate::dem::particles::{Body, Kind, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
 use crate::error::Error;
+use crate::lbm::boundary::turbulent::Synthetic;
 use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
 use crate::lbm::collision::mrt::Rates;
 use crate::lbm::fluid::{Force, Operator, Set, Setup};
 use crate::lbm::initial::Field;
+use crate::lbm::synthetic::Modes;
 use crate::lbm::turbulence::Model;
 use crate::plan::Plan;
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
@@ -160,7 +163,11 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
             Condition::Velocity(Box::new(move |_| u), Ramp::constant(1.0))
         }
         Written::FreeSlip => Condition::FreeSlip,
-        Written::Velocity { profile, ramp_time } => {
+        Written::Velocity {
+            profile,
+            ramp_time,
+            turbulence,
+        } => {
             let profile: Profile = match profile {
                 VelocityProfile::Uniform(velocity) => {
                     let u = lattice(*velocity);
@@ -175,7 +182,14 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
                 ),
                 VelocityProfile::File(path) => table(path, axis, plan, units)?,
             };
-            Condition::Velocity(profile, growing(*ramp_time))
+            let ramp = growing(*ramp_time);
+            match turbulence {
+                None => Condition::Velocity(profile, ramp),
+                Some(written) => {
+                    let synthetic = synthetic(written, plan, patch, &profile, units)?;
+                    Condition::Turbulent(profile, ramp, synthetic)
+                }
+            }
         }
         Written::Pressure {
             value,
@@ -187,6 +201,9 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
             steps: units.time_to_lattice(*ramp_time),
         }),
         Written::Outflow => Condition::Outflow,
+        Written::ConvectiveOutflow(velocity) => {
+            Condition::Convective(velocity.map(|v| units.velocity_to_lattice(v)))
+        }
     };
     Ok(Patch {
         name: patch.name.clone(),
@@ -194,6 +211,46 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
         upper,
         range,
         condition,
+    })
+}
+
+/// Turbulence carried in by the mean of a profile over the cells of its patch.
+fn synthetic(
+    written: &Fluctuations,
+    plan: &Plan,
+    patch: &flow::Patch,
+    profile: &Profile,
+    units: &LatticeUnits,
+) -> Result<Synthetic, Error> {
+    let grid = &plan.scene.grid;
+    let (axis, inward) = (patch.face.axis(), patch.face.inward());
+    let (mut sum, mut cells) = (0.0, 0.0);
+    for x in patch.from[0]..patch.to[0] {
+        for y in patch.from[1]..patch.to[1] {
+            for z in patch.from[2]..patch.to[2] {
+                let mut place = [x, y, z].map(|n| count(n) + 0.5);
+                place[axis] = if patch.face.is_max() {
+                    count(grid.cells[axis])
+                } else {
+                    0.0
+                };
+                let u = profile(place);
+                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                cells += 1.0;
+            }
+        }
+    }
+    let speed = sum / f64::max(cells, 1.0);
+    if speed <= 0.0 {
+        return Err(Error::Io(format!(
+            "boundary `{}`: turbulence is carried in by the mean flow, but the profile does not flow in",
+            patch.name
+        )));
+    }
+    Ok(Synthetic {
+        modes: modes(written, grid.dimension, units),
+        intensity: written.intensity,
+        speed,
     })
 }
 
@@ -282,6 +339,12 @@ fn table(
     }))
 }
 
+/// Modes of written fluctuations, of unit root mean square.
+fn modes(written: &Fluctuations, dimension: usize, units: &LatticeUnits) -> Modes {
+    let length = units.length_to_lattice(written.length_scale);
+    Modes::new(written.seed, length, dimension)
+}
+
 /// The fluid at the start as a field on the lattice; none for a file.
 #[must_use]
 pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn Field>> {
@@ -300,26 +363,45 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
             wave_numbers,
         } => {
             let (speed, h) = (u(*velocity), units.spacing);
-            let [a, b] = wave_numbers.map(|k| k * h);
+            let [a, b, c] = wave_numbers.map(|k| k * h);
             Box::new(move |p: [f64; 3]| {
-                let (x, y) = (a * p[0], b * p[1]);
+                let [x, y, z] = [a * p[0], b * p[1], c * p[2]];
                 let v = [
-                    -speed * x.cos() * y.sin(),
-                    speed * (a / b) * x.sin() * y.cos(),
+                    -speed * x.cos() * y.sin() * z.cos(),
+                    speed * (a / b) * x.sin() * y.cos() * z.cos(),
                     0.0,
                 ];
-                // p/rho_0 = -U²/4 (cos 2ax + (a/b)² cos 2by); a density deviation is three times that.
-                let drho =
-                    -0.75 * speed * speed * ((2.0 * x).cos() + (a / b).powi(2) * (2.0 * y).cos());
+                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²) and
+                // B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three times that.
+                let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
+                let drho = -0.375
+                    * speed
+                    * speed
+                    * ((2.0 * x).cos() * along(a) + (a / b).powi(2) * (2.0 * y).cos() * along(b));
                 (drho, v)
             })
         }
-        Initial::Channel { flow, across, peak } => {
+        Initial::Channel {
+            flow,
+            across,
+            peak,
+            fluctuations,
+        } => {
             let (flow, across, peak) = (*flow, *across, u(*peak));
+            let grid = &plan.scene.grid;
+            let eddies = fluctuations.map(|written| {
+                let lengths = std::array::from_fn(|a| grid.periodic[a].then_some(cells[a]));
+                let modes = modes(&written, grid.dimension, units).periodic(lengths);
+                (written.intensity, modes)
+            });
             Box::new(move |p: [f64; 3]| {
                 let s = p[across] / cells[across];
+                let speed = 4.0 * peak * s * (1.0 - s);
                 let mut v = [0.0; 3];
-                v[flow] = 4.0 * peak * s * (1.0 - s);
+                if let Some((intensity, modes)) = &eddies {
+                    v = modes.at(p).map(|u| u * intensity * speed);
+                }
+                v[flow] += speed;
                 (0.0, v)
             })
         }

@@ -58,7 +58,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["darcy", "dem", "lbm", "units"],
         &["decomposition"],
     ),
-    ("lbm", &[], &["decomposition"]),
+    ("lbm", &["random"], &["decomposition"]),
     ("dem", &["random"], &["decomposition"]),
     ("darcy", &["random"], &["decomposition"]),
     ("units", &[], &[]),

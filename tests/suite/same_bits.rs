@@ -115,6 +115,50 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
+/// Synthetic turbulence enters, is carried out, and is averaged: sums over time are part of the state.
+#[test]
+fn averages_of_a_gusty_stream() {
+    let _alone = alone();
+    let boundaries = r#"[
+        {"name": "in", "face": "x_min", "condition": {"velocity": {
+            "profile": {"parabolic": {"peak": 0.2}},
+            "turbulence": {"intensity": 0.2, "length_scale": 4e-4, "seed": 5}}}},
+        {"name": "out", "face": "x_max", "condition": {"convective_outflow": {}}},
+        {"name": "side", "face": "z_max", "condition": {"convective_outflow": {"velocity": 0.1}}}
+    ]"#;
+    let study = Study::of(
+        "taylor-green",
+        &[
+            (
+                "domain",
+                r#"{"size": [0.0024, 0.002, 0.0018], "spacing": 1e-4}"#,
+            ),
+            ("fluid.lattice_boltzmann.relaxation_time", "0.51"),
+            ("fluid.lattice_boltzmann.initial", r#"{"rest": {}}"#),
+            ("fluid.lattice_boltzmann.boundaries", boundaries),
+            ("probes", "[]"),
+            (
+                "output.averages",
+                r#"{"from": 2e-4, "sample_every": 1e-4, "every": 1e-3, "profile": "y"}"#,
+            ),
+            ("checkpoint.every", "0.0008"),
+            ("time.end", "0.003"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("two", 2, 2, "domain.split=y"),
+        ("three", 3, 1, "domain.split=z"),
+        ("four", 4, 1, "domain.split=x"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0015"]);
+    study.restart("parts", 3, &["time.end=0.003"]).expect(0);
+    study.same("straight", "parts");
+}
+
 #[test]
 fn grains_without_fluid() {
     let _alone = alone();

@@ -39,12 +39,17 @@ impl OutflowLink {
             direction: i,
         }
     }
+
+    /// Position of the same population in the cell upstream.
+    pub(super) fn upstream(&self, parity: Parity) -> usize {
+        self.from[usize::from(parity == Parity::Reversed)]
+    }
 }
 
 pub(super) fn apply<S: Stored>(links: &[OutflowLink], populations: &mut Populations<S>) {
     let parity = populations.parity();
     let numbers = populations.numbers_mut();
     for o in links {
-        numbers[o.link.incoming(parity)] = numbers[o.from[usize::from(parity == Parity::Reversed)]];
+        numbers[o.link.incoming(parity)] = numbers[o.upstream(parity)];
     }
 }

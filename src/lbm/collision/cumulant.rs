@@ -10,7 +10,9 @@
 //! The relaxation of the diagonal carries the correction of the cubic error in u (from the strain that the moments
 //! themselves show), so that viscosity does not depend on the velocity of the frame. There is no magic parameter: where a
 //! wall lies depends weakly on τ. Transforms are three sweeps of nine, on deviations from the moments of the weights, so
-//! that the fluid at rest is exact. A force flips the first central moment, -F/2 to F/2.
+//! that the fluid at rest is exact. A force flips the first central moment, -F/2 to F/2; the Gaussian then lies about u + F/(2ρ), so that
+//! κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with Guo forcing of the other operators: without them the fluid beside a
+//! wall that a force presses it against has a wrong pressure.
 
 use super::Collision;
 use crate::lbm::lanes::Lanes;
@@ -190,26 +192,34 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
             - drho.mul_add(drho, drho + drho) * n::<N>(1.0 / 27.0);
         let zero = n::<N>(0.0);
         let mut first = [zero; 3];
+        // κ_abb, κ_acc and κ_abbcc of the axis a, from the force along it.
+        let mut odd = [[zero; 3]; 3];
         if FORCED {
+            let [s_x, s_y, s_z] = [a, b, c].map(|s| (s + third) * inverse);
             unroll!(axes a < 3 => {
                 first[a] = n::<N>(0.5 * self.force[a]);
             });
+            odd = [
+                [first[0] * s_y, first[0] * s_z, first[0] * s_y * s_z],
+                [first[1] * s_x, first[1] * s_z, first[1] * s_x * s_z],
+                [first[2] * s_x, first[2] * s_y, first[2] * s_x * s_y],
+            ];
         }
         t = [
             [
                 [drho, first[2], c],
-                [first[1], p, zero],
-                [b, zero, of.fourth(b, c, pp)],
+                [first[1], p, odd[1][1]],
+                [b, odd[2][1], of.fourth(b, c, pp)],
             ],
             [
-                [first[0], q, zero],
+                [first[0], q, odd[0][1]],
                 [r, zero, of.mixed(c, r, q, p)],
-                [zero, of.mixed(b, q, r, p), zero],
+                [odd[0][0], of.mixed(b, q, r, p), odd[0][2]],
             ],
             [
-                [a, zero, of.fourth(c, a, qq)],
-                [zero, of.mixed(a, p, r, q), zero],
-                [of.fourth(a, b, rr), zero, sixth * inverse * inverse],
+                [a, odd[2][0], of.fourth(c, a, qq)],
+                [odd[1][0], of.mixed(a, p, r, q), odd[1][2]],
+                [of.fourth(a, b, rr), odd[2][2], sixth * inverse * inverse],
             ],
         ];
 
@@ -328,6 +338,14 @@ mod tests {
             [2, 0, 2] => k202,
             [0, 2, 2] => k022,
             [2, 2, 2] => k222,
+            // One odd order: the Gaussian lies about u + F/(2 rho), to first order in F.
+            order if order.iter().filter(|&&n| n == 1).count() == 1 => (0..3)
+                .map(|a| match order[a] {
+                    1 => 0.5 * force[a],
+                    2 => [k200, k020, k002][a] / rho,
+                    _ => 1.0,
+                })
+                .product(),
             _ => 0.0,
         };
         let matrix = DMatrix::<f64>::from_fn(27, 27, |row, i| power(i, u, orders[row]));

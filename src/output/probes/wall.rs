@@ -172,7 +172,7 @@ fn strength(condition: Option<&Condition>) -> u8 {
         Some(Condition::NoSlip) | None => 4,
         Some(Condition::MovingWall(_) | Condition::Velocity { .. }) => 3,
         Some(Condition::Pressure { .. }) => 2,
-        Some(Condition::Outflow) => 1,
+        Some(Condition::Outflow | Condition::ConvectiveOutflow(_)) => 1,
         Some(Condition::FreeSlip) => 0,
     }
 }

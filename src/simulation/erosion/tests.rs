@@ -133,6 +133,7 @@ fn view<'a>(
         domain,
         fluid: Some(fluid),
         seepage: None,
+        averages: None,
         particles,
         dem: None,
         step,

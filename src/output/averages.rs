@@ -1,0 +1,359 @@
+//! Averages of the velocity and of its products over time, in every cell, and their means over planes.
+//!
+//! From a start on, every so many steps, each cell whose centre is in the fluid adds its state to eleven sums: the number of
+//! samples, the density deviation, the velocity and its six products. From these come
+//!
+//! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
+//!
+//! as fields (`averages`), and, where a `profile` is asked for, the same for all cells of each plane across an axis
+//! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the profile are
+//! about the mean of the plane. Eddies smaller than a cell are not in them.
+//!
+//! A sum belongs to its cell, so that no rank or thread can change it; sums over planes are exact. The sums are part of a
+//! checkpoint, and of the state that its hash stands for.
+
+use crate::coupling::FluidView;
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::scene::grid::{Grid, count};
+use crate::units::LatticeUnits;
+use decomposition::{Communicator, ExactSum};
+use io::{Column, Image, Table};
+
+/// Sums of a cell: samples, density deviation, u v w, uu vv ww uv vw uw; lattice units.
+pub const SUMS: usize = 11;
+
+/// Which product stands for each component of the tensor, row by row.
+const TENSOR: [usize; 9] = [0, 3, 5, 3, 1, 4, 5, 4, 2];
+
+/// Columns of the profile, and their units.
+pub(super) const HEADINGS: [(&str, &str); 13] = [
+    ("time", "s"),
+    ("position", "m"),
+    ("samples", "-"),
+    ("mean_velocity_x", "m/s"),
+    ("mean_velocity_y", "m/s"),
+    ("mean_velocity_z", "m/s"),
+    ("mean_pressure", "Pa"),
+    ("stress_xx", "m2/s2"),
+    ("stress_yy", "m2/s2"),
+    ("stress_zz", "m2/s2"),
+    ("stress_xy", "m2/s2"),
+    ("stress_yz", "m2/s2"),
+    ("stress_xz", "m2/s2"),
+];
+
+/// The sums of a slab.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Averages {
+    first: u64,
+    every: u64,
+    samples: u64,
+    /// In the order [z][y][x][sum].
+    sums: Vec<f64>,
+}
+
+impl Averages {
+    /// Of a plan that asks for them, in the slab of `fluid`; nothing sampled yet.
+    #[must_use]
+    pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
+        let written = plan.scene.output.averages.as_ref()?;
+        Some(Self {
+            // A sample at the very start of the run would be the initial state.
+            first: plan.clock.interval_to_steps(written.from).max(1),
+            every: plan.clock.interval_to_steps(written.sample_every).max(1),
+            samples: 0,
+            sums: vec![0.0; fluid.cells().iter().product::<usize>() * SUMS],
+        })
+    }
+
+    /// Adds the state after `step` steps, where it is due.
+    pub fn sample(&mut self, step: u64, fluid: &dyn FluidView) {
+        if step < self.first || !(step - self.first).is_multiple_of(self.every) {
+            return;
+        }
+        self.samples += 1;
+        let mut sums = self.sums.chunks_exact_mut(SUMS);
+        let [nx, ny, nz] = fluid.cells();
+        for z in 0..nz {
+            for y in 0..ny {
+                for x in 0..nx {
+                    let Some(sums) = sums.next() else { return };
+                    if fluid.body_at([x, y, z]).is_some() {
+                        continue;
+                    }
+                    let (drho, [u, v, w]) = fluid.state([x, y, z]);
+                    let state = [1.0, drho, u, v, w, u * u, v * v, w * w, u * v, v * w, u * w];
+                    for (sum, value) in sums.iter_mut().zip(state) {
+                        *sum += value;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Samples taken.
+    #[must_use]
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// The sums of the slab, in the order [z][y][x][sum].
+    #[must_use]
+    pub fn sums(&self) -> &[f64] {
+        &self.sums
+    }
+
+    /// Goes on from saved sums of the same slab.
+    pub fn restore(&mut self, samples: u64, sums: Vec<f64>) {
+        self.samples = samples;
+        self.sums = sums;
+    }
+}
+
+/// Means of some sums in SI: velocity, pressure, products; NaN without samples.
+fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
+    let n = sums[0];
+    let u: [f64; 3] = std::array::from_fn(|a| sums[2 + a] / n);
+    let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
+    let scale = units.velocity_to_si(1.0).powi(2);
+    let products = std::array::from_fn(|k| {
+        let (a, b) = pairs[k];
+        scale * (sums[5 + k] / n - u[a] * u[b])
+    });
+    let pressure = units.density_deviation_to_pressure(sums[1] / n);
+    (u.map(|u| units.velocity_to_si(u)), pressure, products)
+}
+
+/// Fields of the averages; buffers reused. The table of the profile is on rank 0.
+#[derive(Debug)]
+pub(super) struct AverageFields {
+    velocity: Vec<f64>,
+    pressure: Vec<f64>,
+    stress: Vec<f64>,
+    samples: Vec<f64>,
+    pub(super) profile: Option<usize>,
+    pub(super) table: Option<Table>,
+}
+
+impl AverageFields {
+    pub(super) fn new(profile: Option<usize>) -> Self {
+        Self {
+            velocity: Vec::new(),
+            pressure: Vec::new(),
+            stress: Vec::new(),
+            samples: Vec::new(),
+            profile,
+            table: None,
+        }
+    }
+
+    pub(super) fn read(&mut self, averages: &Averages, units: &LatticeUnits) {
+        self.velocity.clear();
+        self.pressure.clear();
+        self.stress.clear();
+        self.samples.clear();
+        for sums in averages.sums.chunks_exact(SUMS) {
+            let (velocity, pressure, products) = means(sums, units);
+            self.velocity.extend(velocity);
+            self.pressure.push(pressure);
+            self.stress.extend(TENSOR.map(|k| products[k]));
+            self.samples.push(sums[0]);
+        }
+    }
+
+    pub(super) fn image<'a>(&'a self, fluid: &dyn FluidView, grid: &Grid) -> Image<'a> {
+        let column = |name, units, components, data: &'a [f64]| Column {
+            name,
+            units,
+            components,
+            data: data.into(),
+        };
+        Image {
+            origin: [0.0; 3],
+            spacing: [grid.spacing; 3],
+            cells: grid.cells,
+            start: fluid.start(),
+            count: fluid.cells(),
+            fields: vec![
+                column("mean_velocity", "m/s", 3, &self.velocity),
+                column("mean_pressure", "Pa", 1, &self.pressure),
+                column("reynolds_stress", "m2/s2", 9, &self.stress),
+                column("samples", "-", 1, &self.samples),
+            ],
+        }
+    }
+}
+
+/// The rows of the profile across `axis` without their time, one for each plane of cells. Collective.
+pub(super) fn profile(
+    averages: &Averages,
+    fluid: &dyn FluidView,
+    grid: &Grid,
+    axis: usize,
+    communicator: &Communicator,
+) -> Vec<Vec<f64>> {
+    let (start, cells) = (fluid.start(), fluid.cells());
+    (0..grid.cells[axis])
+        .map(|plane| {
+            let mut sums: [ExactSum; SUMS] = std::array::from_fn(|_| ExactSum::new());
+            if let Some(local) = plane.checked_sub(start[axis]).filter(|n| *n < cells[axis]) {
+                let (mut from, mut to) = ([0; 3], cells);
+                (from[axis], to[axis]) = (local, local + 1);
+                for z in from[2]..to[2] {
+                    for y in from[1]..to[1] {
+                        for x in from[0]..to[0] {
+                            let place = SUMS * ((z * cells[1] + y) * cells[0] + x);
+                            let cell = &averages.sums[place..place + SUMS];
+                            for (sum, value) in sums.iter_mut().zip(cell) {
+                                sum.add(*value);
+                            }
+                        }
+                    }
+                }
+            }
+            let sums = sums.map(|mut sum| {
+                sum.all_reduce(communicator);
+                sum.value()
+            });
+            let (velocity, pressure, products) = means(&sums, fluid.units());
+            let mut row = vec![(count(plane) + 0.5) * grid.spacing, sums[0]];
+            row.extend(velocity);
+            row.push(pressure);
+            row.extend(products);
+            row
+        })
+        .collect()
+}
+
+/// Opens the table of the profile, on rank 0; `resumed_at` is a step, and whether its rows are whole.
+pub(super) fn open(
+    path: &std::path::Path,
+    resumed_at: Option<(u64, bool)>,
+) -> Result<Table, io::Error> {
+    match resumed_at {
+        None | Some((0, false)) => Table::create(path, &HEADINGS),
+        Some((step, true)) => Table::resume(path, &HEADINGS, step),
+        Some((step, false)) => Table::resume(path, &HEADINGS, step - 1),
+    }
+}
+
+/// What is asked of averages where there is no lattice.
+pub(super) fn none() -> Error {
+    Error::Internal("there are no averages to write".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::lbm::boundary::Flux;
+    use approx::assert_abs_diff_eq;
+    use std::path::Path;
+
+    const CASE: &str = r#"{
+      "title": "swing",
+      "domain": {"size": [3e-3, 4e-3], "spacing": 1e-3},
+      "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "time_step": 0.1}},
+      "time": {"end": 10},
+      "output": {"averages": {"from": 1, "sample_every": 0.2, "profile": "y"}}
+    }"#;
+
+    /// u = y + s, v = -s/2 in every cell with s = (-1)^step; the first cell is covered.
+    struct Swing(LatticeUnits, f64);
+
+    impl FluidView for Swing {
+        fn units(&self) -> &LatticeUnits {
+            &self.0
+        }
+        fn cells(&self) -> [usize; 3] {
+            [3, 4, 1]
+        }
+        fn start(&self) -> [usize; 3] {
+            [0; 3]
+        }
+        fn state(&self, [_, y, _]: [usize; 3]) -> (f64, [f64; 3]) {
+            (0.3 + self.1, [count(y) + self.1, -0.5 * self.1, 0.0])
+        }
+        fn stress(&self, _: [usize; 3]) -> [[f64; 3]; 3] {
+            [[0.0; 3]; 3]
+        }
+        fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+            (cell == [0; 3]).then_some(7)
+        }
+        fn patches(&self) -> Vec<String> {
+            Vec::new()
+        }
+        fn fluxes(&self) -> Vec<Flux> {
+            Vec::new()
+        }
+    }
+
+    #[test]
+    fn means_and_products_of_a_swing() {
+        let document = Document::read(CASE, &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let units = plan.units.unwrap();
+        let mut averages = Averages::new(&plan, &Swing(units, 0.0)).unwrap();
+        // Due are 10, 12, 14 ...: the sign of the state changes from one of them to the next.
+        for step in 0..=24_u32 {
+            let sign = if (step / 2) % 2 == 0 { 1.0 } else { -1.0 };
+            averages.sample(u64::from(step), &Swing(units, 0.1 * sign));
+        }
+        assert_eq!(averages.samples(), 8);
+        let fluid = Swing(units, 0.0);
+        let serial = Communicator::serial();
+        let rows = profile(&averages, &fluid, &plan.scene.grid, 1, &serial);
+        assert_eq!(rows.len(), 4);
+        let speed = units.velocity_to_si(1.0);
+        for (y, row) in rows.iter().enumerate() {
+            let cells = if y == 0 { 2.0 } else { 3.0 };
+            let pressure = units.density_deviation_to_pressure(0.3);
+            let expected = [
+                (count(y) + 0.5) * 1e-3,
+                8.0 * cells,
+                count(y) * speed,
+                0.0,
+                0.0,
+                pressure,
+                0.01 * speed * speed,
+                0.0025 * speed * speed,
+                0.0,
+                -0.005 * speed * speed,
+                0.0,
+                0.0,
+            ];
+            assert_eq!(row.len() + 1, HEADINGS.len());
+            for (found, expected) in row.iter().zip(expected) {
+                assert_abs_diff_eq!(*found, expected, epsilon = 1e-12 + 1e-12 * expected.abs());
+            }
+        }
+        let mut fields = AverageFields::new(None);
+        fields.read(&averages, &units);
+        assert!(fields.velocity[0].is_nan(), "a covered cell has no samples");
+        let second = &fields.stress[9..18];
+        for (k, expected) in [0.01, -0.005, 0.0, -0.005, 0.0025, 0.0, 0.0, 0.0, 0.0]
+            .into_iter()
+            .enumerate()
+        {
+            assert_abs_diff_eq!(second[k], expected * speed * speed, epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn saved_sums_go_on() {
+        let document = Document::read(CASE, &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let units = plan.units.unwrap();
+        let fluid = Swing(units, 0.01);
+        let mut straight = Averages::new(&plan, &fluid).unwrap();
+        let mut parts = straight.clone();
+        straight.sample(10, &fluid);
+        parts.sample(10, &fluid);
+        let mut other = Averages::new(&plan, &fluid).unwrap();
+        other.restore(parts.samples(), parts.sums().to_vec());
+        straight.sample(12, &fluid);
+        other.sample(12, &fluid);
+        assert_eq!(straight, other);
+    }
+}
