@@ -15,6 +15,10 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
+/// The grains of a column that reach within this many mean diameters of its elevation at time 0 are its surface: one layer, so
+/// that none of them stands still where the column has gone down by more.
+pub const SKIN: f64 = 0.5;
+
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
@@ -310,19 +314,40 @@ impl Ground {
             .map(|z| self.cells.lower(z, 2))
     }
 
-    /// How far every column has gone down.
+    /// How far every column has gone down: its elevation or the grains that were its surface, whichever went less.
     #[must_use]
-    pub fn settlement(&self, now: &[Option<f64>]) -> Vec<Option<f64>> {
+    pub fn settlement(&self, now: &[Option<f64>], grains: &[Grain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
+        let descent = self.descent(grains);
         let columns = (0..ny).flat_map(|across| (0..nx).map(move |long| (long, across)));
         columns
             .map(|(long, across)| {
                 let k = self.cells.column(long, across);
                 let before = self.surface[k]?;
                 let bare = || self.floor(long, across);
-                Some(before - now[k].or_else(bare).unwrap_or(before))
+                let fall = before - now[k].or_else(bare).unwrap_or(before);
+                Some(descent[k].map_or(fall, |descent| fall.min(descent)))
             })
             .collect()
+    }
+
+    /// How far the grains that were the surface of every column at time 0 have gone down on average, wherever they are now;
+    /// none where all of them have left.
+    fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
+        let mut down = vec![(0.0, 0); self.surface.len()];
+        for grain in grains {
+            let start = std::array::from_fn(|axis| grain.at[axis] - grain.moved[axis]);
+            let [long, across, _] = self.cells.of(start);
+            let k = self.cells.column(long, across);
+            let skin = |top| start[2] + grain.radius >= top - SKIN * self.diameter;
+            if self.surface[k].is_some_and(skin) {
+                let (sum, n) = &mut down[k];
+                *sum -= grain.moved[2];
+                *n += 1;
+            }
+        }
+        let mean = |(sum, n)| (n > 0).then(|| sum / number(n));
+        down.into_iter().map(mean).collect()
     }
 
     /// Cells that were ground and have lost their solid.
@@ -438,7 +463,7 @@ impl Ground {
             }
         }
         let surface = surface(&self.cells, grains, self.diameter);
-        let settlement = self.settlement(&surface);
+        let settlement = self.settlement(&surface, grains);
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = limits.percentile / 100.0 * number(sorted.len().max(1) - 1);
