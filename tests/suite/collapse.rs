@@ -157,7 +157,7 @@ fn sand_leaves_as_single_grains() {
 #[test]
 fn a_grain_that_rolls_off_its_column_is_no_sinkhole() {
     let _alone = alone();
-    let perched = format!("0.00242,0.002,{},{}\n", 6.0 * D + 1.43 * D, 1.5 * D);
+    let perched = format!("0.00242,0.0015,{},{}\n", 7.4 * D, 1.4 * D);
     let study = study_of(None, &(columns() + &perched));
     let closed = |n: usize| format!("regions[{n}].action.remove.when=\"centre\"");
     let (left, right) = (closed(0), closed(1));
