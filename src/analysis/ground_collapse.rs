@@ -31,8 +31,9 @@
 //!   mean diameter: a grain in flight is no ground, soil that falls together is. Where nothing is left it is the lowest
 //!   ground the column had.
 //! - **Settlement** of a column is how far its elevation has fallen or how far the grains that were its surface at time 0 have gone
-//!   down on average, whichever is less. A grain that rolls off its column lowers the elevation by its own size and more, and goes
-//!   down by little; grains that sink with the ground do both. Where all of them have left it is the fall of the elevation.
+//!   down, the middle one of the three highest, whichever is less. A large grain that rolls off its column lowers the elevation
+//!   by its own size and more while those beside it stay; grains that sink with the ground do both. Where all of them have left it
+//!   is the fall of the elevation.
 //! - **Extension** is the length along the long axis over which any column has settled by the threshold of the sinkhole.
 //! - **Inward** is the mean displacement, towards the nearest point along the long axis, of the grains that at time 0 were beside the
 //!   points and no further from them than their cover is thick: about the wedge that can slide in.

@@ -15,9 +15,9 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
-/// The grains of a column that reach within this many mean diameters of its elevation at time 0 are its surface: one layer, so
-/// that none of them stands still where the column has gone down by more.
-pub const SKIN: f64 = 0.5;
+/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down: one large grain
+/// that lay on the others may roll down by more than a mean diameter alone.
+pub const SKIN: usize = 3;
 
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,6 +64,8 @@ pub struct Ground {
     pub solid: Vec<f64>,
     /// Elevation of the surface of each column [m]; none where there was no grain.
     pub surface: Vec<Option<f64>>,
+    /// Elevation from which on grains were the surface of each column [m]; none where there was no grain.
+    pub skin: Vec<Option<f64>>,
 }
 
 /// What counts as void, moving, settled.
@@ -278,6 +280,20 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
         .collect()
 }
 
+/// Top of the lowest of the [`SKIN`] highest grains of every column.
+fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
+    let mut tops: Vec<Vec<f64>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
+    for grain in grains {
+        let [long, across, _] = cells.of(grain.at);
+        tops[cells.column(long, across)].push(grain.at[2] + grain.radius);
+    }
+    let lowest = |mut tops: Vec<f64>| {
+        tops.sort_by(|a, b| b.total_cmp(a));
+        tops.into_iter().take(SKIN).last()
+    };
+    tops.into_iter().map(lowest).collect()
+}
+
 impl Ground {
     /// The ground as it is now.
     #[must_use]
@@ -291,6 +307,7 @@ impl Ground {
                 .map(|part| (part * 1e4).round() / 1e4)
                 .collect(),
             surface: surface(&cells, grains, diameter),
+            skin: skin(&cells, grains),
         }
     }
 
@@ -331,23 +348,25 @@ impl Ground {
             .collect()
     }
 
-    /// How far the grains that were the surface of every column at time 0 have gone down on average, wherever they are now;
-    /// none where all of them have left.
+    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever they are now
+    /// (the lower middle of an even number); none where all of them have left.
     fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
-        let mut down = vec![(0.0, 0); self.surface.len()];
+        let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
+        // The place at time 0 is rounded.
+        let slack = 1e-9 * self.diameter;
         for grain in grains {
             let start = std::array::from_fn(|axis| grain.at[axis] - grain.moved[axis]);
             let [long, across, _] = self.cells.of(start);
             let k = self.cells.column(long, across);
-            let skin = |top| start[2] + grain.radius >= top - SKIN * self.diameter;
-            if self.surface[k].is_some_and(skin) {
-                let (sum, n) = &mut down[k];
-                *sum -= grain.moved[2];
-                *n += 1;
+            if self.skin[k].is_some_and(|lowest| start[2] + grain.radius >= lowest - slack) {
+                down[k].push(-grain.moved[2]);
             }
         }
-        let mean = |(sum, n)| (n > 0).then(|| sum / number(n));
-        down.into_iter().map(mean).collect()
+        let middle = |mut down: Vec<f64>| {
+            down.sort_by(f64::total_cmp);
+            down.get(down.len().saturating_sub(1) / 2).copied()
+        };
+        down.into_iter().map(middle).collect()
     }
 
     /// Cells that were ground and have lost their solid.
