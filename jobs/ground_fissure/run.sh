@@ -101,6 +101,16 @@ supervise() {
   return "$status"
 }
 
+# The long section at several times, and at each stage that began.
+pictures() {
+  local stage time
+  "$solver" picture "$1" --view x --width 480 --output "$1/section.svg"
+  for stage in hidden_hole arch sinkhole extension; do
+    time=$(sed -n "s/.*\"$stage\": *\([0-9][^,]*\).*/\1/p" "$1/summary.json")
+    [ -z "$time" ] || "$solver" picture "$1" --view x --width 480 --time "$time" --output "$1/$stage.svg"
+  done
+}
+
 soil() {
   local folder=$output/$1 status=0 args=()
   if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
@@ -116,7 +126,7 @@ soil() {
     supervise "${launch[@]}" "$solver" "$(case_of "$1")" --output "$folder" --threads "$threads" "${sample[@]}" "${args[@]}" \
       >>"$folder.log" 2>&1 || status=$?
   fi
-  [ "$status" -ne 0 ] || "$solver" picture "$folder" --view x --output "$folder/section.svg"
+  [ "$status" -ne 0 ] || pictures "$folder"
   echo "fissure: $1 ended with $status; see $folder.log"
   return "$status"
 }

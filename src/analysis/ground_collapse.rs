@@ -30,6 +30,10 @@
 //! - **Surface.** The elevation of a column is the top of the highest grain with its centre in it that has two others within half a
 //!   mean diameter: a grain in flight is no ground, soil that falls together is. Where nothing is left it is the lowest
 //!   ground the column had.
+//! - **Settlement** of a column is how far its elevation has fallen or how far the grains that were its surface at time 0 have gone
+//!   down, the middle one of the three highest, whichever is less. A large grain that rolls off its column lowers the elevation
+//!   by its own size and more while those beside it stay; grains that sink with the ground do both. Where all of them have left it
+//!   is the fall of the elevation.
 //! - **Extension** is the length along the long axis over which any column has settled by the threshold of the sinkhole.
 //! - **Inward** is the mean displacement, towards the nearest point along the long axis, of the grains that at time 0 were beside the
 //!   points and no further from them than their cover is thick: about the wedge that can slide in.
@@ -40,7 +44,7 @@
 //! |---|---|---|
 //! | t1 hidden hole | n grains have left through one point, or its void has the volume of a cell | single grains in the opening leave in any case |
 //! | t2 arch | the front over one point reaches half of its cover | the ground above the void moves as one, and the surface does not yet |
-//! | t3 sinkhole | a column of the surface has settled by a mean diameter | less is the settling of grains into pores |
+//! | t3 sinkhole | a column of the surface has settled by a mean diameter: its elevation and its own grains | less is the settling of grains into pores |
 //! | t4 extension | the longest depression is 1.5 times as long as the sinkhole was long or wide at t3, and the soil beside moves in | it grows along the fissure and not round the hole |
 //!
 //! A stage begins at the first of three samples in a row that show it, and once. The stages look at different things and not at each

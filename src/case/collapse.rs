@@ -73,8 +73,8 @@ pub struct StageThresholds {
     /// t2, arch: the ground over one point moves up to this part of its cover.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub arch_reach: f64,
-    /// t3, sinkhole: a column of the surface has settled by this many mean diameters. A column belongs to the depression
-    /// from this settlement on.
+    /// t3, sinkhole: a column of the surface has settled by this many mean diameters, its elevation and the grains that were
+    /// its surface at time 0. A column belongs to the depression from this settlement on.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sinkhole_diameters: f64,
     /// t4, extension: the longest depression is this many times as long as the sinkhole was long or wide at t3.

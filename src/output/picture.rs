@@ -32,6 +32,9 @@ pub struct PictureOptions {
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
     pub view: View,
+    /// Width of a panel [pixels]; the file grows with its square.
+    #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u16).range(64..=4096))]
+    pub width: u16,
     /// The picture [default: picture.svg in the folder of the run].
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -50,8 +53,6 @@ pub enum View {
     Corner,
 }
 
-/// Width of a panel [pixels].
-const WIDTH: usize = 720;
 const SAND: [f64; 3] = [214.0, 176.0, 120.0];
 const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 
@@ -390,11 +391,12 @@ struct Raster {
 }
 
 impl Raster {
-    fn new(frame: &Frame) -> Self {
+    /// White paper, `most` pixels wide, or twice as high where the frame is narrower than that.
+    fn new(frame: &Frame, most: usize) -> Self {
         let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
-        let pixel = (size[0] / real(WIDTH)).max(size[1] / (2.0 * real(WIDTH)));
-        let width = floor((size[0] / pixel).round()).clamp(1, WIDTH);
-        let height = floor((size[1] / pixel).round()).clamp(1, 2 * WIDTH);
+        let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));
+        let width = floor((size[0] / pixel).round()).clamp(1, most);
+        let height = floor((size[1] / pixel).round()).clamp(1, 2 * most);
         Self {
             width,
             height,
@@ -562,7 +564,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     );
     let mut panels = Vec::new();
     for scene in scenes {
-        let mut raster = Raster::new(&frame);
+        let mut raster = Raster::new(&frame, request.width.into());
         if let (Some(field), Some(scale)) = (&scene.water, water) {
             raster.water(&frame, field, scale);
         }
@@ -713,7 +715,7 @@ mod tests {
         let scenes = [scene(grains)];
         let frame = Frame::new(&scenes, View::Z);
         assert_eq!((frame.low, frame.high), ([-2.0; 2], [2.0; 2]));
-        let mut raster = Raster::new(&frame);
+        let mut raster = Raster::new(&frame, 720);
         // The near one first: the far one must not paint over it.
         raster.grain(&frame, [0.0, 0.0, 5.0], 1.0, [200.0, 0.0, 0.0], false);
         raster.grain(&frame, [0.0, 0.0, 0.0], 2.0, [0.0, 200.0, 0.0], false);

@@ -15,6 +15,10 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
+/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down: one large grain
+/// that lay on the others may roll down by more than a mean diameter alone.
+pub const SKIN: usize = 3;
+
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
@@ -60,6 +64,8 @@ pub struct Ground {
     pub solid: Vec<f64>,
     /// Elevation of the surface of each column [m]; none where there was no grain.
     pub surface: Vec<Option<f64>>,
+    /// Elevation from which on grains were the surface of each column [m]; none where there was no grain.
+    pub skin: Vec<Option<f64>>,
 }
 
 /// What counts as void, moving, settled.
@@ -274,6 +280,20 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
         .collect()
 }
 
+/// Top of the lowest of the [`SKIN`] highest grains of every column.
+fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
+    let mut tops: Vec<Vec<f64>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
+    for grain in grains {
+        let [long, across, _] = cells.of(grain.at);
+        tops[cells.column(long, across)].push(grain.at[2] + grain.radius);
+    }
+    let lowest = |mut tops: Vec<f64>| {
+        tops.sort_by(|a, b| b.total_cmp(a));
+        tops.into_iter().take(SKIN).last()
+    };
+    tops.into_iter().map(lowest).collect()
+}
+
 impl Ground {
     /// The ground as it is now.
     #[must_use]
@@ -287,6 +307,7 @@ impl Ground {
                 .map(|part| (part * 1e4).round() / 1e4)
                 .collect(),
             surface: surface(&cells, grains, diameter),
+            skin: skin(&cells, grains),
         }
     }
 
@@ -310,19 +331,42 @@ impl Ground {
             .map(|z| self.cells.lower(z, 2))
     }
 
-    /// How far every column has gone down.
+    /// How far every column has gone down: its elevation or the grains that were its surface, whichever went less.
     #[must_use]
-    pub fn settlement(&self, now: &[Option<f64>]) -> Vec<Option<f64>> {
+    pub fn settlement(&self, now: &[Option<f64>], grains: &[Grain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
+        let descent = self.descent(grains);
         let columns = (0..ny).flat_map(|across| (0..nx).map(move |long| (long, across)));
         columns
             .map(|(long, across)| {
                 let k = self.cells.column(long, across);
                 let before = self.surface[k]?;
                 let bare = || self.floor(long, across);
-                Some(before - now[k].or_else(bare).unwrap_or(before))
+                let fall = before - now[k].or_else(bare).unwrap_or(before);
+                Some(descent[k].map_or(fall, |descent| fall.min(descent)))
             })
             .collect()
+    }
+
+    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever they are now
+    /// (the lower middle of an even number); none where all of them have left.
+    fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
+        let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
+        // The place at time 0 is rounded.
+        let slack = 1e-9 * self.diameter;
+        for grain in grains {
+            let start = std::array::from_fn(|axis| grain.at[axis] - grain.moved[axis]);
+            let [long, across, _] = self.cells.of(start);
+            let k = self.cells.column(long, across);
+            if self.skin[k].is_some_and(|lowest| start[2] + grain.radius >= lowest - slack) {
+                down[k].push(-grain.moved[2]);
+            }
+        }
+        let middle = |mut down: Vec<f64>| {
+            down.sort_by(f64::total_cmp);
+            down.get(down.len().saturating_sub(1) / 2).copied()
+        };
+        down.into_iter().map(middle).collect()
     }
 
     /// Cells that were ground and have lost their solid.
@@ -438,7 +482,7 @@ impl Ground {
             }
         }
         let surface = surface(&self.cells, grains, self.diameter);
-        let settlement = self.settlement(&surface);
+        let settlement = self.settlement(&surface, grains);
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = limits.percentile / 100.0 * number(sorted.len().max(1) - 1);

@@ -180,7 +180,7 @@ mod tests {
         }];
         let frame = Frame::new(&scenes, View::Z);
         assert_eq!((frame.low, frame.high), ([0.0; 2], [1.0; 2]));
-        let mut raster = Raster::new(&frame);
+        let mut raster = Raster::new(&frame, 720);
         let colour = |value: f64| [200.0 * value, 200.0 * (1.0 - value), 0.0];
         if let Some(faces) = &scenes[0].faces {
             faces.paint(&mut raster, &frame, colour);

@@ -41,6 +41,11 @@ fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
     grains
 }
 
+fn sink(grain: &mut Grain, depth: f64) {
+    grain.at[2] -= depth;
+    grain.moved[2] -= depth;
+}
+
 fn cells() -> Cells {
     Cells::new(COUNT.map(|n| number(n) * EDGE), COUNT)
 }
@@ -197,7 +202,7 @@ fn a_grain_in_flight_is_no_ground() {
     let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
     for grain in &mut flying {
         if grain.at[0] > 10.0 * EDGE {
-            grain.at[2] -= 0.4 * D;
+            sink(grain, 0.4 * D);
         }
     }
     let mut alone = flying[0];
@@ -209,6 +214,62 @@ fn a_grain_in_flight_is_no_ground() {
     let at = |long| seen.settlement[cells().column(long, 2)].unwrap();
     assert!(at(5).abs() < 1e-12, "{}", at(5));
     assert!(near(at(11), 0.4 * D), "{}", at(11));
+}
+
+/// A large grain on the ground, just inside column (5, 2).
+fn perched() -> Grain {
+    Grain {
+        id: 1_000_000,
+        at: [
+            6.0 * EDGE - 0.1 * D,
+            2.0 * EDGE + 0.5 * D,
+            number(LAYERS) * EDGE + 1.5 * D,
+        ],
+        moved: [0.0; 3],
+        radius: 1.5 * D,
+    }
+}
+
+/// The ground with that grain on it, once as it was and once as `edit` leaves it.
+fn with_perched(edit: impl Fn(&mut Grain)) -> Sample {
+    let mut grains = packing(|_| true);
+    grains.push(perched());
+    let ground = Ground::new(cells(), &grains, D, overlap);
+    grains.iter_mut().for_each(edit);
+    ground.measure(&grains, &[point(5)], &LIMITS, overlap)
+}
+
+#[test]
+fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
+    let k = cells().column(5, 2);
+    let seen = with_perched(|grain| {
+        if grain.radius > D {
+            grain.at[0] += 0.2 * D;
+            grain.moved[0] += 0.2 * D;
+            sink(grain, 1.2 * D);
+        }
+    });
+    // The top of the column is three diameters lower, and that grain more than one; those beside it stay.
+    assert!(near(seen.surface[k].unwrap(), number(LAYERS) * EDGE));
+    assert_eq!(seen.settlement[k], Some(0.0));
+    assert_eq!(seen.settlement_max, 0.0);
+    assert_eq!(seen.depression, Depression::default());
+}
+
+#[test]
+fn one_column_that_sinks_with_its_grains_is_a_depression() {
+    let k = cells().column(5, 2);
+    let seen = with_perched(|grain| {
+        if cells().of(grain.at)[..2] == [5, 2] {
+            sink(grain, 1.5 * D);
+        }
+    });
+    assert!(near(seen.settlement[k].unwrap(), 1.5 * D));
+    let found = seen.depression;
+    assert!(
+        near(found.length, EDGE) && near(found.width, EDGE),
+        "{found:?}"
+    );
 }
 
 /// The ground over a point has gone down within a triangle, then a rectangle.
