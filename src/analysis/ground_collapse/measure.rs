@@ -289,7 +289,7 @@ fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
     }
     let lowest = |mut tops: Vec<f64>| {
         tops.sort_by(|a, b| b.total_cmp(a));
-        tops.into_iter().take(SKIN).last()
+        tops.into_iter().take(SKIN).next_back()
     };
     tops.into_iter().map(lowest).collect()
 }
