@@ -252,7 +252,9 @@ impl Field {
                     }
                     match holder.map(|p| &patches[p].condition) {
                         None | Some(Condition::NoSlip) => {}
-                        Some(Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..)) => {
+                        Some(
+                            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..),
+                        ) => {
                             #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
                             let scaled = profile(position).map(|u| (share * u) as f32);
                             wall = scaled;

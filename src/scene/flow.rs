@@ -820,9 +820,9 @@ fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) 
     let mut first: Option<&Patch> = None;
     for patch in faces.iter().flatten() {
         match &patch.condition {
-            Condition::Pressure { .. }
-            | Condition::Outflow
-            | Condition::ConvectiveOutflow(_) => return,
+            Condition::Pressure { .. } | Condition::Outflow | Condition::ConvectiveOutflow(_) => {
+                return;
+            }
             Condition::Velocity { profile, .. } => {
                 let cells: f64 = (0..3)
                     .map(|a| count(patch.to[a] - patch.from[a].min(patch.to[a])))

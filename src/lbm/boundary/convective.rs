@@ -108,8 +108,7 @@ mod tests {
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
             condition,
         };
-        let inlet =
-            Condition::Velocity(Box::new(|_| [SPEED, 0.0, 0.0]), Ramp::constant(1.0));
+        let inlet = Condition::Velocity(Box::new(|_| [SPEED, 0.0, 0.0]), Ramp::constant(1.0));
         let cells = [length, CELLS[1], 1];
         let setup = Setup {
             set: Set::D2Q9,
@@ -172,7 +171,9 @@ mod tests {
         let plain = left(Condition::Outflow);
         let local = left(Condition::Convective(None));
         let given = left(Condition::Convective(Some(SPEED)));
-        println!("largest and last error over the vortex: none {plain:?}, local {local:?}, given {given:?}");
+        println!(
+            "largest and last error over the vortex: none {plain:?}, local {local:?}, given {given:?}"
+        );
         assert!(local.0 < plain.0 && given.0 < plain.0);
     }
 }
