@@ -305,7 +305,9 @@ impl Cover {
             self.owner[position] = only.slot;
             self.fraction[position] = only.fraction;
         } else {
-            self.fraction[position] = total(shares).min(1.0) as f32;
+            #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
+            let solid = total(shares).min(1.0) as f32;
+            self.fraction[position] = solid;
         }
     }
 
