@@ -259,29 +259,21 @@ impl Boundaries {
                         });
                     }
                     Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..) => {
-                        if let Condition::Turbulent(_, _, synthetic) = &all.patches[patch].condition
-                        {
-                            let (axis, upper) = (all.patches[patch].axis, all.patches[patch].upper);
-                            let mut centre: [f64; 3] =
-                                std::array::from_fn(|a| middle[a] - 0.5 * f64::from(c[a]));
-                            centre[axis] = middle[axis];
-                            let u = profile(centre);
-                            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+                        let u = profile(middle);
+                        let held = &all.patches[patch];
+                        if let Condition::Turbulent(_, _, synthetic) = &held.condition {
+                            let side = (held.axis, held.upper);
                             let known = all.inlets.iter().position(|inlet| inlet.patch == patch);
                             let n = known.unwrap_or_else(|| {
-                                let side = (axis, upper);
-                                all.inlets.push(turbulent::Inlet::new(
-                                    patch,
-                                    side,
-                                    synthetic,
-                                    frame.cells,
-                                ));
+                                let inlet =
+                                    turbulent::Inlet::new(patch, side, synthetic, frame.cells);
+                                all.inlets.push(inlet);
                                 all.inlets.len() - 1
                             });
+                            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
                             let strength = synthetic.intensity * speed;
                             all.inlets[n].add(at, strength, link, weight, c);
                         }
-                        let u = profile(middle);
                         let term = wall::term(weight, c, u);
                         all.walls.push(wall::WallLink {
                             link,

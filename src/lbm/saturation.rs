@@ -305,7 +305,7 @@ impl Cover {
             self.owner[position] = only.slot;
             self.fraction[position] = only.fraction;
         } else {
-            self.fraction[position] = total(shares).min(1.0) as f32;
+            self.fraction[position] = rounded(total(shares).min(1.0));
         }
     }
 
@@ -408,6 +408,14 @@ impl Cover {
             order: self.order,
         }
     }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cell holds its fraction in f32"
+)]
+fn rounded(fraction: f64) -> f32 {
+    fraction as f32
 }
 
 #[expect(

@@ -29,7 +29,7 @@ use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{
     self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
 };
-use crate::scene::grid::count;
+use crate::scene::grid::{Grid, count};
 use crate::scene::solids::{Grain, Mobility};
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
@@ -248,7 +248,8 @@ fn synthetic(
         )));
     }
     Ok(Synthetic {
-        modes: modes(written, grid.dimension, units),
+        // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
+        modes: modes(written, grid.dimension, units).periodic(repeats(grid)),
         intensity: written.intensity,
         speed,
     })
@@ -339,6 +340,11 @@ fn table(
     }))
 }
 
+/// Lengths in cells after which a field repeats.
+fn repeats(grid: &Grid) -> [Option<f64>; 3] {
+    std::array::from_fn(|a| grid.periodic[a].then(|| count(grid.cells[a])))
+}
+
 /// Modes of written fluctuations, of unit root mean square.
 fn modes(written: &Fluctuations, dimension: usize, units: &LatticeUnits) -> Modes {
     let length = units.length_to_lattice(written.length_scale);
@@ -390,8 +396,7 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
             let (flow, across, peak) = (*flow, *across, u(*peak));
             let grid = &plan.scene.grid;
             let eddies = fluctuations.map(|written| {
-                let lengths = std::array::from_fn(|a| grid.periodic[a].then_some(cells[a]));
-                let modes = modes(&written, grid.dimension, units).periodic(lengths);
+                let modes = modes(&written, grid.dimension, units).periodic(repeats(grid));
                 (written.intensity, modes)
             });
             Box::new(move |p: [f64; 3]| {

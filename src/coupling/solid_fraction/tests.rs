@@ -27,6 +27,7 @@ fn sum(form: &Form<'_>, method: Method) -> f64 {
     let mut scratch = Scratch::default();
     let (centre, radius) = form.bounds();
     let low = centre.map(|x| (x - radius - 2.0).floor());
+    #[expect(clippy::cast_possible_truncation, reason = "a few cells")]
     let n = (2.0 * radius + 5.0).ceil() as i32;
     let deep = if matches!(form, Form::Disc { .. }) {
         1
