@@ -223,11 +223,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     let _alone = alone();
     let study = Study::new(SCOUR);
     study.run("straight", 1, 1, &[]);
-    let moved = study.summary("straight")["blocks"].clone();
-    assert!(
-        moved["kinetic_energy"].as_f64().is_none_or(|e| e > 0.0),
-        "{moved}"
-    );
+    assert!(study.rows("straight", "probe_plucked.csv") >= 10);
     for (name, ranks, threads, set) in [
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=z"),
