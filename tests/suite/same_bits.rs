@@ -239,11 +239,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     // The other operators, in water thick enough for the matched one.
     let thick = "fluid.lattice_boltzmann.kinematic_viscosity=0.02";
     let trt = r#"fluid.lattice_boltzmann.collision={"trt": {}}"#;
-    for operator in [
-        "superposition",
-        "bounce_back_about_solid",
-        "viscosity_matched",
-    ] {
+    for operator in ["superposition", "viscosity_matched"] {
         let chosen = format!("coupling.partially_saturated.solid_operator={operator}");
         let set = [
             thick,
