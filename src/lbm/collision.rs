@@ -13,6 +13,28 @@ pub mod trt;
 use super::lanes::Lanes;
 use super::lattice::{Lattice, unroll};
 
+/// The populations of one cell, or of several side by side, each to be read and replaced.
+///
+/// The pass hands out the lattice itself: an operator that works pair by pair reads a pair again before it replaces it, which costs less
+/// than 27 registers that do not exist. Population i goes where its opposite was read, so a pair is read before either is replaced.
+pub trait Site<N, const Q: usize> {
+    /// Deviation that came in along direction i.
+    fn incoming(&self, i: usize) -> N;
+    /// Deviation that leaves along direction i.
+    fn leave(&mut self, i: usize, outgoing: N);
+}
+
+impl<N: Copy, const Q: usize> Site<N, Q> for [N; Q] {
+    #[inline(always)]
+    fn incoming(&self, i: usize) -> N {
+        self[i]
+    }
+    #[inline(always)]
+    fn leave(&mut self, i: usize, outgoing: N) {
+        self[i] = outgoing;
+    }
+}
+
 /// What happens to the populations of one cell (or of several side by side) in a step.
 pub trait Collision: Copy + Send + Sync {
     /// Relaxation rates of a cell, made from that of the shear stress, ω = 1/τ.
@@ -22,19 +44,15 @@ pub trait Collision: Copy + Send + Sync {
     /// The rates of a cell whose viscosity is its own.
     fn local<N: Lanes>(&self, omega: N) -> Self::Rates<N>;
     /// Replaces incoming deviations by outgoing ones and returns the velocity. Every call sees the same `self` during one step.
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
-        g: &mut [N; Q],
+        g: &mut G,
         rates: &Self::Rates<N>,
     ) -> [N; 3];
 }
 
-/// Even and odd sums of each opposite pair with the moments that every operator needs.
-pub(crate) struct Pairs<N> {
-    /// g_i + g_ī of each pair.
-    pub(crate) even: [N; 13],
-    /// g_i - g_ī of each pair.
-    pub(crate) odd: [N; 13],
+/// The moments that every operator needs.
+pub(crate) struct Moments<N> {
     /// Density deviation δρ.
     pub(crate) drho: N,
     /// Momentum m = Σ c g + F/2.
@@ -45,14 +63,16 @@ pub(crate) struct Pairs<N> {
     pub(crate) mu: N,
 }
 
-impl<N: Lanes> Pairs<N> {
-    /// Gathers the pairs and moments of a cell; `half_force` is F/2.
+impl<N: Lanes> Moments<N> {
+    /// Sums over the pairs of a cell; `half_force` is F/2.
     #[inline(always)]
-    pub(crate) fn of<L: Lattice<Q>, const Q: usize>(g: &[N; Q], half_force: [f64; 3]) -> Self {
+    pub(crate) fn of<L: Lattice<Q>, G: Site<N, Q>, const Q: usize>(
+        g: &G,
+        half_force: [f64; 3],
+    ) -> Self {
         let zero = N::splat(0.0);
-        let mut even = [zero; 13];
-        let mut odd = [zero; 13];
-        let mut drho = g[0];
+        // Two sums, so that an addition need not wait for the one before.
+        let mut drho = [g.incoming(0), zero];
         let mut m = [
             N::splat(half_force[0]),
             N::splat(half_force[1]),
@@ -60,18 +80,19 @@ impl<N: Lanes> Pairs<N> {
         ];
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
-            even[k] = g[i] + g[j];
-            odd[k] = g[i] - g[j];
-            drho = drho + even[k];
+            let (one, other) = (g.incoming(i), g.incoming(j));
+            drho[k % 2] = drho[k % 2] + (one + other);
+            let odd = one - other;
             let c = L::C[i];
             unroll!(axes a < L::DIMENSION => {
                 match c[a] {
-                    1 => m[a] = m[a] + odd[k],
-                    -1 => m[a] = m[a] - odd[k],
+                    1 => m[a] = m[a] + odd,
+                    -1 => m[a] = m[a] - odd,
                     _ => {}
                 }
             });
         });
+        let drho = drho[0] + drho[1];
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let mut u = [zero; 3];
         let mut mu = zero;
@@ -79,14 +100,7 @@ impl<N: Lanes> Pairs<N> {
             u[a] = m[a] * inverse;
             mu = m[a].mul_add(u[a], mu);
         });
-        Self {
-            even,
-            odd,
-            drho,
-            m,
-            u,
-            mu,
-        }
+        Self { drho, m, u, mu }
     }
 }
 

@@ -1,16 +1,23 @@
-//! The fused pass: load every population of a row of cells, collide in registers, store every population.
+//! The fused pass: collide the cells of a row where they lie, each population read and its successor written once it is known.
 //!
 //! The even and the odd pass are the same code: population i is read at `positions[i]` and the outgoing i is written
 //! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors; the surplus cells lie
 //! in ghosts and padding, whose contents the boundaries renew after every pass.
 
-use super::collision::Collision;
+use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::Populations;
 use super::saturation::{self, Place, Solids};
 use super::turbulence::{Eddies, View, rate};
+use std::marker::PhantomData;
 use std::ops::Range;
+
+/// Cache lines ahead of the cells at work that are asked for. The work on a vector of cells of 19 or 27 populations is longer than what the
+/// processor looks ahead, so without asking it would wait for every line; nine populations it sees coming.
+const LINES_AHEAD: usize = 4;
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// What happens to a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
@@ -149,6 +156,54 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, planes) }
 }
 
+/// Some cells of a row on the lattice.
+struct Row<'a, L, S, const Q: usize> {
+    at: &'a [*mut S; Q],
+    k: usize,
+    lattice: PhantomData<L>,
+}
+
+impl<'a, L, S, const Q: usize> Row<'a, L, S, Q> {
+    /// # Safety
+    /// From each of `at` on, `k` and a vector more must be numbers that nobody else reads or writes.
+    #[inline(always)]
+    unsafe fn new(at: &'a [*mut S; Q], k: usize) -> Self {
+        Self {
+            at,
+            k,
+            lattice: PhantomData,
+        }
+    }
+}
+
+impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N, Q>
+    for Row<'_, L, S, Q>
+{
+    #[inline(always)]
+    fn incoming(&self, i: usize) -> N {
+        // SAFETY: promised to `new`.
+        unsafe { S::load(self.at[i].add(self.k)) }
+    }
+    #[inline(always)]
+    fn leave(&mut self, i: usize, outgoing: N) {
+        // SAFETY: promised to `new`.
+        unsafe { S::store(self.at[L::OPPOSITE[i]].add(self.k), outgoing) }
+    }
+}
+
+/// Asks for a cache line; any address will do.
+#[inline(always)]
+fn prefetch<S>(line: *const S) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a hint, which never faults.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = line;
+}
+
 /// # Safety
 /// No other thread may work on the same planes, and the processor must offer the instructions of `N`.
 #[inline(always)]
@@ -195,32 +250,35 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     omega = rate(viscosity, eddies.viscosity(&gradient));
                     rates = collision.local(omega);
                 }
-                let mut g = [N::splat(0.0); Q];
-                unroll!(populations i < Q => {
-                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included.
-                    g[i] = unsafe { S::load(at[i].add(k)) };
-                });
-                let mut u = collision.collide::<L, N, Q>(&mut g, &rates);
+                if Q > 9 && k.is_multiple_of(LINE / size_of::<S>()) {
+                    unroll!(populations i < Q => {
+                        prefetch(at[i].wrapping_add(k + LINES_AHEAD * LINE / size_of::<S>()));
+                    });
+                }
+                // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                let mut site = unsafe { Row::<L, S, Q>::new(&at, k) };
                 // SAFETY: an interior cell.
-                if P::ACTIVE && unsafe { cover.covers::<N>(cell + k) } {
-                    // Read again: kept from before the collision they would cost registers where nothing is solid.
+                let u = if P::ACTIVE && unsafe { cover.covers::<N>(cell + k) } {
                     let mut before = [N::splat(0.0); Q];
                     unroll!(populations i < Q => {
-                        // SAFETY: as above.
-                        before[i] = unsafe { S::load(at[i].add(k)) };
+                        before[i] = site.incoming(i);
                     });
+                    let mut g = before;
+                    let u = collision.collide::<L, N, _, Q>(&mut g, &rates);
                     let place = Place {
                         cell: cell + k,
                         at: [plane, row, k],
                         worker,
                     };
                     // SAFETY: an interior cell; no other thread is this worker.
-                    u = unsafe { cover.mix::<L, N, Q>(place, &before, &mut g, u, omega) };
-                }
-                unroll!(populations i < Q => {
-                    // SAFETY: as for the load; the opposite of i was read here.
-                    unsafe { S::store(at[L::OPPOSITE[i]].add(k), g[i]) };
-                });
+                    let u = unsafe { cover.mix::<L, N, Q>(place, &before, &mut g, u, omega) };
+                    unroll!(populations i < Q => {
+                        site.leave(i, g[i]);
+                    });
+                    u
+                } else {
+                    collision.collide::<L, N, _, Q>(&mut site, &rates)
+                };
                 if T::ACTIVE && eddies.present() {
                     // SAFETY: this cell is ours, and ghosts are renewed after the pass.
                     unsafe { velocity.leave(cell + k, u) };

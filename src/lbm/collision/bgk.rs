@@ -3,7 +3,7 @@
 //! f_i ← f_i - ω (f_i - f_i^eq) + (1 - ω/2) w_i [3 (c - u) + 9 (c·u) c]·F, ω = 1/τ, ν = (τ - ½)/3 in lattice units.
 //! The half-way wall then sits at a place that depends on τ: exactly half-way only at τ = ½ + √3/4 (validation 1.1).
 
-use super::{Collision, Pairs, along};
+use super::{Collision, Moments, Site, along};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
@@ -30,9 +30,9 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
     }
 
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
-        g: &mut [N; Q],
+        g: &mut G,
         &omega: &N,
     ) -> [N; 3] {
         let half_force = if FORCED {
@@ -40,7 +40,7 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
         } else {
             [0.0; 3]
         };
-        let p = Pairs::of::<L, Q>(g, half_force);
+        let p = Moments::of::<L, G, Q>(g, half_force);
         let keep = N::splat(1.0) - omega;
         // 3 ω m: the rate goes into the moments, so that one that differs from cell to cell costs nothing more.
         let rate = omega * N::splat(3.0);
@@ -61,7 +61,8 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
             });
             base = base - uf;
         }
-        g[0] = g[0].mul_add(keep, base * N::splat(L::W[0]));
+        let rest = g.incoming(0).mul_add(keep, base * N::splat(L::W[0]));
+        g.leave(0, rest);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
@@ -74,8 +75,9 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
                 even = (cu * cf).mul_add(N::splat(3.0), even);
                 odd = odd + cf;
             }
-            g[i] = g[i].mul_add(keep, (even + odd) * w);
-            g[j] = g[j].mul_add(keep, (even - odd) * w);
+            let (one, other) = (g.incoming(i), g.incoming(j));
+            g.leave(i, one.mul_add(keep, (even + odd) * w));
+            g.leave(j, other.mul_add(keep, (even - odd) * w));
         });
         p.u
     }

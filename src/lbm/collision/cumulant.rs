@@ -14,7 +14,7 @@
 //! κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with Guo forcing of the other operators: without them the fluid beside a
 //! wall that a force presses it against has a wrong pressure.
 
-use super::Collision;
+use super::{Collision, Site};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
@@ -94,9 +94,9 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
     }
 
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
-        g: &mut [N; Q],
+        g: &mut G,
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the cumulants are those of D3Q27") };
@@ -105,8 +105,8 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         let mut m = [n::<N>(0.0); 3];
         unroll!(axes x < 3 => {
             unroll!(axes y < 3 => {
-                let (plus, minus) = (g[POPULATION[x][y][1]], g[POPULATION[x][y][2]]);
-                sums[x][y] = g[POPULATION[x][y][0]] + (plus + minus);
+                let (plus, minus) = (g.incoming(POPULATION[x][y][1]), g.incoming(POPULATION[x][y][2]));
+                sums[x][y] = g.incoming(POPULATION[x][y][0]) + (plus + minus);
                 m[2] = m[2] + (plus - minus);
             });
         });
@@ -131,9 +131,9 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         unroll!(axes x < 3 => {
             unroll!(axes y < 3 => {
                 let row = [
-                    g[POPULATION[x][y][0]],
-                    g[POPULATION[x][y][1]],
-                    g[POPULATION[x][y][2]],
+                    g.incoming(POPULATION[x][y][0]),
+                    g.incoming(POPULATION[x][y][1]),
+                    g.incoming(POPULATION[x][y][2]),
                 ];
                 t[x][y] = analyse(row, u[2], WEIGHT[x] * WEIGHT[y]);
             });
@@ -240,9 +240,9 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
             });
             unroll!(axes y < 3 => {
                 let row = compose(t[x][y], u[2], WEIGHT[x] * WEIGHT[y]);
-                g[POPULATION[x][y][0]] = row[0];
-                g[POPULATION[x][y][1]] = row[1];
-                g[POPULATION[x][y][2]] = row[2];
+                g.leave(POPULATION[x][y][0], row[0]);
+                g.leave(POPULATION[x][y][1], row[1]);
+                g.leave(POPULATION[x][y][2], row[2]);
             });
         });
         u
@@ -267,7 +267,7 @@ mod tests {
 
     fn collided<C: Collision>(operator: C, g: &[f64; 27]) -> [f64; 27] {
         let mut g = *g;
-        operator.collide::<D3Q27, f64, 27>(&mut g, &operator.uniform());
+        operator.collide::<D3Q27, f64, _, 27>(&mut g, &operator.uniform());
         g
     }
 

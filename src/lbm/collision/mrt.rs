@@ -22,7 +22,7 @@
 //! the matrix to round-off. Equilibria are those of E-01 to second order in u; their moments need no more than δρ and
 //! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
-use super::Collision;
+use super::{Collision, Site};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{D3Q27, Lattice, unroll};
 
@@ -156,9 +156,9 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
     }
 
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
-        g: &mut [N; Q],
+        g: &mut G,
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the moments of Suga are those of D3Q27") };
@@ -168,9 +168,9 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             let mut rows = [[n::<N>(0.0); 3]; 3];
             unroll!(axes y < 3 => {
                 rows[y] = analyse(
-                    g[POPULATION[0][y][z]],
-                    g[POPULATION[1][y][z]],
-                    g[POPULATION[2][y][z]],
+                    g.incoming(POPULATION[0][y][z]),
+                    g.incoming(POPULATION[1][y][z]),
+                    g.incoming(POPULATION[2][y][z]),
                 );
             });
             unroll!(axes a < 3 => {
@@ -344,9 +344,9 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             });
             unroll!(axes y < 3 => {
                 let [rest, plus, minus] = compose([columns[0][y], columns[1][y], columns[2][y]]);
-                g[POPULATION[0][y][z]] = rest;
-                g[POPULATION[1][y][z]] = plus;
-                g[POPULATION[2][y][z]] = minus;
+                g.leave(POPULATION[0][y][z], rest);
+                g.leave(POPULATION[1][y][z], plus);
+                g.leave(POPULATION[2][y][z], minus);
             });
         });
         u
@@ -448,7 +448,7 @@ mod tests {
 
     fn collided<C: Collision>(operator: C, g: &[f64; 27]) -> [f64; 27] {
         let mut g = *g;
-        operator.collide::<D3Q27, f64, 27>(&mut g, &operator.uniform());
+        operator.collide::<D3Q27, f64, _, 27>(&mut g, &operator.uniform());
         g
     }
 
@@ -556,7 +556,7 @@ mod tests {
         };
         let g = cell(7);
         let mut local = g;
-        operator.collide::<D3Q27, f64, 27>(&mut local, &operator.local(1.3));
+        operator.collide::<D3Q27, f64, _, 27>(&mut local, &operator.local(1.3));
         close(&local, &collided(operator, &g));
         let (omega, force) = (1.3, FORCE);
         let equal = Trt::<true> {
@@ -565,7 +565,7 @@ mod tests {
             force,
         };
         let mut local = g;
-        equal.collide::<D3Q27, f64, 27>(&mut local, &equal.local(omega));
+        equal.collide::<D3Q27, f64, _, 27>(&mut local, &equal.local(omega));
         close(&local, &collided(Bgk::<true> { omega, force }, &g));
     }
 }

@@ -4,7 +4,7 @@
 //! ω⁻. The product Λ = (1/ω⁺ - ½)(1/ω⁻ - ½) fixes where the half-way wall sits, independently of the viscosity:
 //! Λ = 3/16 puts it exactly half-way for Poiseuille flow (validation 1.1), Λ = 1/4 is the most stable choice.
 
-use super::{Collision, Pairs, along};
+use super::{Collision, Moments, Site, along};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
@@ -68,9 +68,9 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
     }
 
     #[inline(always)]
-    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
-        g: &mut [N; Q],
+        g: &mut G,
         half: &Halves<N>,
     ) -> [N; 3] {
         let half_force = if FORCED {
@@ -78,13 +78,13 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
         } else {
             [0.0; 3]
         };
-        let p = Pairs::of::<L, Q>(g, half_force);
+        let p = Moments::of::<L, G, Q>(g, half_force);
         let base = p.mu.mul_add(N::splat(-1.5), p.drho);
         // Sources of even and odd part: (1 - ω/2) of 9 (c·u)(c·F) - 3 u·F and of 3 c·F.
         let mut force = [N::splat(0.0); 3];
         let mut uf = N::splat(0.0);
         let (mut even_source, mut odd_source) = (uf, uf);
-        let mut rest = base * N::splat(L::W[0]) - g[0];
+        let mut rest = base * N::splat(L::W[0]) - g.incoming(0);
         rest = rest * half.even;
         rest = rest + rest;
         if FORCED {
@@ -96,7 +96,8 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
             });
             rest = (even_source * uf).neg_mul_add(N::splat(L::W[0]), rest);
         }
-        g[0] = g[0] + rest;
+        let rest = g.incoming(0) + rest;
+        g.leave(0, rest);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
@@ -105,17 +106,18 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
             let cu = along(c, &p.u);
             // Half of what the pair's sum and difference are short of their equilibria, times the rate. The rates come
             // last, so that rates that differ from cell to cell cost nothing more.
+            let (one, other) = (g.incoming(i), g.incoming(j));
             let even = (cm * cu).mul_add(N::splat(4.5), base);
-            let mut even = (even * N::splat(2.0 * w) - p.even[k]) * half.even;
-            let mut odd = (cm * N::splat(6.0 * w) - p.odd[k]) * half.odd;
+            let mut even = (even * N::splat(2.0 * w) - (one + other)) * half.even;
+            let mut odd = (cm * N::splat(6.0 * w) - (one - other)) * half.odd;
             if FORCED {
                 let cf = along(c, &force);
                 let source = (cu * cf).mul_add(N::splat(3.0), N::splat(0.0) - uf) * even_source;
                 even = source.mul_add(N::splat(w), even);
                 odd = (cf * odd_source).mul_add(N::splat(w), odd);
             }
-            g[i] = g[i] + (even + odd);
-            g[j] = g[j] + (even - odd);
+            g.leave(i, one + (even + odd));
+            g.leave(j, other + (even - odd));
         });
         p.u
     }
