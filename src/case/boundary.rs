@@ -32,7 +32,8 @@ pub enum Condition {
         /// Velocity of the wall, tangential to the face [m/s].
         velocity: Vector,
     },
-    /// A plane of symmetry: no flow through it, no friction.
+    /// A plane of symmetry: no flow through it, no friction. A body that it cuts takes partially saturated cells: links along the
+    /// plane do not see the body's mirror image.
     FreeSlip {},
     /// Velocity imposed.
     Velocity {

@@ -83,7 +83,6 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
 
 fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
     let scene = &plan.scene;
-    let limit = written.drop_wall_velocity_at_solid_neighbours as usize;
     bounce_back::Settings {
         scheme: match written.scheme {
             WrittenScheme::HalfWay => Scheme::HalfWay,
@@ -93,7 +92,9 @@ fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
         rules: Rules {
             hydraulic_radius_factor: written.hydraulic_radius_factor,
             first_grain: scene.first_grain(),
-            isolated: (limit > 0).then_some(limit),
+            isolated: written
+                .isolated(scene.grid.dimension)
+                .map(|limit| limit as usize),
         },
         buoyancy: buoyancy(plan),
     }
