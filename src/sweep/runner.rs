@@ -14,6 +14,7 @@ use crate::error::Error;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::fs::{self, OpenOptions};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -139,7 +140,8 @@ impl<'a> Runner<'a> {
                 of_plan += seconds(job.member);
                 planned -= seconds(job.member);
                 stopped += usize::from(job.record.outcome == Outcome::Stopped);
-                let left = planned * spent / of_plan.max(1e-9) / f64::from(self.run.at_once);
+                let left =
+                    planned.max(0.0) * spent / of_plan.max(1e-9) / f64::from(self.run.at_once);
                 self.tell(&job, members.len(), left);
             }
             jobs = running;
@@ -221,15 +223,11 @@ impl<'a> Runner<'a> {
             command.arg(&case).arg("--output").arg(&folder);
         }
         command.args(["--threads", &self.run.threads.to_string()]);
-        let file = |name: &str| {
-            let mut how = OpenOptions::new();
-            how.create(true)
-                .append(true)
-                .open(folder.join(name))
-                .map_err(fail)
-        };
-        command.stdin(Stdio::null());
-        command.stdout(file("log.txt")?).stderr(file("errors.txt")?);
+        let mut how = OpenOptions::new();
+        how.create(true).append(true);
+        let log = how.open(folder.join("log.txt")).map_err(fail)?;
+        let errors = fs::File::create(folder.join("errors.txt")).map_err(fail)?;
+        command.stdin(Stdio::null()).stdout(log).stderr(errors);
         let child = command
             .spawn()
             .map_err(|e| Error::Io(format!("{:?}: {e}", command.get_program())))?;
@@ -261,6 +259,8 @@ impl<'a> Runner<'a> {
             }
         };
         alone(&mut command);
+        // Ctrl-C reaches this process only: mpirun would end its ranks before they can write a checkpoint.
+        command.process_group(0);
         command
     }
 
@@ -309,6 +309,8 @@ impl Job<'_> {
         let whole = seconds("wall_seconds").unwrap_or_else(|| self.begun.elapsed().as_secs_f64());
         record.wall_seconds += whole;
         record.loop_seconds += seconds("loop_seconds").unwrap_or(0.0);
+        // A run that was ended by force leaves no account of its steps.
+        record.timed &= seconds("loop_seconds").is_some();
         record.processor_seconds += self.processor;
         record.outcome = outcome;
         if outcome != Outcome::Finished {

@@ -249,6 +249,9 @@ impl Study {
             problems.extend(check::against(&schema(), &mut tree));
         }
         if !problems.is_empty() {
+            for problem in problems.iter_mut().filter(|p| p.path == "the case") {
+                problem.path = "the study".into();
+            }
             return Err(problems);
         }
         // From the text and not from the tree, which does not keep the order of keys.

@@ -431,10 +431,15 @@ impl Comparison<'_> {
     }
 }
 
+/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that differs.
+const SAME_ERROR: f64 = 1e-3;
+
 /// Which points (cost, error) no other point beats in one without being worse in the other.
 #[must_use]
 pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
-    let beats = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
+    let beats = |a: (f64, f64), b: (f64, f64)| {
+        a.0 <= b.0 && a.1 <= b.1 * (1.0 + SAME_ERROR) && (a.0 < b.0 || a.1 < b.1)
+    };
     points
         .iter()
         .map(|point| {
@@ -481,7 +486,7 @@ mod tests {
             Some((1.0, 0.5)),
             Some((2.0, 0.1)),
             Some((2.0, 0.2)),
-            Some((3.0, 0.1)),
+            Some((3.0, 0.099_95)),
             Some((0.5, f64::NAN)),
             None,
             Some((4.0, 0.01)),
