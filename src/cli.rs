@@ -10,7 +10,7 @@ use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
-use crate::sweep::{Sweep, Task, study};
+use crate::sweep::{Say, Sweep, Task, study};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -219,7 +219,7 @@ pub struct Engine {
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
     /// Carries out a sweep; the function takes lines for the reader.
-    pub sweep: fn(&Sweep, &dyn Fn(&str)) -> Result<(), Error>,
+    pub sweep: fn(&Sweep, Say<'_>) -> Result<(), Error>,
     /// Searches a critical gradient; as JSON or not.
     pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
 }

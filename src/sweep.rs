@@ -55,11 +55,14 @@ pub enum Task {
     Slurm,
 }
 
+/// Takes lines for the reader.
+pub type Say<'a> = &'a dyn Fn(&str);
+
 /// Carries out a sweep; `say` takes lines for the reader.
 ///
 /// # Errors
 /// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
-pub fn command(sweep: &Sweep, say: &dyn Fn(&str)) -> Result<(), Error> {
+pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = std::fs::read_to_string(file)
         .map_err(|e| Error::Io(format!("cannot read the study {}: {e}", file.display())))?;
@@ -125,12 +128,12 @@ fn enough_cores(study: &Study) -> Result<(), Error> {
     ))
 }
 
-fn run(study: &Study, members: &[Member], output: &Path, say: &dyn Fn(&str)) -> Result<(), Error> {
+fn run(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
     let runner = Runner::new(study, output, say)?;
     runner.run(members)
 }
 
-fn list(study: &Study, members: &[Member], output: &Path, say: &dyn Fn(&str)) -> Result<(), Error> {
+fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
     let limit = study.run.time_limit;
     let version = solver_version()?;
     let width = members.iter().map(|m| m.name.len()).max().unwrap_or(0);
@@ -170,7 +173,7 @@ fn collect(
     members: &[Member],
     beside: &Path,
     output: &Path,
-    say: &dyn Fn(&str),
+    say: Say<'_>,
 ) -> Result<(), Error> {
     let table = table::Table::of(study, members, beside, output);
     let mut files = vec![

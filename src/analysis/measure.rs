@@ -380,7 +380,7 @@ mod tests {
             assert!(sampled(5).error(&sampled(7), norm).unwrap() < 1e-14);
         }
         let mut off = sampled(7);
-        off.y[3] = 2.0 * off.y[3];
+        off.y[3] *= 2.0;
         assert!(sampled(5).error(&off, Norm::Largest).unwrap() > 0.1);
         assert!(sampled(2).error(&sampled(7), Norm::Largest).is_err());
     }

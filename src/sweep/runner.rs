@@ -7,6 +7,7 @@
 //! Environment, as for the scripts under `jobs`: SOLVER (the program; this one without it), LAUNCH (what starts MPI;
 //! `mpirun -n RANKS` without it, and nothing for one rank).
 
+use super::Say;
 use super::members::Member;
 use super::record::{FILE, Outcome, Record};
 use super::study::{Run, Study};
@@ -32,7 +33,7 @@ const TICKS: f64 = 100.0;
 pub struct Runner<'a> {
     run: &'a Run,
     output: &'a Path,
-    say: &'a dyn Fn(&str),
+    say: Say<'a>,
     solver: PathBuf,
     version: String,
     stop: Arc<AtomicBool>,
@@ -91,7 +92,7 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// [`Error::Io`] for the folder, [`Error::Internal`] where signals cannot be caught.
-    pub fn new(study: &'a Study, output: &'a Path, say: &'a dyn Fn(&str)) -> Result<Self, Error> {
+    pub fn new(study: &'a Study, output: &'a Path, say: Say<'a>) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR2};
         fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;
         let stop = Arc::new(AtomicBool::new(false));
