@@ -16,6 +16,7 @@ use solver::analysis::erosion_law::read_rows;
 use solver::analysis::ground_collapse::record::{CollapseRecord, CollapseSummary};
 use solver::analysis::plot::{Axis, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use solver::error::Error;
+use solver::sweep::table::machine;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
@@ -286,14 +287,6 @@ fn figure(study: &Study, series: &[(&str, &str, f64, Deviation)]) -> Figure {
             panel("Eroded mass at the end", |d| d.eroded, Legend::Right),
         ],
     }
-}
-
-/// Name of the processor; empty where the system does not tell.
-fn machine() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    let name = line.and_then(|line| line.split(':').nth(1));
-    name.unwrap_or_default().trim().to_owned()
 }
 
 fn save(path: &Path, text: &str) -> Result<(), Error> {

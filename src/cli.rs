@@ -10,6 +10,7 @@ use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
+use crate::sweep::{Say, Sweep, Task, study};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -18,11 +19,14 @@ use std::time::Duration;
 
 /// Water eroding grains and rock.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version, about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION, about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
+
+/// With the commit, by which a sweep knows whether a member was run by this program.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("SOLVER_COMMIT"), ")");
 
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
 
@@ -48,8 +52,12 @@ enum Command {
         #[command(flatten)]
         case: CaseArgs,
     },
-    /// Print the JSON schema of a case.
-    Schema,
+    /// Print the JSON schema of a case, or of a study.
+    Schema {
+        /// Of what.
+        #[arg(default_value = "case")]
+        of: Text,
+    },
     /// List the ready cases, or print one.
     Example {
         /// Which one.
@@ -98,6 +106,16 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Run the members of a study and write a table and a picture of error against cost.
+    Sweep {
+        /// The study file.
+        study: PathBuf,
+        /// Folder of members, table and picture [default: beside the study, of its name].
+        #[arg(long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        #[command(flatten)]
+        task: TaskArgs,
+    },
     /// Search the smallest drive of a seepage that erodes, by runs of the case that differ in nothing else.
     CriticalGradient {
         #[command(flatten)]
@@ -124,6 +142,42 @@ enum Command {
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
     },
+}
+
+/// The texts that have a schema.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Text {
+    Case,
+    Study,
+}
+
+#[derive(Debug, Args)]
+#[group(multiple = false)]
+struct TaskArgs {
+    /// Only say which members there are, what they will cost, and which are done.
+    #[arg(long)]
+    list: bool,
+    /// Only run the member of this number in the list, for a job array.
+    #[arg(long, value_name = "K")]
+    member: Option<usize>,
+    /// Only write the table and the picture, from what is there.
+    #[arg(long)]
+    collect: bool,
+    /// Only print a script for a job array of Slurm.
+    #[arg(long)]
+    slurm: bool,
+}
+
+impl TaskArgs {
+    fn task(&self) -> Task {
+        match self.member {
+            Some(number) => Task::Member(number),
+            None if self.list => Task::List,
+            None if self.collect => Task::Collect,
+            None if self.slurm => Task::Slurm,
+            None => Task::Run,
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -164,6 +218,8 @@ pub struct Engine {
     pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
     /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
+    /// Carries out a sweep; the function takes lines for the reader.
+    pub sweep: fn(&Sweep, Say<'_>) -> Result<(), Error>,
     /// Searches a critical gradient; as JSON or not.
     pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
 }
@@ -185,7 +241,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         Command::Run { case, run } => start(&case, run, engine),
         Command::Validate { case } => validate(&case),
         Command::Plan { case } => plan(&case),
-        Command::Schema => say(&pretty(&schema())),
+        Command::Schema { of: Text::Case } => say(&pretty(&schema())),
+        Command::Schema { of: Text::Study } => say(&pretty(&study::schema())),
         Command::Example { name, json } => example(name.as_deref(), json),
         Command::Info { file, json } => (engine.info)(&file, json).and_then(|text| say(&text)),
         Command::Restart {
@@ -197,6 +254,18 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
         }
+        Command::Sweep {
+            study,
+            output,
+            task,
+        } => sweep(
+            &Sweep {
+                study,
+                output,
+                task: task.task(),
+            },
+            engine,
+        ),
         Command::CriticalGradient {
             case,
             boundary,
@@ -270,6 +339,15 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
     let mut options = options(run, case.json);
     options.output.get_or_insert_with(|| folder_of(&case.case));
     told((engine.run)(plan, options))
+}
+
+/// The members are processes of their own: only the first rank runs them, should somebody have started several.
+fn sweep(sweep: &Sweep, engine: &Engine) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    // A reader that has gone away is no reason to stop.
+    told((engine.sweep)(sweep, &|line| drop(say(line))))
 }
 
 /// The folder of a case where none is named.
@@ -379,10 +457,10 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             .iter()
             .map(|e| format!("{:14}  {}", e.name, e.summary))
             .collect();
-        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json";
+        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > study.json; solver sweep study.json";
         return say(&format!("{}\n{last}", lines.join("\n")));
     };
-    match examples::find(name) {
+    match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {
         Some(example) => say(example.text.trim_end()),
         None => {
             let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();

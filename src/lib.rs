@@ -22,4 +22,5 @@ pub mod plan;
 pub mod random;
 pub mod scene;
 pub mod simulation;
+pub mod sweep;
 pub mod units;

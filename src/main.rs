@@ -1,7 +1,7 @@
 //! Entry point: what the commands need from the rest of the program, and the exit code.
 
 use solver::cli::{self, Engine};
-use solver::{analysis, output, simulation};
+use solver::{analysis, output, simulation, sweep};
 
 fn main() {
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
@@ -11,6 +11,7 @@ fn main() {
         info: output::info::info,
         picture: output::picture::picture,
         erosion_law: analysis::study::command,
+        sweep: sweep::command,
         critical_gradient: simulation::critical::command,
     };
     std::process::exit(cli::main(std::env::args_os(), &engine));

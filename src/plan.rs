@@ -8,7 +8,7 @@ pub mod models;
 pub mod report;
 
 use crate::case::annotation::Source;
-use crate::case::time::{SolidSteps, WarmUp};
+use crate::case::time::{Limits, SolidSteps, WarmUp};
 use crate::case::{Case, Document};
 use crate::error::{Problem, Severity};
 use crate::scene::Scene;
@@ -134,8 +134,14 @@ impl Plan {
         let (scene, mut findings) = Scene::attempt(case);
         let plan = scene.and_then(|scene| {
             let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
+            let before = findings.problems.len();
             let clock = clock(&scene, &mut findings)?;
             let margins = envelope::margins(&scene, &clock, &mut findings);
+            if scene.guards.limits == Limits::Warn {
+                for problem in &mut findings.problems[before..] {
+                    problem.severity = Severity::Warning;
+                }
+            }
             let estimate = Estimate::of(&scene, &clock, &mut findings);
             Some(Self {
                 models: models::choices(&scene, &clock),

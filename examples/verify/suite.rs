@@ -5,8 +5,9 @@
 //! Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by formulas, and
 //! held against a reference under a tolerance that states its reason.
 
-use super::expression::evaluate;
 use serde::Deserialize;
+use solver::analysis::expression::evaluate;
+use solver::analysis::measure::Measure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -54,51 +55,8 @@ struct Value {
     /// The run it is read from; may be left out where there is one.
     #[serde(default)]
     run: Option<String>,
-    /// CSV in the output folder.
-    #[serde(default)]
-    file: Option<String>,
-    /// Path in `summary.json`, for example `mass_change`.
-    #[serde(default)]
-    summary: Option<String>,
-    /// Formula of the columns of the file and of numbers named before.
-    #[serde(default)]
-    of: Option<String>,
-    /// Rows that count: those for which this formula is not zero.
-    #[serde(default, rename = "where")]
-    rows: Option<String>,
-    /// What is made of the rows; the last one without it.
-    #[serde(default)]
-    take: Take,
-}
-
-/// What is made of the rows.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum Take {
-    #[default]
-    Last,
-    Max,
-    Min,
-    Mean,
-    /// Number of rows.
-    Count,
-    /// (2/n) sum of value times cos(2 pi time/period), over whole periods.
-    Cosine(String),
-    /// The same with the sine.
-    Sine(String),
-    /// Time between upward crossings of the mean, on average.
-    Period,
-    /// Largest difference from a formula of the columns, over the largest size of that formula; rows of the last time.
-    LargestError(String),
-    /// Root of the mean square of the difference over that of the formula; rows of the last time.
-    MeanError(String),
-    /// Largest difference from a table, over the table's largest size; rows of the last time, interpolated by cubics.
-    TableError {
-        /// CSV in the folder of the case with two columns: coordinate and value.
-        table: String,
-        /// Formula of the coordinate in the columns of the run.
-        at: String,
-    },
+    #[serde(flatten)]
+    measure: Measure,
 }
 
 /// A number held against a reference.
@@ -286,39 +244,6 @@ fn run(folder: &Path, set: &[String], solver: &Path, output: &Path) -> Result<()
     ))
 }
 
-/// Text in rows and columns.
-struct Table {
-    columns: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn read(path: &Path) -> Result<Self, String> {
-        let text = read(path)?;
-        let mut lines = text
-            .lines()
-            .filter(|line| !line.starts_with('#') && !line.is_empty())
-            .map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect());
-        let header: Vec<String> = lines
-            .next()
-            .ok_or_else(|| format!("{} is empty", path.display()))?;
-        // A unit may stand behind a name: `time [s]`.
-        let columns = header
-            .iter()
-            .map(|name| name.split(' ').next().unwrap_or_default().to_owned())
-            .collect();
-        Ok(Self {
-            columns,
-            rows: lines.collect(),
-        })
-    }
-
-    fn cell(&self, row: usize, name: &str) -> Option<f64> {
-        let column = self.columns.iter().position(|c| c == name)?;
-        self.rows[row].get(column)?.parse().ok()
-    }
-}
-
 struct Reader<'a> {
     folder: &'a Path,
     form: &'a Form,
@@ -327,8 +252,9 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn number(&self, value: &Value, known: &BTreeMap<String, f64>) -> Result<f64, String> {
+        let lookup = |name: &str| known.get(name).copied();
         if let Some(formula) = &value.is {
-            return evaluate(formula, &|name| known.get(name).copied());
+            return evaluate(formula, &lookup);
         }
         let run = match &value.run {
             Some(run) => run,
@@ -336,137 +262,6 @@ impl Reader<'_> {
             None => return Err("several runs, none named".into()),
         };
         let output = self.output.join(run);
-        if let Some(path) = &value.summary {
-            let text = read(&output.join("summary.json"))?;
-            let tree: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
-            return path
-                .split('.')
-                .try_fold(&tree, |node, key| node.get(key))
-                .and_then(serde_json::Value::as_f64)
-                .ok_or_else(|| format!("summary.json has no number {path}"));
-        }
-        let file = value.file.as_ref().ok_or("neither a formula nor a file")?;
-        let table = Table::read(&output.join(file))?;
-        let at = |row: usize, formula: &str| {
-            evaluate(formula, &|name| {
-                table.cell(row, name).or_else(|| known.get(name).copied())
-            })
-        };
-        let mut rows = Vec::new();
-        for row in 0..table.rows.len() {
-            let counts = match &value.rows {
-                Some(condition) => at(row, condition)? > 0.0,
-                None => true,
-            };
-            if counts {
-                rows.push(row);
-            }
-        }
-        if let Take::Count = value.take {
-            return Ok(number(rows.len()));
-        }
-        let of = value.of.as_ref().ok_or("no formula `of` the columns")?;
-        let numbers = |formula: &str, rows: &[usize]| -> Result<Vec<f64>, String> {
-            rows.iter().map(|&row| at(row, formula)).collect()
-        };
-        let values = numbers(of, &rows)?;
-        let last = *rows.last().ok_or("no row")?;
-        let last_time = || -> Result<Vec<usize>, String> {
-            let end = at(last, "time")?;
-            let mut kept = rows.clone();
-            kept.retain(|&row| table.cell(row, "time").is_some_and(|t| t >= end));
-            Ok(kept)
-        };
-        match &value.take {
-            Take::Last => values.last().copied().ok_or_else(|| "no row".into()),
-            Take::Max => Ok(values.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
-            Take::Min => Ok(values.iter().copied().fold(f64::INFINITY, f64::min)),
-            Take::Mean => Ok(values.iter().sum::<f64>() / number(values.len())),
-            Take::Count => Ok(number(rows.len())),
-            Take::Cosine(period) | Take::Sine(period) => {
-                let phases = numbers(&format!("2*pi*time/({period})"), &rows)?;
-                let cosine = matches!(value.take, Take::Cosine(_));
-                let wave = |phase: f64| if cosine { phase.cos() } else { phase.sin() };
-                let sum: f64 = values.iter().zip(phases).map(|(v, p)| v * wave(p)).sum();
-                Ok(2.0 * sum / number(values.len()))
-            }
-            Take::Period => period(&numbers("time", &rows)?, &values),
-            Take::LargestError(reference) => {
-                let rows = last_time()?;
-                let (values, reference) = (numbers(of, &rows)?, numbers(reference, &rows)?);
-                Ok(largest(&values, &reference))
-            }
-            Take::MeanError(reference) => {
-                let rows = last_time()?;
-                let (values, reference) = (numbers(of, &rows)?, numbers(reference, &rows)?);
-                let square = |x: f64| x * x;
-                let pairs = values.iter().zip(&reference);
-                let error: f64 = pairs.map(|(v, r)| square(v - r)).sum();
-                let size: f64 = reference.iter().copied().map(square).sum();
-                Ok((error / size).sqrt())
-            }
-            Take::TableError { table: file, at } => {
-                let rows = last_time()?;
-                let (x, y) = (numbers(at, &rows)?, numbers(of, &rows)?);
-                let wanted = Table::read(&self.folder.join(file))?;
-                let mut reference = Vec::new();
-                let mut values = Vec::new();
-                for row in &wanted.rows {
-                    let cell = |column: usize| -> Result<f64, String> {
-                        let text = row.get(column).map_or("", String::as_str);
-                        text.parse().map_err(|_| format!("{file}: {text:?}"))
-                    };
-                    values.push(cubic(&x, &y, cell(0)?)?);
-                    reference.push(cell(1)?);
-                }
-                Ok(largest(&values, &reference))
-            }
-        }
-    }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "rows are far fewer than 2^53")]
-fn number(count: usize) -> f64 {
-    count as f64
-}
-
-/// Largest difference over the largest size of the reference.
-fn largest(values: &[f64], reference: &[f64]) -> f64 {
-    // Not max(): it would pass over what is not a number.
-    let pairs = values.iter().zip(reference);
-    let errors = pairs.map(|(v, r)| (v - r).abs());
-    let worst = errors.fold(0.0, |a: f64, b| if b.is_nan() || b > a { b } else { a });
-    worst / reference.iter().fold(0.0, |a: f64, b| a.max(b.abs()))
-}
-
-/// Cubic through the four points nearest to `at`; `x` grows.
-fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
-    if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
-        return Err("a table needs four points or more in growing order".into());
-    }
-    let above = x.partition_point(|&v| v < at);
-    let first = above.saturating_sub(2).min(x.len() - 4);
-    let four = first..first + 4;
-    Ok(four
-        .clone()
-        .map(|i| {
-            let others = four.clone().filter(|&j| j != i);
-            y[i] * others.map(|j| (at - x[j]) / (x[i] - x[j])).product::<f64>()
-        })
-        .sum())
-}
-
-/// Mean time between upward crossings of the mean.
-fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
-    let mean = values.iter().sum::<f64>() / number(values.len());
-    let crossings: Vec<f64> = time
-        .windows(2)
-        .zip(values.windows(2))
-        .filter(|(_, v)| v[0] < mean && v[1] >= mean)
-        .map(|(t, v)| t[0] + (t[1] - t[0]) * (mean - v[0]) / (v[1] - v[0]))
-        .collect();
-    match crossings[..] {
-        [first, .., last] => Ok((last - first) / number(crossings.len() - 1)),
-        _ => Err("fewer than two upward crossings of the mean".into()),
+        value.measure.number(&output, self.folder, &lookup)
     }
 }

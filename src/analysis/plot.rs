@@ -131,6 +131,10 @@ pub enum Style {
     Hollow,
     /// A wide ring, through which what lies beneath is seen.
     Ring,
+    /// A square of its colour: a place of a map.
+    Square,
+    /// A white square with a rim.
+    OpenSquare,
 }
 
 /// What a layer draws.
@@ -154,6 +158,11 @@ pub enum Shape {
         marks: Vec<Mark>,
         /// How they look.
         style: Style,
+    },
+    /// Words to the upper right of points `(x, y, words)`.
+    Words {
+        /// The points with their words.
+        words: Vec<(f64, f64, String)>,
     },
     /// Lower bounds: a bar from which an arrow points up.
     LowerBounds {
@@ -246,7 +255,11 @@ impl Figure {
             .iter()
             .map(|panel| LEFT + PLOT_WIDTH + RIGHT + side(panel))
             .sum();
-        let height = TOP + PLOT_HEIGHT + BOTTOM;
+        let beside = |panel: &Panel| match panel.legend {
+            Legend::Right => TOP + legend_height(panel) + 12.0,
+            _ => 0.0,
+        };
+        let height = (self.panels.iter().map(beside)).fold(TOP + PLOT_HEIGHT + BOTTOM, f64::max);
         let mut pen = Pen::default();
         // Spaces are preserved, else those beside a raised or lowered span are dropped.
         pen.put(format_args!(
@@ -515,6 +528,11 @@ fn legend_width(panel: &Panel) -> f64 {
     widest + 12.0
 }
 
+fn legend_height(panel: &Panel) -> f64 {
+    let rows = entries(panel).len() + usize::from(!panel.legend_title.is_empty());
+    number(rows) * LINE + 10.0
+}
+
 /// A panel being drawn.
 struct Drawing<'a> {
     panel: &'a Panel,
@@ -660,6 +678,13 @@ impl<'a> Drawing<'a> {
                     dot(pen, place, colour, *style);
                 }
             }
+            Shape::Words { words } => {
+                for (x, y, text) in words {
+                    if let Some((x, y)) = self.place(*x, *y) {
+                        pen.words(x + 6.0, y - 7.0, "start", "", text);
+                    }
+                }
+            }
             Shape::LowerBounds { points } => {
                 for place in points.iter().filter_map(|&(x, y)| self.place(x, y)) {
                     arrow(pen, place, colour);
@@ -717,8 +742,7 @@ impl<'a> Drawing<'a> {
             return;
         }
         let titled = !self.panel.legend_title.is_empty();
-        let rows = number(entries.len() + usize::from(titled));
-        let (width, height) = (legend_width(self.panel), rows * LINE + 10.0);
+        let (width, height) = (legend_width(self.panel), legend_height(self.panel));
         let (left, top) = match self.panel.legend {
             Legend::Right => (self.left + PLOT_WIDTH + 14.0, TOP),
             Legend::BottomRight => (
@@ -754,6 +778,7 @@ impl<'a> Drawing<'a> {
                 Shape::Marks { style, .. } => {
                     dot(pen, (0.5 * (from + to), y), colour, *style);
                 }
+                Shape::Words { .. } => {}
                 Shape::LowerBounds { .. } => arrow(pen, (0.5 * (from + to), y + 7.0), colour),
             }
             pen.words(to + 8.0, y + 4.5, "start", "", &layer.label);
@@ -767,9 +792,19 @@ fn dot(pen: &mut Pen, (x, y): (f64, f64), colour: &str, style: Style) {
         Style::Filled => (colour, 3.8),
         Style::Hollow => ("white", 3.8),
         Style::Ring => ("none", 7.0),
+        Style::Square => return square(pen, (x, y), colour, colour),
+        Style::OpenSquare => return square(pen, (x, y), colour, "white"),
     };
     pen.put(format_args!(
         "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
+    ));
+}
+
+fn square(pen: &mut Pen, (x, y): (f64, f64), colour: &str, fill: &str) {
+    pen.put(format_args!(
+        "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"13\" height=\"13\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.8\"/>",
+        x - 6.5,
+        y - 6.5
     ));
 }
 
@@ -794,6 +829,10 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
         Shape::Line { points, .. } => {
             xs.extend(points.iter().map(|p| p.0));
             ys.extend(points.iter().map(|p| p.1));
+        }
+        Shape::Words { words } => {
+            xs.extend(words.iter().map(|w| w.0));
+            ys.extend(words.iter().map(|w| w.1));
         }
         Shape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));

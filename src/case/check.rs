@@ -3,8 +3,8 @@
 
 use super::text::{brief, join};
 use crate::error::{Problem, Severity};
-use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value};
 use std::sync::OnceLock;
 
@@ -13,15 +13,24 @@ const LARGEST: f64 = 1e30;
 
 /// The schema as it comes from the structs.
 pub(crate) fn bare_schema() -> Value {
+    schema_of::<super::Case>()
+}
+
+/// The schema of any text that is read as a tree.
+pub(crate) fn schema_of<T: JsonSchema>() -> Value {
     SchemaGenerator::new(SchemaSettings::draft2020_12())
-        .into_root_schema_for::<super::Case>()
+        .into_root_schema_for::<T>()
         .to_value()
 }
 
-/// All problems of the tree; unknown fields are taken out so that the rest can be looked at further.
+/// All problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
 pub(crate) fn against_schema(tree: &mut Value) -> Vec<Problem> {
     static ROOT: OnceLock<Value> = OnceLock::new();
-    let root = ROOT.get_or_init(bare_schema);
+    against(ROOT.get_or_init(bare_schema), tree)
+}
+
+/// All problems of a tree that should be as a schema says.
+pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     let mut walk = Walk {
         root,
         problems: Vec::new(),
@@ -29,6 +38,9 @@ pub(crate) fn against_schema(tree: &mut Value) -> Vec<Problem> {
     walk.node(tree, root, "");
     walk.problems
 }
+
+/// Words by which a schema asks for something; without one of them any value will do.
+const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
 
 struct Walk<'a> {
     root: &'a Value,
@@ -70,6 +82,9 @@ impl<'a> Walk<'a> {
         }
         if let Some(options) = schema.get("anyOf").and_then(Value::as_array) {
             return self.any_of(value, options, path);
+        }
+        if !SAYS.iter().any(|word| schema.get(word).is_some()) {
+            return;
         }
         if !self.has_type(value, schema) {
             let wanted = wanted(schema);
@@ -122,7 +137,8 @@ impl<'a> Walk<'a> {
             .keys()
             .map(String::as_str)
             .collect();
-        let open = schema.get("additionalProperties").filter(|s| s.is_object());
+        let open = (schema.get("additionalProperties"))
+            .filter(|s| s.is_object() || s.as_bool() == Some(true));
         let mut unknown = Vec::new();
         for (key, child) in map.iter_mut() {
             let child_path = join(path, key);

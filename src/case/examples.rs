@@ -90,6 +90,13 @@ pub const EXAMPLES: [Example; 15] = [
     },
 ];
 
+/// A ready study: members of a case for `solver sweep`.
+pub const STUDY: Example = Example {
+    name: "sweep",
+    summary: "study of a channel flow: error against cost over cells, operator and relaxation time",
+    text: include_str!("examples/sweep.json"),
+};
+
 /// The example of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Example> {

@@ -111,6 +111,21 @@ pub struct Guards {
     /// Memory of all machines of the run together [GiB]; without it that of this machine.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub memory_gib: Option<f64>,
+    /// What a limit of the method that the plan finds crossed (Mach number, density change, cells in a diameter, time step of the
+    /// grains) means before the run.
+    pub limits: Limits,
+}
+
+/// What a crossed limit means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Limits {
+    /// Nothing is run.
+    #[default]
+    Refuse,
+    /// A warning, for studies of where the limits are.
+    Warn,
 }
 
 impl Default for Guards {
@@ -119,6 +134,7 @@ impl Default for Guards {
             check_every_steps: 100,
             max_mach: 0.3,
             memory_gib: None,
+            limits: Limits::Refuse,
         }
     }
 }

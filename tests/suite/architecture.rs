@@ -1,7 +1,8 @@
 //! Reads the sources and holds who may use whom, and where what is dangerous may stand.
 //!
 //! ```text
-//! main -> cli -> simulation -> output, checkpoint -> io
+//! main -> cli -> sweep -> analysis, plan
+//!                simulation -> output, checkpoint -> io
 //!                simulation -> scene, plan -> case -> units
 //!                simulation -> coupling -> lbm | dem -> decomposition
 //! ```
@@ -16,8 +17,17 @@ const LONGEST: usize = 1100;
 
 /// A room of the house: the modules and the crates beside std it may name. `error` is everybody's.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
-    ("main", &["analysis", "cli", "output", "simulation"], &[]),
-    ("cli", &["case", "output", "plan", "simulation"], &[]),
+    (
+        "main",
+        &["analysis", "cli", "output", "simulation", "sweep"],
+        &[],
+    ),
+    (
+        "cli",
+        &["case", "output", "plan", "simulation", "sweep"],
+        &[],
+    ),
+    ("sweep", &["analysis", "case", "plan", "scene"], &["io"]),
     (
         "simulation",
         &[

@@ -17,4 +17,5 @@ mod ranks;
 mod same_bits;
 mod seepage;
 mod stopping;
+mod sweep;
 mod verification;

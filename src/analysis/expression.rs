@@ -1,13 +1,13 @@
-//! Arithmetic as written in `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
+//! Arithmetic as written in `study.json` and `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
 //!
 //! Numbers, names, `+ - * / ^`, brackets and the functions below; `^` binds to the right and before a sign. Angles are in
-//! radians. A condition is a number: `x > 1` is 1 or 0.
+//! radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case: `bodies[0].shape.disc.radius`.
 
 /// The value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
 /// What cannot be read, with the expression.
-pub(crate) fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
+pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
     let mut reader = Reader {
         rest: text.trim_start(),
         lookup,
@@ -133,7 +133,8 @@ impl Reader<'_> {
             let exponent = number
                 && matches!(byte, b'+' | b'-')
                 && matches!(bytes.get(length.wrapping_sub(1)), Some(b'e' | b'E'));
-            if !(byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_') || exponent) {
+            let index = !number && matches!(byte, b'[' | b']');
+            if !(byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_') || exponent || index) {
                 break;
             }
             length += 1;
@@ -158,4 +159,45 @@ fn function(name: &str, x: f64, second: Option<f64>) -> Result<f64, String> {
         ("max", Some(y)) => x.max(y),
         _ => return Err(format!("no function {name:?} with these arguments")),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formulas_are_read_as_written() {
+        let value = |text: &str| {
+            evaluate(text, &|name| {
+                matches!(name, "x_1" | "bodies[0].radius").then_some(3.0)
+            })
+        };
+        for (text, expected) in [
+            ("1 + 2*3 - 4/2", 5.0),
+            ("-2^2", -4.0),
+            ("2^3^2", 512.0),
+            ("2^-1", 0.5),
+            ("(1e-3 + 2.5E+1)*0 + x_1", 3.0),
+            ("2*bodies[0].radius", 6.0),
+            ("sqrt(x_1*12) - abs(-6)", 0.0),
+            ("atan2(1, 1)*4 - pi", 0.0),
+            ("(x_1 > 2) + (x_1 < 2)", 1.0),
+        ] {
+            approx::assert_abs_diff_eq!(value(text).unwrap(), expected, epsilon = 1e-12);
+        }
+        for bad in [
+            "",
+            "1 +",
+            "(1",
+            "y",
+            "1 2",
+            "sin(1, 2)",
+            "min(1)",
+            "1e",
+            "3..2",
+            "[0]",
+        ] {
+            assert!(value(bad).is_err(), "{bad}");
+        }
+    }
 }

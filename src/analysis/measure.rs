@@ -1,0 +1,387 @@
+//! A number from the files of a run: from a table (probes, ledgers) or from `summary.json`.
+//!
+//! The rows of a table that count are chosen by a formula of its columns, a formula gives the value of each, and one of
+//! [`Take`] makes a number of them. A profile keeps the values of the last time over a coordinate, and two profiles
+//! are compared by a [`Norm`].
+
+use super::expression::evaluate;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::path::Path;
+
+/// Which number of a run's files: one of the `summary`, or one of the rows of a `file`.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Measure {
+    /// Path of a number in `summary.json`, for example `seepage.inflow`.
+    pub summary: Option<String>,
+    /// A table in the output folder, for example `probe_NAME.csv`.
+    pub file: Option<String>,
+    /// Formula of the columns of the file and of numbers named before.
+    pub of: Option<String>,
+    /// Rows that count: those for which this formula is above 0; all without it.
+    #[serde(rename = "where")]
+    pub rows: Option<String>,
+    /// What is made of the rows; the last one without it.
+    pub take: Take,
+}
+
+/// What is made of the rows.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Take {
+    /// The last one.
+    #[default]
+    Last,
+    /// The largest.
+    Max,
+    /// The smallest.
+    Min,
+    /// Their mean.
+    Mean,
+    /// Number of rows.
+    Count,
+    /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula [s].
+    Cosine(String),
+    /// The same with the sine.
+    Sine(String),
+    /// Time between upward crossings of the mean, on average [s].
+    Period,
+    /// Largest difference from a formula of the columns, over the largest size of that formula; rows of the last time.
+    LargestError(String),
+    /// Root of the mean square of the difference over that of the formula; rows of the last time.
+    MeanError(String),
+    /// Largest difference from a table, over the table's largest size; rows of the last time, interpolated by cubics.
+    TableError {
+        /// CSV beside the case or study with two columns: coordinate and value.
+        table: String,
+        /// Formula of the coordinate in the columns of the run.
+        at: String,
+    },
+}
+
+/// How far two profiles are apart, relative to the reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Norm {
+    /// Largest difference over the largest size of the reference.
+    #[default]
+    Largest,
+    /// Root of the mean square of the difference over that of the reference.
+    Mean,
+}
+
+impl Norm {
+    fn of(self, values: &[f64], reference: &[f64]) -> f64 {
+        let pairs = values.iter().zip(reference);
+        match self {
+            Self::Largest => {
+                // Not max(): it would pass over what is not a number.
+                let errors = pairs.map(|(v, r)| (v - r).abs());
+                let worst = errors.fold(0.0, |a: f64, b| if b.is_nan() || b > a { b } else { a });
+                worst / reference.iter().fold(0.0, |a: f64, b| a.max(b.abs()))
+            }
+            Self::Mean => {
+                let square = |x: f64| x * x;
+                let error: f64 = pairs.map(|(v, r)| square(v - r)).sum();
+                (error / reference.iter().copied().map(square).sum::<f64>()).sqrt()
+            }
+        }
+    }
+}
+
+/// Values over a coordinate, in growing order of the coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// The coordinate.
+    pub x: Vec<f64>,
+    /// The values there.
+    pub y: Vec<f64>,
+}
+
+impl Profile {
+    /// Two columns of a CSV file: coordinate and value.
+    ///
+    /// # Errors
+    /// What cannot be read.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let table = Table::read(path)?;
+        let column = |column: usize| -> Result<Vec<f64>, String> {
+            let cell = |row: &Vec<String>| {
+                let text = row.get(column).map_or("", String::as_str);
+                text.parse()
+                    .map_err(|_| format!("{}: {text:?} is not a number", path.display()))
+            };
+            table.rows.iter().map(cell).collect()
+        };
+        Ok(Self {
+            x: column(0)?,
+            y: column(1)?,
+        })
+    }
+
+    /// How far this profile, interpolated by cubics, is from the points of a reference.
+    ///
+    /// # Errors
+    /// Fewer than four points, or coordinates that do not grow.
+    pub fn error(&self, reference: &Self, norm: Norm) -> Result<f64, String> {
+        let there: Result<Vec<f64>, String> = reference
+            .x
+            .iter()
+            .map(|&at| cubic(&self.x, &self.y, at))
+            .collect();
+        Ok(norm.of(&there?, &reference.y))
+    }
+}
+
+impl Measure {
+    /// The number, from the output folder of a run. `beside` is where tables of references lie, `known` gives numbers
+    /// named before.
+    ///
+    /// # Errors
+    /// What cannot be read or is not there.
+    pub fn number(
+        &self,
+        output: &Path,
+        beside: &Path,
+        known: &dyn Fn(&str) -> Option<f64>,
+    ) -> Result<f64, String> {
+        if let Some(path) = &self.summary {
+            return summary(output, path);
+        }
+        let rows = self.rows(output, known)?;
+        if let Take::Count = self.take {
+            return Ok(number(rows.kept.len()));
+        }
+        let of = self.of.as_ref().ok_or("no formula `of` the columns")?;
+        let values = rows.numbers(of)?;
+        let last = *values.last().ok_or("no row")?;
+        match &self.take {
+            Take::Last => Ok(last),
+            Take::Max => Ok(values.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+            Take::Min => Ok(values.iter().copied().fold(f64::INFINITY, f64::min)),
+            Take::Mean => Ok(values.iter().sum::<f64>() / number(values.len())),
+            Take::Count => Ok(number(values.len())),
+            Take::Cosine(period) => Ok(wave(&values, &rows.phases(period)?, f64::cos)),
+            Take::Sine(period) => Ok(wave(&values, &rows.phases(period)?, f64::sin)),
+            Take::Period => period(&rows.numbers("time")?, &values),
+            Take::LargestError(reference) => {
+                let rows = rows.of_last_time()?;
+                Ok(Norm::Largest.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+            }
+            Take::MeanError(reference) => {
+                let rows = rows.of_last_time()?;
+                Ok(Norm::Mean.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+            }
+            Take::TableError { table, at } => {
+                let found = self.profile(output, at, known)?;
+                found.error(&Profile::read(&beside.join(table))?, Norm::Largest)
+            }
+        }
+    }
+
+    /// The values of the last time over a coordinate.
+    ///
+    /// # Errors
+    /// What cannot be read or is not there.
+    pub fn profile(
+        &self,
+        output: &Path,
+        over: &str,
+        known: &dyn Fn(&str) -> Option<f64>,
+    ) -> Result<Profile, String> {
+        let rows = self.rows(output, known)?.of_last_time()?;
+        let of = self.of.as_ref().ok_or("no formula `of` the columns")?;
+        Ok(Profile {
+            x: rows.numbers(over)?,
+            y: rows.numbers(of)?,
+        })
+    }
+
+    fn rows<'a>(
+        &self,
+        output: &Path,
+        known: &'a dyn Fn(&str) -> Option<f64>,
+    ) -> Result<Rows<'a>, String> {
+        let file = self.file.as_ref().ok_or("neither a formula nor a file")?;
+        let table = Table::read(&output.join(file))?;
+        let mut rows = Rows {
+            kept: (0..table.rows.len()).collect(),
+            table,
+            known,
+        };
+        if let Some(condition) = &self.rows {
+            let counts = rows.numbers(condition)?;
+            let counts = rows.kept.iter().zip(counts);
+            rows.kept = counts.filter(|(_, c)| *c > 0.0).map(|(n, _)| *n).collect();
+        }
+        Ok(rows)
+    }
+}
+
+/// A number of `summary.json`.
+fn summary(output: &Path, path: &str) -> Result<f64, String> {
+    let text = read(&output.join("summary.json"))?;
+    let tree: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
+    path.split('.')
+        .try_fold(&tree, |node, key| node.get(key))
+        .and_then(serde_json::Value::as_f64)
+        .ok_or_else(|| format!("summary.json has no number {path}"))
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Text in rows and columns.
+struct Table {
+    columns: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn read(path: &Path) -> Result<Self, String> {
+        let text = read(path)?;
+        let mut lines = text
+            .lines()
+            .filter(|line| !line.starts_with('#') && !line.is_empty())
+            .map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect());
+        let header: Vec<String> = lines
+            .next()
+            .ok_or_else(|| format!("{} is empty", path.display()))?;
+        // A unit may stand behind a name: `time [s]`.
+        let columns = header
+            .iter()
+            .map(|name| name.split(' ').next().unwrap_or_default().to_owned())
+            .collect();
+        Ok(Self {
+            columns,
+            rows: lines.collect(),
+        })
+    }
+
+    fn cell(&self, row: usize, name: &str) -> Option<f64> {
+        let column = self.columns.iter().position(|c| c == name)?;
+        self.rows.get(row)?.get(column)?.parse().ok()
+    }
+}
+
+/// Rows of a table that count, with the numbers that formulas may name beside its columns.
+struct Rows<'a> {
+    table: Table,
+    kept: Vec<usize>,
+    known: &'a dyn Fn(&str) -> Option<f64>,
+}
+
+impl Rows<'_> {
+    fn numbers(&self, formula: &str) -> Result<Vec<f64>, String> {
+        let at = |&row: &usize| {
+            evaluate(formula, &|name| {
+                self.table.cell(row, name).or_else(|| (self.known)(name))
+            })
+        };
+        self.kept.iter().map(at).collect()
+    }
+
+    fn phases(&self, period: &str) -> Result<Vec<f64>, String> {
+        self.numbers(&format!("2*pi*time/({period})"))
+    }
+
+    fn of_last_time(mut self) -> Result<Self, String> {
+        let times = self.numbers("time")?;
+        let end = *times.last().ok_or("no row")?;
+        let kept = self.kept.iter().zip(times);
+        self.kept = kept.filter(|(_, t)| *t >= end).map(|(n, _)| *n).collect();
+        Ok(self)
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "rows are far fewer than 2^53")]
+fn number(count: usize) -> f64 {
+    count as f64
+}
+
+fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
+    let sum: f64 = values.iter().zip(phases).map(|(v, p)| v * shape(*p)).sum();
+    2.0 * sum / number(values.len())
+}
+
+/// Cubic through the four points nearest to `at`; `x` grows.
+fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
+    if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
+        return Err("a profile needs four points or more in growing order".into());
+    }
+    let above = x.partition_point(|&v| v < at);
+    let first = above.saturating_sub(2).min(x.len() - 4);
+    let four = first..first + 4;
+    Ok(four
+        .clone()
+        .map(|i| {
+            let others = four.clone().filter(|&j| j != i);
+            y[i] * others.map(|j| (at - x[j]) / (x[i] - x[j])).product::<f64>()
+        })
+        .sum())
+}
+
+/// Mean time between upward crossings of the mean.
+fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
+    let mean = values.iter().sum::<f64>() / number(values.len());
+    let crossings: Vec<f64> = time
+        .windows(2)
+        .zip(values.windows(2))
+        .filter(|(_, v)| v[0] < mean && v[1] >= mean)
+        .map(|(t, v)| t[0] + (t[1] - t[0]) * (mean - v[0]) / (v[1] - v[0]))
+        .collect();
+    match crossings[..] {
+        [first, .., last] => Ok((last - first) / number(crossings.len() - 1)),
+        _ => Err("fewer than two upward crossings of the mean".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measure(json: serde_json::Value) -> Measure {
+        serde_json::from_value(json).unwrap()
+    }
+
+    #[test]
+    fn rows_are_chosen_and_taken_as_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let table = "step,time [s],x,u\n# a note\n1,0.1,0,1\n1,0.1,1,3\n2,0.2,0,5\n2,0.2,1,7\n";
+        std::fs::write(folder.path().join("t.csv"), table).unwrap();
+        let value = |of: &str, rows: &str, take: serde_json::Value| {
+            let measure = measure(
+                serde_json::json!({"file": "t.csv", "of": of, "where": rows, "take": take}),
+            );
+            let known = |name: &str| (name == "two").then_some(2.0);
+            measure
+                .number(folder.path(), folder.path(), &known)
+                .unwrap()
+        };
+        assert_eq!(value("two*u", "1", "last".into()), 14.0);
+        assert_eq!(value("u", "x < 1", "mean".into()), 3.0);
+        assert_eq!(value("u", "time < 0.15", "max".into()), 3.0);
+        assert_eq!(value("u", "x > 0", "count".into()), 2.0);
+        let error = serde_json::json!({"largest_error": "5 + x"});
+        assert_eq!(value("u", "1", error), 1.0 / 6.0);
+    }
+
+    #[test]
+    fn a_cubic_profile_is_interpolated_without_error() {
+        let sampled = |n: usize| {
+            let x: Vec<f64> = (0..=n).map(|k| number(k) / number(n)).collect();
+            let y = x.iter().map(|x| x * x * x - x + 1.0).collect();
+            Profile { x, y }
+        };
+        for norm in [Norm::Largest, Norm::Mean] {
+            assert!(sampled(5).error(&sampled(7), norm).unwrap() < 1e-14);
+        }
+        let mut off = sampled(7);
+        off.y[3] *= 2.0;
+        assert!(sampled(5).error(&off, Norm::Largest).unwrap() > 0.1);
+        assert!(sampled(2).error(&sampled(7), Norm::Largest).is_err());
+    }
+}

@@ -1,0 +1,198 @@
+//! `solver sweep study.json`: the members of a study run one after the other or side by side, and a table of error against
+//! cost with the Pareto set marked.
+//!
+//! | step | lives in |
+//! |---|---|
+//! | the study as written, its schema | [`study`] |
+//! | every member's case, checked before anything runs | [`members`] |
+//! | a member as a process of this program; stopped, it is resumed | [`runner`] |
+//! | how a member ended and what it cost, in its folder | [`record`] |
+//! | outputs, errors, Pareto sets, `members.csv` | [`table`] |
+//! | `sweep.svg` and `map.svg` | [`picture`] |
+//! | a job array for Slurm | [`slurm`] |
+//!
+//! The output folder holds a folder for each member, named by what is varied. A member whose record there is that of the
+//! same case and the same version of the program is not run again.
+
+pub mod members;
+pub mod picture;
+pub mod record;
+pub mod runner;
+pub mod slurm;
+pub mod study;
+pub mod table;
+
+use crate::error::{Error, Problem, Severity};
+use members::Member;
+use record::Record;
+use runner::{Runner, solver_version};
+use std::path::{Path, PathBuf};
+use study::Study;
+
+/// What is asked of a sweep.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sweep {
+    /// The study file.
+    pub study: PathBuf,
+    /// Folder of everything that is written; none for one beside the study, of its name.
+    pub output: Option<PathBuf>,
+    /// What to do.
+    pub task: Task,
+}
+
+/// What to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Run what is missing, then write the table.
+    Run,
+    /// Say which members there are, what they will cost, and which are done.
+    List,
+    /// Run one member, by its number in the list.
+    Member(usize),
+    /// Write the table from what is there.
+    Collect,
+    /// Print the script of a job array.
+    Slurm,
+}
+
+/// Takes lines for the reader.
+pub type Say<'a> = &'a dyn Fn(&str);
+
+/// Carries out a sweep; `say` takes lines for the reader.
+///
+/// # Errors
+/// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
+pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
+    let file = &sweep.study;
+    let text = std::fs::read_to_string(file)
+        .map_err(|e| Error::Io(format!("cannot read the study {}: {e}", file.display())))?;
+    let beside = file.parent().unwrap_or(Path::new(""));
+    let study = Study::read(&text).map_err(Error::Case)?;
+    let members = members::members(&study, beside).map_err(Error::Case)?;
+    let output = (sweep.output.clone()).unwrap_or_else(|| file.with_extension(""));
+    match sweep.task {
+        Task::List => list(&study, &members, &output, say),
+        Task::Slurm => {
+            say(&slurm::script(&study, members.len(), file, &output));
+            Ok(())
+        }
+        Task::Collect => collect(&study, &members, beside, &output, say),
+        Task::Member(number) => {
+            let chosen = number.checked_sub(1).and_then(|n| members.get(n));
+            let member = chosen.ok_or_else(|| {
+                one_problem(
+                    "--member",
+                    number.to_string(),
+                    format!("the study has {} members", members.len()),
+                    format!("use 1 to {}", members.len()),
+                )
+            })?;
+            run(&study, std::slice::from_ref(member), &output, say)
+        }
+        Task::Run => {
+            enough_cores(&study)?;
+            run(&study, &members, &output, say)?;
+            collect(&study, &members, beside, &output, say)
+        }
+    }
+}
+
+fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Error {
+    Error::Case(vec![Problem {
+        path: path.into(),
+        value,
+        reason,
+        remedy,
+        severity: Severity::Error,
+    }])
+}
+
+/// Members that share a core would not tell what they cost.
+fn enough_cores(study: &Study) -> Result<(), Error> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let run = &study.run;
+    let used = run.at_once as usize * run.ranks as usize * run.threads as usize;
+    if used <= cores {
+        return Ok(());
+    }
+    Err(one_problem(
+        "run",
+        format!(
+            "{} at once x {} ranks x {} threads",
+            run.at_once, run.ranks, run.threads
+        ),
+        format!(
+            "this needs {used} cores and the machine has {cores}: members that share a core do not tell what they cost"
+        ),
+        "lower one of the three".into(),
+    ))
+}
+
+fn run(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
+    let runner = Runner::new(study, output, say)?;
+    runner.run(members)
+}
+
+fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
+    let limit = study.run.time_limit;
+    let version = solver_version()?;
+    let width = members.iter().map(|m| m.name.len()).max().unwrap_or(0);
+    let mut seconds = 0.0;
+    for (n, member) in members.iter().enumerate() {
+        let record = Record::read(&output.join(&member.name));
+        let state = match record.filter(|record| record.holds(member, &version, limit)) {
+            Some(record) => record.outcome.name(),
+            None => "to be run",
+        };
+        let line = match &member.prepared {
+            Some(prepared) => {
+                seconds += prepared.seconds;
+                format!(
+                    "{:10.1} core-s {:8.0} MB",
+                    prepared.seconds,
+                    prepared.memory / 1e6
+                )
+            }
+            None => format!("{:29}", "refused"),
+        };
+        say(&format!(
+            "{:4}  {:width$}  {line}  {state}",
+            n + 1,
+            member.name
+        ));
+    }
+    say(&format!(
+        "{} members, about {seconds:.0} core-seconds as planned",
+        members.len()
+    ));
+    Ok(())
+}
+
+fn collect(
+    study: &Study,
+    members: &[Member],
+    beside: &Path,
+    output: &Path,
+    say: Say<'_>,
+) -> Result<(), Error> {
+    let table = table::Table::of(study, members, beside, output);
+    let mut files = vec![
+        ("members.csv", table.to_csv(study, members)),
+        ("sweep.svg", picture::front(study, members, &table).to_svg()),
+    ];
+    if let Some(axes) = &study.map {
+        let map = picture::Map::of(axes, study, members, &table);
+        say(&map.confusion());
+        files.push(("map.csv", map.to_csv()));
+        files.push(("map.svg", map.figure().to_svg()));
+    }
+    std::fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;
+    for (name, text) in &files {
+        io::atomic::write(&output.join(name), text.as_bytes())
+            .map_err(|e| Error::Io(e.to_string()))?;
+    }
+    say(&table.summary(members));
+    let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
+    say(&format!("{} in {}", names.join(", "), output.display()));
+    Ok(())
+}

@@ -1,0 +1,496 @@
+//! The members of a study: every combination of what is varied, and those listed, each with its case checked and planned.
+
+use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
+use crate::analysis::expression;
+use crate::case::{Document, annotation, set, text};
+use crate::error::Problem;
+use crate::plan::Plan;
+use crate::scene::findings::refused;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// More members than this are a slip.
+const MOST_MEMBERS: usize = 10_000;
+/// The field that lets a member beyond the limits run.
+const LIMITS: &str = "guards.limits";
+
+/// A member of a study.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// Its name and that of its folder.
+    pub name: String,
+    /// Its value of each varied thing, in their order; none for listed members that do not have the field.
+    pub labels: Vec<Option<String>>,
+    /// Its case as a tree.
+    pub case: Value,
+    /// What the plan says of the case.
+    pub verdict: Verdict,
+    /// What the plan said in full.
+    pub problems: Vec<Problem>,
+    /// What is run; none where nothing can be.
+    pub prepared: Option<Prepared>,
+}
+
+/// What the plan says of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Nothing.
+    Ok,
+    /// It warns.
+    Warns,
+    /// It refuses.
+    Refuses,
+}
+
+impl Verdict {
+    /// As in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warns => "warned",
+            Self::Refuses => "refused",
+        }
+    }
+}
+
+/// A case that can be run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared {
+    /// The case as text.
+    pub text: String,
+    /// Hash of the text.
+    pub hash: String,
+    /// Planned time on one core [s].
+    pub seconds: f64,
+    /// Planned memory of all ranks [bytes].
+    pub memory: f64,
+}
+
+impl Member {
+    /// A number of its case by path.
+    #[must_use]
+    pub fn number(&self, path: &str) -> Option<f64> {
+        set::lookup(&self.case, path).and_then(Value::as_f64)
+    }
+
+    /// Its value of a varied thing as a number.
+    #[must_use]
+    pub fn value(&self, varied: usize) -> Option<f64> {
+        self.labels.get(varied)?.as_ref()?.parse().ok()
+    }
+}
+
+/// The name, labels and settings of a member before its case is made.
+struct Draft {
+    name: String,
+    labels: Vec<Option<String>>,
+    set: Vec<(String, Value)>,
+}
+
+/// All members with their cases; paths in the study start at `beside`.
+///
+/// # Errors
+/// All that is wrong with the study or any member.
+pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
+    let (base, directory) = base(study, beside)?;
+    let drafts = drafts(study)?;
+    let mut found = names(&drafts, study);
+    let mut members = Vec::new();
+    // The same sentence about many members is said once, with the first of them.
+    let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
+    for draft in drafts {
+        let (member, problems) = make(study, &base, &directory, draft);
+        for mut problem in problems {
+            let key = (
+                problem.path.clone(),
+                problem.value.clone(),
+                problem.reason.clone(),
+            );
+            let (at, count) = said.entry(key).or_insert((found.len(), 0));
+            *count += 1;
+            if *count == 1 {
+                problem.path = format!("member {}: {}", member.name, problem.path);
+                found.push(problem);
+            } else if let Some(first) = found.get_mut(*at) {
+                let others = format!(" (as in {} more members)", *count - 1);
+                let reason = first.reason.split(" (as in ").next().unwrap_or_default();
+                first.reason = format!("{reason}{others}");
+            }
+        }
+        members.push(member);
+    }
+    if found.is_empty() {
+        Ok(members)
+    } else {
+        Err(found)
+    }
+}
+
+/// The tree of the base case and where its paths start.
+fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
+    let one =
+        |value: &str, reason: String, remedy: &str| vec![problem("case", value, reason, remedy)];
+    let (mut tree, directory) = match &study.case {
+        Value::String(path) => {
+            let file = beside.join(path);
+            let text = std::fs::read_to_string(&file).map_err(|e| {
+                one(
+                    path,
+                    format!("the case cannot be read: {e}"),
+                    "write a path from the folder of the study",
+                )
+            })?;
+            let (tree, problems) = text::parse(&text);
+            let tree = tree.filter(|_| problems.is_empty()).ok_or(problems)?;
+            (tree, file.parent().unwrap_or(Path::new("")).to_path_buf())
+        }
+        tree @ Value::Object(_) => (tree.clone(), beside.to_path_buf()),
+        other => {
+            let reason = "a case is an object, or the path of a file".into();
+            return Err(one(&other.to_string(), reason, "write one of them"));
+        }
+    };
+    annotation::strip(&mut tree);
+    Ok((tree, directory))
+}
+
+fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
+    let mut counts = study
+        .vary
+        .0
+        .iter()
+        .map(|(_, variation)| variation.labels().len());
+    let all = counts.try_fold(1_usize, usize::checked_mul);
+    if all.is_none_or(|all| all > MOST_MEMBERS) {
+        let reason = format!("more than {MOST_MEMBERS} combinations");
+        return Err(vec![problem(
+            "vary",
+            "too many",
+            reason,
+            "vary less at once",
+        )]);
+    }
+    let mut grid = Vec::new();
+    if !study.vary.0.is_empty() {
+        grid.push(Draft {
+            name: String::new(),
+            labels: Vec::new(),
+            set: Vec::new(),
+        });
+    }
+    for (field, variation) in &study.vary.0 {
+        let short = file_name(short(field, study));
+        let labels = variation.labels();
+        grid = grid
+            .iter()
+            .flat_map(|draft| {
+                labels.iter().enumerate().map(|(n, label)| {
+                    let mut set = draft.set.clone();
+                    match variation {
+                        Variation::Values(values) => set.push((field.clone(), values[n].clone())),
+                        Variation::Choices(choices) => set.extend(choices.0[n].1.clone()),
+                    }
+                    let between = if draft.name.is_empty() { "" } else { "_" };
+                    let name = format!("{}{between}{short}={}", draft.name, file_name(label));
+                    let mut labels = draft.labels.clone();
+                    labels.push(Some(label.clone()));
+                    Draft { name, labels, set }
+                })
+            })
+            .collect();
+    }
+    grid.extend(study.members.iter().map(|listed| Draft {
+        name: file_name(&listed.name),
+        labels: vec![None; study.vary.0.len()],
+        set: listed.set.clone().into_iter().collect(),
+    }));
+    Ok(grid)
+}
+
+/// The last word of a path, or the whole path where two varied fields share that word.
+fn short<'a>(field: &'a str, study: &Study) -> &'a str {
+    let last = |path: &'a str| path.rsplit('.').next().unwrap_or(path);
+    let same = study
+        .vary
+        .0
+        .iter()
+        .filter(|(other, _)| other.rsplit('.').next() == Some(last(field)));
+    if same.count() > 1 { field } else { last(field) }
+}
+
+/// A text as part of a folder's name: what a shell would take for something else becomes one `-`.
+fn file_name(text: &str) -> String {
+    let mut name = String::new();
+    for c in text.chars() {
+        if c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-' | '+' | '=') {
+            name.push(c);
+        } else if !name.is_empty() && !name.ends_with('-') {
+            name.push('-');
+        }
+    }
+    name.trim_end_matches('-').to_owned()
+}
+
+/// Names that are empty, taken twice, or asked for and not there.
+fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
+    let mut found = Vec::new();
+    let mut seen: Vec<&str> = Vec::new();
+    for draft in drafts {
+        if draft.name.trim_matches('.').is_empty() || seen.contains(&draft.name.as_str()) {
+            let reason = "every member needs a name of its own, with letters or digits".into();
+            let remedy = "give other names, or take a value out that stands there twice";
+            found.push(problem(
+                "members",
+                &format!("{:?}", draft.name),
+                reason,
+                remedy,
+            ));
+        }
+        seen.push(&draft.name);
+    }
+    for (output, reference) in &study.reference {
+        if let Reference::Found(FoundReference::Member(name)) = reference
+            && !seen.contains(&name.as_str())
+        {
+            found.push(unknown(
+                &format!("reference.{output}.member"),
+                name,
+                "member",
+                &seen,
+            ));
+        }
+    }
+    found
+}
+
+/// A member, and what keeps the study from running because of it.
+fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member, Vec<Problem>) {
+    let mut case = base.clone();
+    let common = study
+        .set
+        .iter()
+        .map(|(path, value)| (path.clone(), value.clone()));
+    let mut found = settle(&mut case, common.chain(draft.set));
+    let mut labels = draft.labels;
+    for (known, (field, _)) in labels.iter_mut().zip(&study.vary.0) {
+        if known.is_none() {
+            *known = set::lookup(&case, field).map(label);
+        }
+    }
+    let plan =
+        |case: &Value| Document::read(&case.to_string(), &[], directory).and_then(Plan::prepare);
+    let mut planned = plan(&case);
+    let problems = match &planned {
+        Ok(plan) => plan.warnings.clone(),
+        Err(problems) => problems.clone(),
+    };
+    let verdict = match (&planned, problems.is_empty()) {
+        (Err(_), _) => Verdict::Refuses,
+        (Ok(_), false) => Verdict::Warns,
+        (Ok(_), true) => Verdict::Ok,
+    };
+    if verdict == Verdict::Refuses && study.refused == Refused::Run {
+        found.extend(settle(
+            &mut case,
+            [(LIMITS.to_owned(), "warn".into())].into_iter(),
+        ));
+        planned = plan(&case);
+    }
+    if planned.is_err() && study.refused == Refused::Stop {
+        found.extend(
+            problems
+                .iter()
+                .filter(|p| refused(std::slice::from_ref(p)))
+                .cloned(),
+        );
+    }
+    let prepared = planned.ok().map(|plan| Prepared {
+        text: plan.case_text,
+        hash: plan.case_hash,
+        seconds: plan.estimate.seconds_on_one_core,
+        memory: plan.estimate.memory_bytes,
+    });
+    let member = Member {
+        name: draft.name,
+        labels,
+        case,
+        verdict,
+        problems,
+        prepared,
+    };
+    (member, found)
+}
+
+/// Sets fields of a case; formulas after everything else, since they may name any number.
+fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Vec<Problem> {
+    let mut found = Vec::new();
+    let mut formulas = Vec::new();
+    for (path, value) in fields {
+        match &value {
+            Value::String(text) if text.starts_with('=') => {
+                formulas.push((path, text[1..].to_owned()));
+            }
+            _ => found.extend(
+                set::apply(case, &format!("{path}={value}"))
+                    .err()
+                    .map(|p| *p),
+            ),
+        }
+    }
+    for (path, formula) in formulas {
+        let known = |name: &str| set::lookup(case, name).and_then(Value::as_f64);
+        match expression::evaluate(&formula, &known) {
+            Ok(number) => {
+                let text = format!("{path}={number}");
+                found.extend(set::apply(case, &text).err().map(|p| *p));
+            }
+            Err(reason) => {
+                let remedy = "name numbers of the case by their path, such as domain.spacing";
+                found.push(problem(&path, &format!("={formula}"), reason, remedy));
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::examples;
+    use serde_json::json;
+
+    fn study(change: impl Fn(&mut Value)) -> Result<Vec<Member>, Vec<Problem>> {
+        let mut tree: Value = serde_json::from_str(examples::STUDY.text).unwrap();
+        change(&mut tree);
+        let study = Study::read(&tree.to_string())?;
+        members(&study, Path::new(""))
+    }
+
+    #[test]
+    fn every_combination_is_a_member_with_a_readable_name() {
+        let study = Study::read(examples::STUDY.text).unwrap();
+        let members = members(&study, Path::new("")).unwrap();
+        assert_eq!(members.len(), 2 * 3 * 3);
+        let last = &members[17];
+        assert_eq!(last.name, "operator=trt_spacing=2.5e-5_relaxation_time=1.5");
+        assert_eq!(last.number("domain.spacing"), Some(2.5e-5));
+        // Formulas see what is varied.
+        assert_eq!(last.number("probes[0].at.plane.position"), Some(1.25e-5));
+        assert_eq!(last.value(1), Some(2.5e-5));
+        assert_eq!(last.value(0), None);
+        assert!(members.iter().all(|m| m.verdict == Verdict::Ok));
+        let hashes: std::collections::BTreeSet<_> = members
+            .iter()
+            .map(|m| m.prepared.as_ref().unwrap().hash.clone())
+            .collect();
+        assert_eq!(hashes.len(), members.len());
+    }
+
+    #[test]
+    fn listed_members_stand_beside_the_grid() {
+        let members = study(|tree| {
+            tree["members"] = json!([{"name": "by hand", "set": {"time.end": 2}}]);
+        })
+        .unwrap();
+        let last = members.last().unwrap();
+        assert_eq!((members.len(), last.name.as_str()), (19, "by-hand"));
+        // The tree has its keys in the order of the alphabet.
+        assert_eq!(last.labels[0].as_deref(), Some("1e-4"));
+        assert_eq!(last.labels[2], None);
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_said_at_once() {
+        let problems = study(|tree| {
+            tree["vary"] = json!({
+                "domain.spcing": [1e-4],
+                "fluid.lattice_boltzmann.relaxation_time": ["half", 0.8],
+            });
+            tree["set"]["fluid.lattice_boltzmann.density"] = json!("=nothing*2");
+        })
+        .unwrap_err();
+        let text: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        let text = text.join("\n");
+        for part in [
+            "domain.spcing",
+            "did you mean `spacing`",
+            "relaxation_time = \"half\"",
+            "nothing is named \"nothing\"",
+            "as in 1 more members",
+        ] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+    }
+
+    #[test]
+    fn names_in_the_study_must_stand_for_something() {
+        let problems = study(|tree| {
+            tree["reference"] = json!({
+                "mean_velocit": 1, "mean_velocity": {"finest": "domain.spacng"}
+            });
+            tree["error"] = json!("drag");
+            tree["map"] = json!(["operator", "domain.spacing"]);
+            tree["outputs"]["bad"] = json!({"is": "1 +", "file": "x.csv"});
+        })
+        .unwrap_err();
+        let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+        let expected = [
+            "outputs.bad",
+            "outputs.bad.of",
+            "outputs.bad.is",
+            "reference.mean_velocit",
+            "reference.mean_velocity",
+            "error",
+            "map[0]",
+        ];
+        assert_eq!(paths, expected);
+    }
+
+    #[test]
+    fn fields_that_a_study_does_not_have_are_refused() {
+        let problems = study(|tree| {
+            tree["outputs"]["mean_velocity"]["fil"] = json!("x");
+            tree["run"] = json!({"rank": 2, "threads": 0});
+            tree["outputs"]["other"] = json!({"file": "x.csv", "of": "u", "take": "lst"});
+        })
+        .unwrap_err();
+        let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+        for path in [
+            "outputs.mean_velocity.fil",
+            "outputs.other.take",
+            "run.rank",
+            "run.threads",
+        ] {
+            assert!(paths.contains(&path), "{path} is not in {paths:?}");
+        }
+    }
+
+    #[test]
+    fn a_refused_member_stops_the_study_or_is_recorded_or_runs() {
+        let refused = |word: &str| {
+            study(|tree| {
+                tree["vary"] = json!({"fluid.lattice_boltzmann.body_force.constant[0]": [1, 1e4]});
+                tree["refused"] = json!(word);
+            })
+        };
+        let problems = refused("stop").unwrap_err();
+        assert!(problems[0].to_string().contains("Mach"), "{problems:?}");
+        let recorded = refused("record").unwrap();
+        assert_eq!(recorded[0].verdict, Verdict::Ok);
+        assert_eq!(recorded[1].verdict, Verdict::Refuses);
+        assert!(recorded[0].prepared.is_some() && recorded[1].prepared.is_none());
+        let run = refused("run").unwrap();
+        assert_eq!(run[1].verdict, Verdict::Refuses);
+        assert!(
+            run[1]
+                .prepared
+                .as_ref()
+                .unwrap()
+                .text
+                .contains("\"limits\":\"warn\"")
+        );
+        assert_eq!(run[0].prepared, recorded[0].prepared);
+    }
+}

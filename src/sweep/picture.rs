@@ -1,0 +1,350 @@
+//! `sweep.svg`: error against time and against memory, the Pareto set joined and named; and `map.svg`: which members
+//! finish over two varied fields, beside what the plan says of them.
+
+use super::members::{Member, Verdict};
+use super::record::Outcome;
+use super::study::{Cost, Study};
+use super::table::{Row, Table};
+use crate::analysis::plot::{
+    Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
+};
+use std::fmt::Write as _;
+
+/// Error against cost, with a panel for each cost.
+#[must_use]
+pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
+    let front = Front {
+        study,
+        members,
+        table,
+    };
+    Figure {
+        panels: vec![
+            front.panel(
+                &study.title,
+                match study.cost {
+                    Cost::CoreSeconds => Axis::log("time of the steps", "core-seconds"),
+                    Cost::ProcessorTime => Axis::log("processor time", "s"),
+                },
+                |row| row.cost,
+                |row| row.pareto_time,
+            ),
+            front.panel(
+                "",
+                Axis::log("peak memory", "MB"),
+                |row| row.memory.map(|bytes| 1e-6 * bytes),
+                |row| row.pareto_memory,
+            ),
+        ],
+    }
+}
+
+struct Front<'a> {
+    study: &'a Study,
+    members: &'a [Member],
+    table: &'a Table,
+}
+
+impl Front<'_> {
+    fn panel(
+        &self,
+        title: &str,
+        x: Axis,
+        cost: impl Fn(&Row) -> Option<f64>,
+        in_set: impl Fn(&Row) -> bool,
+    ) -> Panel {
+        let point = |row: &Row| cost(row).zip(row.error);
+        let mut layers = Vec::new();
+        for (colour, label, chosen) in self.groups() {
+            let marks = chosen.iter().filter_map(|&n| point(&self.table.rows[n]));
+            let marks: Vec<Mark> = marks.map(|(x, y)| Mark::at(x, y)).collect();
+            if !marks.is_empty() {
+                let style = Style::Filled;
+                layers.push(Layer::new(Shape::Marks { marks, style }, &colour, &label));
+            }
+        }
+        let rows = self.members.iter().zip(&self.table.rows);
+        let mut best: Vec<(&str, (f64, f64))> = rows
+            .filter(|(_, row)| in_set(row))
+            .filter_map(|(member, row)| Some((member.name.as_str(), point(row)?)))
+            .collect();
+        best.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let points: Vec<(f64, f64)> = best.iter().map(|(_, point)| *point).collect();
+        let line = Shape::Line {
+            points: points.clone(),
+            dashed: true,
+        };
+        layers.push(Layer::new(line, CATEGORY[0], "Pareto set"));
+        for (n, (name, (x, y))) in best.iter().enumerate() {
+            let marks = vec![Mark::at(*x, *y)];
+            let style = Style::Ring;
+            let label = format!("{} {name}", n + 1);
+            layers.push(Layer::new(
+                Shape::Marks { marks, style },
+                CATEGORY[0],
+                &label,
+            ));
+        }
+        let words = points.iter().enumerate();
+        let words = words
+            .map(|(n, (x, y))| (*x, *y, (n + 1).to_string()))
+            .collect();
+        layers.push(Layer::new(Shape::Words { words }, CATEGORY[0], ""));
+        let error = self.study.error.as_ref();
+        Panel {
+            title: title.to_owned(),
+            x,
+            y: Axis::log(
+                &error.map_or("error".to_owned(), |name| format!("error of {name}")),
+                "",
+            ),
+            layers,
+            legend: Legend::Right,
+            legend_title: self
+                .study
+                .vary
+                .0
+                .first()
+                .map_or(String::new(), |(name, _)| name.clone()),
+        }
+    }
+
+    /// Colour, label and members by the value of the first varied thing; each listed member by itself where nothing is varied.
+    fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
+        let labels: Vec<String> = match self.study.vary.0.first() {
+            Some((_, variation)) => variation.labels(),
+            None => self
+                .members
+                .iter()
+                .map(|member| member.name.clone())
+                .collect(),
+        };
+        let numeric = self
+            .study
+            .vary
+            .0
+            .first()
+            .is_some_and(|(_, v)| v.is_numeric());
+        let mut groups: Vec<(String, String, Vec<usize>)> = Vec::new();
+        for (n, label) in labels.iter().enumerate() {
+            let of_kind = CATEGORY.get(n + 1).filter(|_| !numeric);
+            let colour = of_kind.map_or_else(|| sequential(n, labels.len()), |c| (*c).to_owned());
+            groups.push((colour, label.clone(), Vec::new()));
+        }
+        for (n, member) in self.members.iter().enumerate() {
+            let own = member.labels.first().cloned().flatten();
+            let own = own.unwrap_or_else(|| member.name.clone());
+            match groups.iter_mut().find(|(_, label, _)| *label == own) {
+                Some((.., chosen)) => chosen.push(n),
+                None => groups.push(("#999999".to_owned(), own, vec![n])),
+            }
+        }
+        groups
+    }
+}
+
+/// What the plan said of a member beside what became of it.
+#[derive(Clone, Debug)]
+struct Place {
+    name: String,
+    x: f64,
+    y: f64,
+    /// What else is varied.
+    rest: String,
+    verdict: Verdict,
+    outcome: Outcome,
+}
+
+/// Which members finish, over two varied fields.
+#[derive(Clone, Debug)]
+pub struct Map {
+    axes: [String; 2],
+    places: Vec<Place>,
+}
+
+/// Kinds of places: what the plan says, whether the member finished, colour, style, and words for the legend.
+const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
+    (Verdict::Ok, true, "#009E73", Style::Square, "finished"),
+    (
+        Verdict::Warns,
+        true,
+        "#E69F00",
+        Style::Square,
+        "warned, finished",
+    ),
+    (
+        Verdict::Refuses,
+        true,
+        "#D55E00",
+        Style::OpenSquare,
+        "refused, finished all the same",
+    ),
+    (
+        Verdict::Refuses,
+        false,
+        "#D55E00",
+        Style::Square,
+        "refused, did not finish",
+    ),
+    (
+        Verdict::Warns,
+        false,
+        "#222222",
+        Style::OpenSquare,
+        "warned, did not finish",
+    ),
+    (
+        Verdict::Ok,
+        false,
+        "#222222",
+        Style::Square,
+        "did not finish without a word",
+    ),
+];
+
+impl Map {
+    /// The members that have a number on both axes and have been looked at.
+    #[must_use]
+    pub fn of(axes: &[String; 2], study: &Study, members: &[Member], table: &Table) -> Self {
+        let [x, y] = axes
+            .each_ref()
+            .map(|name| study.vary.find(name).map(|(n, _)| n));
+        let (Some(x), Some(y)) = (x, y) else {
+            return Self {
+                axes: axes.clone(),
+                places: Vec::new(),
+            };
+        };
+        let place = |(member, row): (&Member, &Row)| {
+            let others = study.vary.0.iter().zip(&member.labels).enumerate();
+            let others = others.filter(|(n, _)| *n != x && *n != y);
+            let rest: Vec<&str> = others
+                .filter_map(|(_, (_, label))| label.as_deref())
+                .collect();
+            Some(Place {
+                name: member.name.clone(),
+                x: member.value(x)?,
+                y: member.value(y)?,
+                rest: rest.join(", "),
+                verdict: member.verdict,
+                outcome: row.outcome,
+            })
+        };
+        let looked_at = |place: &Place| {
+            !matches!(
+                place.outcome,
+                Outcome::Missing | Outcome::Running | Outcome::Stopped
+            )
+        };
+        let places = members
+            .iter()
+            .zip(&table.rows)
+            .filter_map(place)
+            .filter(looked_at);
+        Self {
+            axes: axes.clone(),
+            places: places.collect(),
+        }
+    }
+
+    /// A panel for every combination of what else is varied.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let mut rests: Vec<&str> = Vec::new();
+        for place in &self.places {
+            if !rests.contains(&place.rest.as_str()) {
+                rests.push(&place.rest);
+            }
+        }
+        let last = rests.len().saturating_sub(1);
+        let panels = rests
+            .iter()
+            .enumerate()
+            .map(|(n, rest)| self.panel(rest, n == last));
+        Figure {
+            panels: panels.collect(),
+        }
+    }
+
+    fn panel(&self, rest: &str, last: bool) -> Panel {
+        let layers = KINDS
+            .iter()
+            .map(|(verdict, finished, colour, style, words)| {
+                let of_kind = |place: &&Place| place.is_of(*verdict, *finished);
+                let all = self.places.iter().filter(of_kind).count();
+                let here = self
+                    .places
+                    .iter()
+                    .filter(of_kind)
+                    .filter(|place| place.rest == rest);
+                let marks = here.map(|place| Mark::at(place.x, place.y)).collect();
+                let style = *style;
+                Layer::new(
+                    Shape::Marks { marks, style },
+                    colour,
+                    &format!("{words}: {all}"),
+                )
+            });
+        let positive =
+            |value: fn(&Place) -> f64| self.places.iter().all(|place| value(place) > 0.0);
+        let axis = |name: &str, log: bool| {
+            if log {
+                Axis::log(name, "")
+            } else {
+                Axis::linear(name, "")
+            }
+        };
+        Panel {
+            title: rest.to_owned(),
+            x: axis(&self.axes[0], positive(|place| place.x)),
+            y: axis(&self.axes[1], positive(|place| place.y)),
+            layers: layers.collect(),
+            legend: if last { Legend::Right } else { Legend::None },
+            legend_title: "plan and run".to_owned(),
+        }
+    }
+
+    /// A row for each member.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut text = format!("member,{},{},plan,outcome\n", self.axes[0], self.axes[1]);
+        for place in &self.places {
+            let (verdict, outcome) = (place.verdict.name(), place.outcome.name());
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{},{:e},{:e},{verdict},{outcome}",
+                place.name, place.x, place.y
+            );
+        }
+        text
+    }
+
+    /// How often the plan and the runs agree.
+    #[must_use]
+    pub fn confusion(&self) -> String {
+        let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");
+        for verdict in [Verdict::Ok, Verdict::Warns, Verdict::Refuses] {
+            let count = |finished| {
+                self.places
+                    .iter()
+                    .filter(|p| p.is_of(verdict, finished))
+                    .count()
+            };
+            let _ = write!(
+                text,
+                "\n{:<10} {:>10} {:>15}",
+                verdict.name(),
+                count(true),
+                count(false)
+            );
+        }
+        text
+    }
+}
+
+impl Place {
+    fn is_of(&self, verdict: Verdict, finished: bool) -> bool {
+        self.verdict == verdict && (self.outcome == Outcome::Finished) == finished
+    }
+}

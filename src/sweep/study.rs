@@ -1,0 +1,477 @@
+//! The study as written: a base case, what is varied, what is looked at and what it should be.
+
+use crate::analysis::expression;
+use crate::analysis::measure::{Measure, Norm, Take};
+use crate::case::{check, text};
+use crate::error::{Problem, Severity};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::Deserialize;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+use std::path::PathBuf;
+
+/// Members of one case under other settings, and how error and cost are read from each.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// One line above tables and pictures.
+    #[serde(default)]
+    pub title: String,
+    /// What the study is for.
+    #[serde(default)]
+    pub description: String,
+    /// The base case: the path of a case file, relative to the study, or the case itself.
+    pub case: Value,
+    /// Fields of every member by their path in the case, as `--set` takes them. A text that begins with `=` is a formula
+    /// of other numbers of the case, worked out last: `"=domain.spacing/2"`.
+    #[serde(default)]
+    pub set: BTreeMap<String, Value>,
+    /// What is varied: every combination is a member. A field of the case with the list of its values, or a name with
+    /// named choices that set several fields each. The first one colours the picture.
+    #[serde(default)]
+    pub vary: Ordered<Variation>,
+    /// Members beside those of the grid.
+    #[serde(default)]
+    pub members: Vec<Listed>,
+    /// What is read from the files of each member.
+    pub outputs: Ordered<Output>,
+    /// What outputs should be; those without a reference are listed only.
+    #[serde(default)]
+    pub reference: BTreeMap<String, Reference>,
+    /// The output whose error is that of the picture and of the Pareto set; without it the largest of all errors.
+    #[serde(default)]
+    pub error: Option<String>,
+    /// What counts as the cost beside memory.
+    #[serde(default)]
+    pub cost: Cost,
+    /// What happens where the plan refuses a member.
+    #[serde(default)]
+    pub refused: Refused,
+    /// Two varied fields, along x and y: a picture of which members finish, beside what the plan says of them.
+    #[serde(default)]
+    pub map: Option<[String; 2]>,
+    /// How members are run.
+    #[serde(default)]
+    pub run: Run,
+}
+
+/// What one varied thing takes.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Variation {
+    /// Values of the field.
+    Values(Vec<Value>),
+    /// Fields of the case by the name of the choice.
+    Choices(Ordered<BTreeMap<String, Value>>),
+}
+
+/// A member that is written out.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Listed {
+    /// Its name, which is that of its folder.
+    pub name: String,
+    /// Its fields, as in `set`.
+    #[serde(default)]
+    pub set: BTreeMap<String, Value>,
+}
+
+/// A number or a profile of a member: from a `file`, from the `summary`, or a formula.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// A formula of outputs named before and of numbers of the member's case by their path.
+    #[serde(default)]
+    pub is: Option<String>,
+    /// Formula of a coordinate: the output is the profile of `of` over it at the last time.
+    #[serde(default)]
+    pub over: Option<String>,
+    /// How profiles are compared.
+    #[serde(default)]
+    pub norm: Norm,
+    /// Where it is read from.
+    #[serde(flatten)]
+    pub measure: Measure,
+}
+
+/// What an output should be. The error is relative; where the reference is 0 it is absolute.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Reference {
+    /// A number.
+    Number(f64),
+    /// A formula of numbers of the member's case by their path.
+    Formula(String),
+    /// Something that is read.
+    Found(FoundReference),
+}
+
+/// A reference that is read.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FoundReference {
+    /// A CSV file beside the study with two columns, coordinate and value: for profiles.
+    Table(PathBuf),
+    /// The member of this name.
+    Member(String),
+    /// The member with the smallest value of this varied field among those that differ in nothing else.
+    Finest(String),
+}
+
+/// What counts as the cost of a member.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Cost {
+    /// Wall time of the steps times ranks times threads.
+    #[default]
+    CoreSeconds,
+    /// Processor time of the whole run, its start included: where others use the same machine, whom the wall time would show.
+    ProcessorTime,
+}
+
+/// What happens where the plan refuses a member.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Refused {
+    /// Nothing is run.
+    #[default]
+    Stop,
+    /// It stands in the table as refused.
+    Record,
+    /// It is run all the same where only limits of the method speak against it (`guards.limits` of the case).
+    Run,
+}
+
+/// How members are run.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Run {
+    /// MPI ranks of a member.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub ranks: u32,
+    /// Threads of a rank.
+    #[schemars(range(min = 1, max = 1024))]
+    pub threads: u32,
+    /// Members that run side by side; all of them together may not need more cores than there are.
+    #[schemars(range(min = 1, max = 1024))]
+    pub at_once: u32,
+    /// Wall-clock time after which a member is given up [s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_limit: Option<f64>,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self {
+            ranks: 1,
+            threads: 1,
+            at_once: 1,
+            time_limit: None,
+        }
+    }
+}
+
+/// An object whose keys keep the order in which they are written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ordered<T>(pub Vec<(String, T)>);
+
+impl<T> Default for Ordered<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> Ordered<T> {
+    /// Place and value of a key.
+    #[must_use]
+    pub fn find(&self, key: &str) -> Option<(usize, &T)> {
+        let mut all = self.0.iter().enumerate();
+        all.find_map(|(n, (name, value))| (name == key).then_some((n, value)))
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Ordered<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Pairs<T>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Pairs<T> {
+            type Value = Ordered<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Ordered<T>, A::Error> {
+                let mut pairs = Vec::new();
+                while let Some(pair) = map.next_entry()? {
+                    pairs.push(pair);
+                }
+                Ok(Ordered(pairs))
+            }
+        }
+        deserializer.deserialize_map(Pairs(PhantomData))
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for Ordered<T> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("Ordered_{}", T::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        BTreeMap::<String, T>::json_schema(generator)
+    }
+}
+
+/// The JSON schema of a study.
+#[must_use]
+pub fn schema() -> Value {
+    check::schema_of::<Study>()
+}
+
+impl Study {
+    /// Reads the text of a study.
+    ///
+    /// # Errors
+    /// Everything that can be said against it without its case.
+    pub fn read(text: &str) -> Result<Self, Vec<Problem>> {
+        let (tree, mut problems) = text::parse(text);
+        if let Some(mut tree) = tree {
+            problems.extend(check::against(&schema(), &mut tree));
+        }
+        if !problems.is_empty() {
+            for problem in problems.iter_mut().filter(|p| p.path == "the case") {
+                problem.path = "the study".into();
+            }
+            return Err(problems);
+        }
+        // From the text and not from the tree, which does not keep the order of keys.
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let study: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let reason = error.inner().to_string();
+            let remedy = "compare with `solver schema study`";
+            vec![problem(
+                &error.path().to_string(),
+                "not readable",
+                reason,
+                remedy,
+            )]
+        })?;
+        let problems = study.problems();
+        if problems.is_empty() {
+            Ok(study)
+        } else {
+            Err(problems)
+        }
+    }
+
+    /// What names something that is not there, or cannot be read as a formula.
+    fn problems(&self) -> Vec<Problem> {
+        let mut found = Vec::new();
+        if self.vary.0.is_empty() && self.members.is_empty() {
+            let reason = "the study has no member".into();
+            found.push(problem(
+                "vary",
+                "missing",
+                reason,
+                "vary a field, or list members",
+            ));
+        }
+        for (name, output) in &self.outputs.0 {
+            output.problems(&format!("outputs.{name}"), &mut found);
+        }
+        let outputs: Vec<&str> = self
+            .outputs
+            .0
+            .iter()
+            .map(|(name, _)| name.as_str())
+            .collect();
+        for (name, reference) in &self.reference {
+            let path = format!("reference.{name}");
+            let Some((_, output)) = self.outputs.find(name) else {
+                found.push(unknown(&path, name, "output", &outputs));
+                continue;
+            };
+            self.reference_problems(&path, reference, output.over.is_some(), &mut found);
+        }
+        if let Some(name) = &self.error
+            && !self.reference.contains_key(name)
+        {
+            let known: Vec<&str> = self.reference.keys().map(String::as_str).collect();
+            found.push(unknown("error", name, "output with a reference", &known));
+        }
+        let varied: Vec<&str> = self.vary.0.iter().map(|(name, _)| name.as_str()).collect();
+        for (n, name) in self.map.iter().flatten().enumerate() {
+            let path = format!("map[{n}]");
+            match self.vary.find(name) {
+                None => found.push(unknown(&path, name, "varied field", &varied)),
+                Some((_, variation)) if !variation.is_numeric() => {
+                    let reason = "the values along an axis of the map must be numbers".into();
+                    let remedy =
+                        "name a field that takes numbers, or choices that are named by numbers";
+                    found.push(problem(&path, name, reason, remedy));
+                }
+                Some(_) => {}
+            }
+        }
+        found
+    }
+
+    fn reference_problems(
+        &self,
+        path: &str,
+        reference: &Reference,
+        profile: bool,
+        found: &mut Vec<Problem>,
+    ) {
+        let of_profiles = !matches!(reference, Reference::Number(_) | Reference::Formula(_));
+        let of_numbers = !matches!(reference, Reference::Found(FoundReference::Table(_)));
+        if profile && !of_profiles {
+            let reason =
+                "the output is a profile, which is compared with a table or a member".into();
+            let remedy = "write {\"table\": ..}, {\"member\": ..} or {\"finest\": ..}";
+            found.push(problem(path, "a number", reason, remedy));
+        } else if !profile && !of_numbers {
+            let reason = "the output is a number, which no table can be compared with".into();
+            found.push(problem(
+                path,
+                "a table",
+                reason,
+                "give the output `over`, or a number here",
+            ));
+        }
+        match reference {
+            Reference::Formula(formula) => readable(path, formula, found),
+            Reference::Found(FoundReference::Finest(name)) => {
+                let varied = self.vary.find(name);
+                if !varied.is_some_and(|(_, variation)| variation.is_numeric()) {
+                    let names = self.vary.0.iter().filter(|(_, v)| v.is_numeric());
+                    let known: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
+                    found.push(unknown(path, name, "varied field with numbers", &known));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Variation {
+    /// The labels of what it takes, in order.
+    pub(crate) fn labels(&self) -> Vec<String> {
+        match self {
+            Self::Values(values) => values.iter().map(label).collect(),
+            Self::Choices(choices) => choices.0.iter().map(|(name, _)| name.clone()).collect(),
+        }
+    }
+
+    /// Whether all labels are numbers.
+    pub(crate) fn is_numeric(&self) -> bool {
+        self.labels()
+            .iter()
+            .all(|label| label.parse::<f64>().is_ok())
+    }
+}
+
+/// A value in a table: a text without its quotes, else JSON.
+pub(crate) fn label(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        // As it would be written by hand: 2.5e-5, not 0.000025.
+        Value::Number(number) => match number.as_f64() {
+            Some(x) if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) => format!("{x:e}"),
+            _ => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
+impl Output {
+    fn problems(&self, path: &str, found: &mut Vec<Problem>) {
+        let Measure {
+            summary,
+            file,
+            of,
+            rows,
+            take,
+        } = &self.measure;
+        let ways = [&self.is, summary, file].into_iter().flatten().count();
+        if ways != 1 {
+            let reason = format!(
+                "exactly one of is, summary and file gives the number, but {ways} are here"
+            );
+            found.push(problem(path, "ambiguous", reason, "keep one of them"));
+        }
+        if file.is_some() && of.is_none() && *take != Take::Count {
+            let reason = "what is read of the rows is missing".into();
+            found.push(problem(
+                &format!("{path}.of"),
+                "missing",
+                reason,
+                "add a formula of the columns",
+            ));
+        }
+        if self.over.is_some() && file.is_none() {
+            let reason = "a profile is read from a file".into();
+            found.push(problem(
+                &format!("{path}.over"),
+                "without file",
+                reason,
+                "add `file`",
+            ));
+        }
+        let formulas = [
+            ("is", &self.is),
+            ("of", of),
+            ("where", rows),
+            ("over", &self.over),
+        ];
+        for (field, formula) in formulas {
+            if let Some(formula) = formula {
+                readable(&format!("{path}.{field}"), formula, found);
+            }
+        }
+    }
+}
+
+/// A formula that no names could make readable is a problem.
+fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
+    if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
+        let remedy = "write numbers, names, + - * / ^ and brackets";
+        found.push(problem(path, &format!("{formula:?}"), reason, remedy));
+    }
+}
+
+/// A name that stands for nothing.
+pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
+    let remedy = match check::nearest(name, known) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => "leave it out".into(),
+        None => format!("use one of: {}", known.join(", ")),
+    };
+    problem(
+        path,
+        &format!("{name:?}"),
+        format!("there is no {kind} of this name"),
+        &remedy,
+    )
+}
+
+/// A problem that ends the study.
+pub(crate) fn problem(path: &str, value: &str, reason: String, remedy: &str) -> Problem {
+    Problem {
+        path: path.into(),
+        value: value.into(),
+        reason,
+        remedy: remedy.into(),
+        severity: Severity::Error,
+    }
+}
