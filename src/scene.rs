@@ -109,7 +109,7 @@ impl Scene {
         };
         let (scene, findings) = Self::at(case, &spacing, findings);
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
-        let finer = scene.as_ref().filter(|_| !findings.refused());
+        let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
             Some(finer) => Self::at(case, &finer, Findings::new(case)),
             None => (scene, findings),

@@ -118,7 +118,10 @@ pub(crate) fn settle(
         step::choose(scene, lbm, accuracy.target(), findings);
         spacing::judge(scene, case, lbm, accuracy.target(), findings);
     }
-    if case.contact.is_none() && solids::move_without_law(case) {
+    if written.coupling.is_none() {
+        solids::closed_pores(scene, findings);
+    }
+    if case.contact.is_none() {
         solids::choose_contact(scene, case, names, findings);
     }
 }

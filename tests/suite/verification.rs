@@ -5,7 +5,7 @@
 #[path = "../../examples/verify/expression.rs"]
 mod expression;
 #[path = "../../examples/verify/suite.rs"]
-mod suite;
+pub(crate) mod suite;
 
 use std::path::{Path, PathBuf};
 

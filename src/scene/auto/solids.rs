@@ -1,15 +1,16 @@
 //! How solids and water act on each other, and what holds solids apart, where the case does not say.
 
+use super::step;
 use crate::case::Case;
-use crate::case::contact::{Contact, HertzMindlin, Linear, Scaled};
+use crate::case::contact::{
+    BlockModel, BlockStiffness, Blocks, Contact, HertzMindlin, Linear, Scaled,
+};
 use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
 use crate::case::solids::{Motion, Shape};
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, fastest_approach};
 use crate::scene::findings::{Findings, number};
 use crate::scene::solids::{GrainSource, Mobility};
-
-use super::step;
 
 /// Deepest overlap of a chosen spring, as a part of the diameter.
 const OVERLAP: f64 = 0.01;
@@ -31,8 +32,11 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
             "bodies with faces: links are interpolated to discs and spheres only",
         );
     }
+    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
+    let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
         scheme: Scheme::Interpolated,
+        drop_wall_velocity_at_solid_neighbours: if narrow { 5 } else { 0 },
         ..BounceBack::default()
     };
     let reason = "discs and spheres: of all couplings the smallest error at every number of cells";
@@ -51,16 +55,69 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Chooses the law for discs and spheres.
+/// Discs that touch leave no way through in the plane.
+pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
+    if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
+        findings.warn(
+            "coupling",
+            "discs that touch close all pores between them in 2-D, and no hydraulic radius is given",
+            "for a packing that water passes state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}",
+        );
+    }
+}
+
+/// Chooses the law of what moves; one without use where polyhedra are there and nothing does.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
     names: &[String],
     findings: &mut Findings,
 ) {
+    let free = scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free);
+    let moves = free || scene.grains.is_some() || scene.blocks.is_some();
+    let (law, text) = if move_without_law(case) {
+        of_spheres(scene, case)
+    } else if !moves && scene.polyhedra().next().is_some() {
+        let law = Blocks {
+            normal_stiffness: BlockStiffness::PerArea(1.0),
+            shear_to_normal_stiffness: 0.0,
+            friction_angle_degrees: 0.0,
+            normal_damping_ratio: 0.0,
+            shear_damping_ratio: 0.0,
+            mass_damping: 0.0,
+            model: BlockModel::default(),
+            pairs: Vec::new(),
+        };
+        (
+            Contact::Blocks(law),
+            String::from("nothing moves: no contact ever comes about"),
+        )
+    } else {
+        return;
+    };
+    scene.chosen.note("contact law", text);
+    if scene.grains.is_some() {
+        findings.warn(
+            "contact",
+            format!("no law of contact is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, which is a property of the grains"),
+            "state for example \"contact\": {\"linear\": {..}} with the friction angle measured",
+        );
+    }
+    let with_law = Case {
+        contact: Some(law),
+        ..case.clone()
+    };
+    scene.contact = ContactTable::resolve(&with_law, names, findings);
+}
+
+/// The law of discs and spheres, and why.
+fn of_spheres(scene: &Scene, case: &Case) -> (Contact, String) {
     let elastic =
         |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
-    let (law, text) = if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
+    if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
         let law = Contact::HertzMindlin(HertzMindlin {
             friction_angle_degrees: FRICTION_DEGREES,
             restitution: RESTITUTION,
@@ -90,20 +147,7 @@ pub(crate) fn choose_contact(
             number(speed)
         );
         (law, text)
-    };
-    scene.chosen.note("contact law", text);
-    if case.grains.is_some() {
-        findings.warn(
-            "contact",
-            format!("no law of contact is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, which is a property of the grains"),
-            "state for example \"contact\": {\"linear\": {..}} with the friction angle measured",
-        );
     }
-    let with_law = Case {
-        contact: Some(law),
-        ..case.clone()
-    };
-    scene.contact = ContactTable::resolve(&with_law, names, findings);
 }
 
 /// The spring [N/m] that stops what moves at the largest speed [m/s], and carries what lies above it, within the overlap.

@@ -29,8 +29,8 @@ impl Spacing {
 const SLAB_DIAMETERS: f64 = 2.0;
 /// Seepage is averaged over cells of three grains, of the 1 to 4 that C-09 allows.
 const SEEPAGE_DIAMETERS: f64 = 3.0;
-/// In the plane finer cells keep a fast flow stable, as long as there are no more of them than this.
-const MOST_STABLE_CELLS: f64 = 4e6;
+/// In the plane finer cells keep a fast flow stable, up to this factor.
+const MOST_FINER: f64 = 2.0;
 
 /// The spacing stated, or that for what the case names, before speeds are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
@@ -67,22 +67,20 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;
-    let mut wanted = needs(case, lbm, Some(speed));
-    let target = asked(case)?.target();
+    let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
+    let mut wanted = needs(case, lbm, Some(speed)).into_iter().reduce(finest)?;
     if scene.grid.dimension == 2
-        && flow.turbulence.is_none()
-        && let Some(h) = step::stable_spacing(flow, speed, target)
+        && flow.turbulence.is_none_or(|_| lbm.turbulence.is_none())
+        && let Some(h) = step::stable_spacing(flow, speed, asked(case)?.target())
+        && h * MOST_FINER >= wanted.0
     {
-        let cells: f64 = case.domain.size.0.iter().map(|size| size / h).product();
-        if cells <= MOST_STABLE_CELLS {
-            let reason = format!(
-                "in 2-D no operator is stable on coarser cells at {} m/s",
-                number(speed)
-            );
-            wanted.push((h, reason));
-        }
+        let reason = format!(
+            "in 2-D no operator is stable on coarser cells at {} m/s",
+            number(speed)
+        );
+        wanted = finest(wanted, (h, reason));
     }
-    let (wanted, reason) = wanted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (wanted, reason) = wanted;
     // What is wrong with the sizes has been said of the coarser cells.
     let mut unheard = Findings::new(case);
     let found = whole_cells(case, wanted, reason, &mut unheard)?;
