@@ -103,6 +103,27 @@ fn examples_without_their_numerics_still_plan() {
 }
 
 #[test]
+fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do() {
+    let folder = root().join("flume");
+    let text = std::fs::read_to_string(folder.join("case.json")).unwrap();
+    let attempt = |set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        Plan::prepare(Document::read(&text, &set, &folder).unwrap())
+    };
+    let thin = "fluid.lattice_boltzmann.kinematic_viscosity=2e-5";
+    let problems = attempt(&[thin]).unwrap_err();
+    let found = problems
+        .iter()
+        .find(|p| p.path.ends_with("kinematic_viscosity"));
+    assert!(
+        found.unwrap().remedy.contains("9.129e-4 m"),
+        "{problems:#?}"
+    );
+    // A whole number of cells that is fine enough.
+    assert!(attempt(&[thin, "domain.spacing=0.0005"]).is_ok());
+}
+
+#[test]
 fn what_is_stated_is_taken() {
     let folder = root().join("cylinder-20");
     let stated = plan(

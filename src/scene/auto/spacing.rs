@@ -70,7 +70,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
     let mut wanted = needs(case, lbm, Some(speed)).into_iter().reduce(finest)?;
     if scene.grid.dimension == 2
-        && flow.turbulence.is_none_or(|_| lbm.turbulence.is_none())
+        && lbm.turbulence.is_none()
         && let Some(h) = step::stable_spacing(flow, speed, asked(case)?.target())
         && h * MOST_FINER >= wanted.0
     {
