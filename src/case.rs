@@ -11,6 +11,7 @@
 //!
 //! What the numbers mean together is checked afterwards, by [`crate::scene`] and [`crate::plan`].
 
+pub mod accuracy;
 pub mod annotation;
 pub mod blocks;
 pub mod boundary;
@@ -49,6 +50,10 @@ pub struct Case {
     /// What the run is for.
     #[serde(default)]
     pub description: String,
+    /// How exact the forces of the water shall be. What the case leaves out, of spacing, time step, operator, eddy viscosity and number
+    /// type, is then chosen for it; so it is where spacing or time step are left out, for `normal`.
+    #[serde(default)]
+    pub accuracy: Option<accuracy::Accuracy>,
     /// The box and its cells.
     pub domain: domain::Domain,
     /// Acceleration of gravity [m/s2]; none without it.
@@ -66,7 +71,8 @@ pub struct Case {
     /// Convex polyhedral blocks (3-D).
     #[serde(default)]
     pub blocks: Option<blocks::Blocks>,
-    /// Law of the contacts; needed as soon as something can touch.
+    /// Law of the contacts of what moves. Without it, for discs and spheres: Hertz-Mindlin where all materials have their moduli, in
+    /// 3-D, else linear, stiff enough for overlaps of a hundredth of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
     /// Plane walls for grains, anywhere.
@@ -81,7 +87,8 @@ pub struct Case {
     /// Named solids in the fluid.
     #[serde(default)]
     pub bodies: Vec<solids::Body>,
-    /// Action of fluid and solids on each other; needed where there are both.
+    /// Action of fluid and solids on each other. Without it: interpolated links at discs and spheres, partially saturated cells at
+    /// polyhedra.
     #[serde(default)]
     pub coupling: Option<coupling::Coupling>,
     /// Duration and steps.

@@ -3,6 +3,7 @@
 //! Names have become indices, boxes cells, missing choices their defaults. Numbers stay in SI. What it means for time
 //! steps, memory and stability is the business of [`crate::plan`].
 
+pub mod auto;
 pub mod block;
 pub mod blocks;
 pub mod collapse;
@@ -17,6 +18,7 @@ pub mod rock;
 pub mod sample;
 pub mod seepage;
 pub mod solids;
+pub(crate) mod speed;
 pub(crate) mod stl;
 
 use crate::case::contact::Contact;
@@ -74,6 +76,8 @@ pub struct Scene {
     pub erosion_law: Option<observe::ErosionLaw>,
     /// Analysis of a ground that collapses.
     pub ground_collapse: Option<collapse::GroundCollapse>,
+    /// What the case left out and how it was chosen.
+    pub chosen: auto::Chosen,
 }
 
 /// A material.
@@ -100,6 +104,27 @@ impl Scene {
     /// The scene as far as it can be made, with what was found on the way.
     pub(crate) fn attempt(case: &Case) -> (Option<Self>, Findings) {
         let mut findings = Findings::new(case);
+        let Some(spacing) = auto::spacing::first(case, &mut findings) else {
+            return (None, findings);
+        };
+        let (scene, findings) = Self::at(case, &spacing, findings);
+        // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
+        let finer = scene.as_ref();
+        match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
+            Some(finer) => Self::at(case, &finer, Findings::new(case)),
+            None => (scene, findings),
+        }
+    }
+
+    /// The scene at a spacing.
+    fn at(
+        written: &Case,
+        spacing: &auto::spacing::Spacing,
+        mut findings: Findings,
+    ) -> (Option<Self>, Findings) {
+        let mut chosen = auto::Chosen::default();
+        spacing.note(&mut chosen);
+        let case = &*auto::filled(written, spacing.value, &mut chosen);
         let Some(grid) = grid::Grid::resolve(&case.domain, &mut findings) else {
             return (None, findings);
         };
@@ -145,7 +170,7 @@ impl Scene {
         {
             return (None, findings);
         }
-        let scene = Self {
+        let mut scene = Self {
             title: case.title.clone(),
             grid,
             gravity,
@@ -166,7 +191,9 @@ impl Scene {
             guards: case.guards.clone(),
             erosion_law,
             ground_collapse,
+            chosen,
         };
+        auto::settle(&mut scene, case, written, &names, &mut findings);
         (Some(scene), findings)
     }
 
@@ -251,13 +278,6 @@ fn agree(case: &Case, findings: &mut Findings) {
             "add `fluid`, `grains` or `blocks`",
         );
     }
-    if solid && lattice && case.coupling.is_none() {
-        findings.error(
-            "coupling",
-            "there are a fluid and solids, but nothing says how they act on each other",
-            "add \"coupling\": {\"bounce_back\": {}} or {\"partially_saturated\": {}}",
-        );
-    }
     if case.coupling.is_some() && !fluid {
         findings.error(
             "coupling",
@@ -289,7 +309,7 @@ fn agree(case: &Case, findings: &mut Findings) {
             "take this output out",
         );
     }
-    if moving && case.contact.is_none() {
+    if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
         findings.error("contact", "things move and can touch, but there is no contact law", "add for example \"contact\": {\"linear\": {\"normal_stiffness\": {\"per_diameter\": 1e8}}}");
     }
     if case.contact.is_some() && !moving {
@@ -335,7 +355,9 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
     if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
         (&case.coupling, &case.fluid)
         && cells.solid_operator == Some(SolidOperator::ViscosityMatched)
-        && !fluid.collision.two_times()
+        && fluid
+            .collision
+            .is_some_and(|collision| !collision.two_times())
     {
         findings.error(
             "coupling.partially_saturated.solid_operator",

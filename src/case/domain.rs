@@ -11,9 +11,11 @@ pub struct Domain {
     /// Edge lengths [m]; two numbers make the problem 2-D (per metre of depth), three make it 3-D.
     pub size: Vector,
     /// Edge h of a cell [m]; every edge of the domain is a whole number of cells. Cell centres lie at (i + 1/2) h,
-    /// so that a wall half-way between nodes lies exactly on a face of the domain.
+    /// so that a wall half-way between nodes lies exactly on a face of the domain. Without it the program chooses: as many
+    /// cells across the smallest thing in the water as `accuracy` needs.
+    #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
-    pub spacing: f64,
+    pub spacing: Option<f64>,
     /// Axes along which the domain repeats itself.
     #[serde(default)]
     pub periodic: Vec<Axis>,

@@ -17,8 +17,8 @@ pub enum Fluid {
     Darcy(Darcy),
 }
 
-/// A slightly compressible fluid on a lattice (A-01 … A-06). Exactly one of `relaxation_time`, `time_step` and
-/// `reference_velocity` fixes the time step.
+/// A slightly compressible fluid on a lattice (A-01 … A-06). At most one of `relaxation_time`, `time_step` and
+/// `reference_velocity` fixes the time step; with none of them the program chooses it for the `accuracy` of the case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatticeBoltzmann {
@@ -31,12 +31,13 @@ pub struct LatticeBoltzmann {
     /// Velocity set.
     #[serde(default)]
     pub lattice: LatticeChoice,
-    /// Collision operator.
+    /// Collision operator. Without it TRT; where the program chooses, in 3-D cumulants when the flow is too fast for TRT.
     #[serde(default)]
-    pub collision: Collision,
-    /// Model of the eddies that are smaller than a cell; without it all scales are taken as resolved.
+    pub collision: Option<Collision>,
+    /// Model of the eddies that are smaller than a cell. Without it all scales are taken as resolved; where the program chooses, only
+    /// as far as the Reynolds number says so.
     #[serde(default)]
-    pub turbulence: Option<Turbulence>,
+    pub turbulence: Option<TurbulenceChoice>,
     /// Relaxation time tau, without unit: the viscosity on the lattice is (tau - 1/2)/3 and the time step
     /// (tau - 1/2) h²/(3 nu). Above 0.5.
     #[serde(default)]
@@ -55,9 +56,10 @@ pub struct LatticeBoltzmann {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.3))]
     pub mach: Option<f64>,
-    /// Number type of the populations at rest; the arithmetic is in f64 always.
+    /// Number type of the populations at rest; the arithmetic is in f64 always. Without it f64; where the program chooses, f32 for a
+    /// draft in 3-D.
     #[serde(default)]
-    pub storage: Precision,
+    pub storage: Option<Precision>,
     /// Force per volume that drives the fluid [N/m3], beside gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,
@@ -162,6 +164,37 @@ impl Collision {
 
 fn one() -> f64 {
     1.0
+}
+
+/// A model of eddies, or the word that there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+pub enum TurbulenceChoice {
+    /// None, whatever the program would choose.
+    Without(NoTurbulence),
+    /// This model.
+    Model(Turbulence),
+}
+
+impl TurbulenceChoice {
+    /// The model, if it is one.
+    #[must_use]
+    pub fn model(self) -> Option<Turbulence> {
+        match self {
+            Self::Without(_) => None,
+            Self::Model(model) => Some(model),
+        }
+    }
+}
+
+/// The word `none`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum NoTurbulence {
+    /// All scales are taken as resolved.
+    None,
 }
 
 /// Eddy viscosity.

@@ -177,7 +177,7 @@ impl Estimate {
                     size(self.memory_bytes),
                     size(available)
                 ),
-                "use a coarser spacing or a smaller domain, or state the memory of all machines in guards.memory_gib",
+                "use a coarser spacing or accuracy or a smaller domain, or state the memory of all machines in guards.memory_gib",
             );
         } else if self.memory_bytes > 0.8 * available {
             findings.warn(

@@ -28,12 +28,42 @@ pub struct Choice {
 pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     let mut list = Vec::new();
     let mut choose = |what: &str, model: String, reason: String| {
+        // What the case left out has a reason of its own.
+        let own = scene.chosen.why(what);
         list.push(Choice {
             what: what.into(),
             model,
-            reason,
+            reason: own.map_or(reason, str::to_owned),
         });
     };
+    if let Some(accuracy) = scene.chosen.accuracy {
+        let level = accuracy.name();
+        let target = number(100.0 * accuracy.target());
+        let promised = scene.chosen.promised.map_or_else(
+            || String::from("nothing promised"),
+            |error| format!("{} % promised", number(100.0 * error)),
+        );
+        choose(
+            "accuracy",
+            format!("{level}: {target} % of forces, {promised}"),
+            "no row measured covers these cells".into(),
+        );
+    }
+    if scene.chosen.why("spacing").is_some() {
+        let cells = scene.grid.cell_count();
+        choose(
+            "spacing",
+            format!("{} m, {cells} cells", number(scene.grid.spacing)),
+            String::new(),
+        );
+    }
+    if scene.chosen.why("time step").is_some() {
+        choose(
+            "time step",
+            format!("{} s", number(clock.time_step)),
+            String::new(),
+        );
+    }
     let dimension = scene.grid.dimension;
     if let Some(seepage) = &scene.seepage {
         let written = &seepage.written;

@@ -537,7 +537,7 @@ fn once(seen: &mut Vec<(usize, usize)>, a: usize, b: usize, path: &str, findings
 
 /// From above, how fast two things of a case approach each other [m/s]: the two largest speeds at the start, and a fall through
 /// the domain.
-fn fastest_approach(case: &Case) -> f64 {
+pub(crate) fn fastest_approach(case: &Case) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
     for body in &case.bodies {

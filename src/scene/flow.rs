@@ -5,7 +5,9 @@ use super::findings::{Findings, number};
 use super::grid::{Grid, count, whole};
 use crate::case::Case;
 use crate::case::boundary::{Condition as Written, Fluctuations, VelocityProfile as Profile};
-use crate::case::fluid::{self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
+use crate::case::fluid::{
+    self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence, TurbulenceChoice,
+};
 use crate::case::geometry::Face;
 use crate::units::LatticeUnits;
 use serde::Serialize;
@@ -33,7 +35,7 @@ pub struct Flow {
     pub time_step: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
-    /// Which field of the case fixed the time step.
+    /// Which field of the case fixed the time step; `accuracy` where it was chosen.
     pub fixed_by: &'static str,
     /// Force per volume beside gravity.
     pub body_force: BodyForce,
@@ -255,9 +257,9 @@ impl Flow {
             density: lbm.density,
             kinematic_viscosity: lbm.kinematic_viscosity,
             lattice,
-            collision: lbm.collision,
-            turbulence: lbm.turbulence,
-            storage: lbm.storage,
+            collision: lbm.collision.unwrap_or_default(),
+            turbulence: lbm.turbulence.and_then(TurbulenceChoice::model),
+            storage: lbm.storage.unwrap_or_default(),
             time_step,
             relaxation_time,
             fixed_by,
@@ -271,8 +273,8 @@ impl Flow {
 
 fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
     let multiple = match lbm.collision {
-        Collision::Mrt { .. } => Some("mrt"),
-        Collision::Cumulant { .. } => Some("cumulant"),
+        Some(Collision::Mrt { .. }) => Some("mrt"),
+        Some(Collision::Cumulant { .. }) => Some("cumulant"),
         _ => None,
     };
     let (lattice, dimension) = match lbm.lattice {
@@ -306,7 +308,12 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             },
         );
     }
-    if grid.dimension == 2 && matches!(lbm.turbulence, Some(Turbulence::Wale { .. })) {
+    if grid.dimension == 2
+        && matches!(
+            lbm.turbulence,
+            Some(TurbulenceChoice::Model(Turbulence::Wale { .. }))
+        )
+    {
         findings.error(
             &format!("{PATH}.turbulence.wale"),
             "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow",
@@ -320,7 +327,7 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
 /// tau = 0.75 on with bounce-back walls, not at 0.7 and below, and with no other operator.
 fn at_edges(lbm: &LatticeBoltzmann, grid: &Grid, tau: f64, findings: &mut Findings) {
     let walls = (0..grid.dimension).filter(|&a| !grid.periodic[a]).count();
-    if matches!(lbm.collision, Collision::Mrt { .. }) && tau > 0.7 && walls > 1 {
+    if matches!(lbm.collision, Some(Collision::Mrt { .. })) && tau > 0.7 && walls > 1 {
         findings.warn(
             &format!("{PATH}.collision.mrt"),
             format!(
@@ -332,7 +339,8 @@ fn at_edges(lbm: &LatticeBoltzmann, grid: &Grid, tau: f64, findings: &mut Findin
     }
 }
 
-/// The time step from whichever of the three ways the case uses.
+/// The time step from whichever of the three ways the case uses; with none of them one that holds the place of that which is
+/// chosen once the speeds are known.
 fn time_step(
     lbm: &LatticeBoltzmann,
     grid: &Grid,
@@ -363,25 +371,22 @@ fn time_step(
             return None;
         }
     }
-    let [name] = given[..] else {
-        let (path, found) = match given.get(1) {
-            None => (
-                format!("{PATH}.relaxation_time"),
-                "none is given".to_string(),
-            ),
-            Some(second) => (
-                format!("{PATH}.{second}"),
-                format!("{} are given", given.join(" and ")),
-            ),
-        };
-        findings.error(
-            &path,
-            format!("exactly one of relaxation_time, time_step and reference_velocity fixes the time step, but {found}"),
-            "keep one of them, for example relaxation_time 0.8",
-        );
-        return None;
-    };
     let (h, nu) = (grid.spacing, lbm.kinematic_viscosity);
+    let name = match given[..] {
+        [] => return Some((LatticeUnits::time_step_for(1.0, h, nu), "accuracy")),
+        [name] => name,
+        [_, second, ..] => {
+            findings.error(
+                &format!("{PATH}.{second}"),
+                format!(
+                    "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
+                    given.join(" and ")
+                ),
+                "keep one of them, or none: the program then chooses the time step",
+            );
+            return None;
+        }
+    };
     let path = format!("{PATH}.{name}");
     let dt = match (
         lbm.relaxation_time,
@@ -428,7 +433,7 @@ fn time_step(
         return None;
     }
     // Eddies add to the viscosity where the flow asks for it.
-    if tau < 0.51 && lbm.turbulence.is_none() {
+    if tau < 0.51 && lbm.turbulence.and_then(TurbulenceChoice::model).is_none() {
         findings.warn(
             &path,
             format!("the relaxation time is tau = {tau:.5}, close to the limit 0.5: the flow may turn unstable"),

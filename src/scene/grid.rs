@@ -47,7 +47,7 @@ impl Grid {
 
     pub(crate) fn resolve(domain: &Domain, findings: &mut Findings) -> Option<Self> {
         let dimension = domain.size.0.len();
-        let spacing = domain.spacing;
+        let spacing = domain.spacing?;
         if !((2..=3).contains(&dimension) && spacing > 0.0 && spacing.is_finite()) {
             return None;
         }

@@ -144,10 +144,28 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ("no domain", "couette", Remove("/domain"), "domain"),
     ("no time", "couette", Remove("/time"), "time"),
     (
-        "no spacing",
-        "couette",
+        "no spacing for blocks",
+        "scour",
         Remove("/domain/spacing"),
         "domain.spacing",
+    ),
+    (
+        "no spacing divides the edges",
+        "couette",
+        Set(&["domain.spacing=null", "domain.size=[0.2, 0.0314159]"]),
+        "domain.size[0]",
+    ),
+    (
+        "unknown accuracy",
+        "couette",
+        Set(&["accuracy=best"]),
+        "accuracy",
+    ),
+    (
+        "accuracy out of reach",
+        "couette",
+        Set(&["accuracy={\"drag_error\": 0}"]),
+        "accuracy.drag_error",
     ),
     (
         "no viscosity",
@@ -167,8 +185,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Remove("/materials/soil/density"),
         "materials.soil.density",
     ),
-    ("no coupling", "piping", Remove("/coupling"), "coupling"),
-    ("no contact law", "piping", Remove("/contact"), "contact"),
+    ("no law for bonds", "piping", Remove("/contact"), "contact"),
     ("nothing at all", "couette", Remove("/fluid"), "fluid"),
     // Out of range
     (
@@ -281,12 +298,6 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "tau below one half",
         "piping",
         Set(&["fluid.lattice_boltzmann.relaxation_time=0.3"]),
-        ".relaxation_time",
-    ),
-    (
-        "no way to the time step",
-        "couette",
-        Remove("/fluid/lattice_boltzmann/relaxation_time"),
         ".relaxation_time",
     ),
     (

@@ -7,6 +7,7 @@
 )]
 
 mod architecture;
+mod automatic;
 mod broken_on_ranks;
 mod case_broken;
 mod case_commands;

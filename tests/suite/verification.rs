@@ -3,7 +3,7 @@
 //! `jobs/verification/run.sh` runs the long forms through the same comparison.
 
 #[path = "../../examples/verify/suite.rs"]
-mod suite;
+pub(crate) mod suite;
 
 use std::path::{Path, PathBuf};
 

@@ -1,0 +1,43 @@
+//! How exact a run shall be.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A level or a target. What it rests on is measured: `solver plan` names the row.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Accuracy {
+    /// Forces to 10 %: for a first look.
+    Draft,
+    /// Forces to 5 %.
+    #[default]
+    Normal,
+    /// Forces to 2 %.
+    Reference,
+    /// Forces to this part of themselves, without unit.
+    DragError(#[schemars(range(min = 0.002, max = 0.5))] f64),
+}
+
+impl Accuracy {
+    /// The largest relative error of a force that is aimed at.
+    #[must_use]
+    pub fn target(self) -> f64 {
+        match self {
+            Self::Draft => 0.1,
+            Self::Normal => 0.05,
+            Self::Reference => 0.02,
+            Self::DragError(target) => target,
+        }
+    }
+
+    /// The word in a case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Normal => "normal",
+            Self::Reference => "reference",
+            Self::DragError(_) => "drag_error",
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! What a case leaves out is chosen here, from its facts and the accuracy that it asks for: spacing, time step, operator, eddies, number
+//! type, coupling, contact law. What a case states is never touched.
+//!
+//! 1. The coupling, from shapes ([`solids`]).
+//! 2. The spacing, from what the water must resolve ([`features`]) and what cells are worth ([`measured`]), so that every edge of the
+//!    domain is a whole number of cells ([`spacing`]).
+//! 3. With the scene made, the time step and the operator, from its speeds ([`step`]); a fast flow may ask for finer cells, and the
+//!    scene is made once more.
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]).
+//!
+//! Spacing, time step and what belongs to them are chosen only where a case names an `accuracy` or leaves out spacing or time step; all
+//! other cases mean what they always meant.
+
+pub(crate) mod features;
+pub mod measured;
+pub(crate) mod solids;
+pub(crate) mod spacing;
+pub(crate) mod step;
+
+use super::Scene;
+use super::findings::Findings;
+use crate::case::Case;
+use crate::case::accuracy::Accuracy;
+use crate::case::coupling::Coupling;
+use serde::Serialize;
+use std::borrow::Cow;
+
+/// What was chosen.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Chosen {
+    /// What the case asks for; none where it leaves nothing out that depends on it.
+    pub accuracy: Option<Accuracy>,
+    /// Largest relative error that the rows measured promise, twice their own; none where no row covers the case.
+    pub promised: Option<f64>,
+    /// Every choice with its reason.
+    pub reasons: Vec<Reason>,
+    /// What bounds the time step, where it was chosen.
+    pub limits: Vec<Limit>,
+}
+
+/// A choice and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Reason {
+    /// What is chosen: `spacing`, `time step`, `collision` and so on.
+    pub what: &'static str,
+    /// Why.
+    pub text: String,
+}
+
+/// A bound of the time step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Limit {
+    /// What it keeps.
+    pub what: String,
+    /// The longest time step that does [s].
+    pub time_step: f64,
+}
+
+impl Chosen {
+    /// Why something was chosen; none where it was not.
+    #[must_use]
+    pub fn why(&self, what: &str) -> Option<&str> {
+        let found = self.reasons.iter().find(|reason| reason.what == what);
+        found.map(|reason| reason.text.as_str())
+    }
+
+    pub(crate) fn note(&mut self, what: &'static str, text: impl Into<String>) {
+        let text = text.into();
+        self.reasons.push(Reason { what, text });
+    }
+}
+
+/// The accuracy for which numbers are chosen; none where the case states them all and asks for none.
+pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
+    let lbm = features::lattice(case);
+    let no_step = lbm.is_some_and(|lbm| {
+        lbm.relaxation_time.is_none()
+            && lbm.time_step.is_none()
+            && lbm.reference_velocity.is_none()
+            && lbm.mach.is_none()
+    });
+    let chosen = case.domain.spacing.is_none() || no_step;
+    case.accuracy.or(chosen.then(Accuracy::default))
+}
+
+/// The coupling of a case, stated or chosen; none without solids in water on a lattice.
+pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
+    let solid = super::has_solids(case) && features::lattice(case).is_some();
+    let chosen = || solid.then(|| solids::coupling(case).0);
+    case.coupling.clone().or_else(chosen)
+}
+
+/// The case with its spacing and coupling.
+pub(crate) fn filled<'a>(case: &'a Case, spacing: f64, chosen: &mut Chosen) -> Cow<'a, Case> {
+    let mut filled = Cow::Borrowed(case);
+    if case.domain.spacing.is_none() {
+        filled.to_mut().domain.spacing = Some(spacing);
+    }
+    if case.coupling.is_none()
+        && let Some(coupling) = coupling_of(case)
+    {
+        chosen.note("coupling", solids::coupling(case).1);
+        filled.to_mut().coupling = Some(coupling);
+    }
+    filled
+}
+
+/// Chooses what depends on the scene as made, from the case as filled and as written.
+pub(crate) fn settle(
+    scene: &mut Scene,
+    case: &Case,
+    written: &Case,
+    names: &[String],
+    findings: &mut Findings,
+) {
+    if let (Some(accuracy), Some(lbm)) = (asked(written), features::lattice(case)) {
+        scene.chosen.accuracy = Some(accuracy);
+        step::choose(scene, lbm, accuracy.target(), findings);
+        spacing::judge(scene, case, lbm, accuracy.target(), findings);
+    }
+    if written.coupling.is_none() {
+        solids::closed_pores(scene, findings);
+    }
+    if case.contact.is_none() {
+        solids::choose_contact(scene, case, names, findings);
+    }
+}

@@ -1,0 +1,201 @@
+//! What the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
+
+use super::coupling_of;
+use crate::case::Case;
+use crate::case::boundary::{Boundary, Condition};
+use crate::case::coupling::{Coupling, Scheme};
+use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
+use crate::case::geometry::Face;
+use crate::case::grains::{Grading, GrainSource};
+use crate::case::observe::Action;
+use crate::case::solids::Shape;
+use crate::scene::sample;
+
+/// Something that the water must resolve.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Feature {
+    /// In words: `diameter of `cylinder``.
+    pub(crate) what: String,
+    /// Its smallest width [m].
+    pub(crate) size: f64,
+    /// What the water meets there, as in the table of what is measured.
+    pub(crate) obstacle: &'static str,
+}
+
+/// The coupling as it stands in the table.
+fn obstacle(coupling: &Coupling) -> &'static str {
+    match coupling {
+        Coupling::PartiallySaturated(_) => "partially saturated cells",
+        Coupling::BounceBack(links) if links.scheme == Scheme::HalfWay => "half-way links",
+        Coupling::BounceBack(_) => "interpolated links",
+    }
+}
+
+/// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
+pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann) -> Vec<Feature> {
+    let mut list = solids(case);
+    let mut walls = |what: String, size: f64| {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: "walls",
+        });
+    };
+    for (axis, size) in gaps(case, lbm) {
+        let axis = ["x", "y", "z"][axis];
+        walls(format!("width of the domain along {axis}"), size);
+    }
+    for boundary in &lbm.boundaries {
+        if let Some(size) = opening(case, boundary) {
+            walls(format!("width of `{}`", boundary.name), size);
+        }
+    }
+    for cut in case.grains.iter().flat_map(|grains| &grains.cut) {
+        let (from, to) = (&cut.region.from.0, &cut.region.to.0);
+        let size = (from.iter().zip(to)).map(|(a, b)| b - a);
+        walls(
+            format!("width of `{}`", cut.name),
+            size.fold(f64::INFINITY, f64::min),
+        );
+    }
+    if let Initial::TaylorGreen { waves, .. } = &lbm.initial {
+        let lengths = (case.domain.size.0.iter().zip(waves)).map(|(l, n)| 0.5 * l / f64::from(*n));
+        walls(
+            "half a wave of the vortices".into(),
+            lengths.fold(f64::INFINITY, f64::min),
+        );
+    }
+    list.retain(|feature| feature.size.is_finite() && feature.size > 0.0);
+    if list.is_empty() {
+        let smallest = case.domain.size.0.iter().copied();
+        list.push(Feature {
+            what: "smallest edge of the domain".into(),
+            size: smallest.fold(f64::INFINITY, f64::min),
+            obstacle: "walls",
+        });
+    }
+    list
+}
+
+/// Diameters of bodies and grains.
+fn solids(case: &Case) -> Vec<Feature> {
+    let Some(coupling) = coupling_of(case) else {
+        return Vec::new();
+    };
+    let factor = coupling.hydraulic_radius_factor();
+    let obstacle = obstacle(&coupling);
+    let bodies = case.bodies.iter().filter_map(|body| {
+        width(&body.shape).map(|size| Feature {
+            what: format!("width of `{}`", body.name),
+            size,
+            obstacle,
+        })
+    });
+    let grains = smallest_grain(case).map(|diameter| Feature {
+        what: "diameter of the smallest grain".into(),
+        size: diameter * factor,
+        obstacle,
+    });
+    bodies.chain(grains).collect()
+}
+
+/// The smallest width of a shape; of a hull along the axes, none where it is not known yet.
+pub(crate) fn width(shape: &Shape) -> Option<f64> {
+    match shape {
+        Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),
+        Shape::Cuboid { edges } => edges.iter().copied().reduce(f64::min),
+        Shape::Vertices(points) => (0..3)
+            .map(|a| {
+                let along = points.iter().map(|p| p[a]);
+                let high = along.clone().fold(f64::NEG_INFINITY, f64::max);
+                high - along.fold(f64::INFINITY, f64::min)
+            })
+            .reduce(f64::min),
+        Shape::HalfSpaces(_) | Shape::Mesh(_) => None,
+    }
+}
+
+/// Diameters of the smallest and the largest grain that is there or will appear [m].
+pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
+    let mut radii: Vec<f64> = Vec::new();
+    match case.grains.as_ref().map(|grains| &grains.initial) {
+        None => {}
+        Some(GrainSource::List(list)) => radii.extend(list.iter().map(|grain| grain.radius)),
+        Some(GrainSource::Growth(growth)) => {
+            let (low, high) = growth.radii.bounds();
+            radii.extend([low, high]);
+        }
+        Some(GrainSource::Rain(rain)) => {
+            let (Grading::ByCount(classes) | Grading::ByMass(classes)) = &rain.grading;
+            radii.extend(classes.iter().flat_map(|class| [class.min, class.max]));
+        }
+        Some(GrainSource::File { path }) => {
+            // A file that cannot be read is a finding of the grains.
+            let text = std::fs::read_to_string(case.directory.join(path)).unwrap_or_default();
+            let names: Vec<String> = case.materials.keys().cloned().collect();
+            let grains = sample::read(&text, case.domain.size.0.len(), &names, 0);
+            radii.extend(grains.unwrap_or_default().iter().map(|grain| grain.radius));
+        }
+    }
+    for region in &case.regions {
+        if let Action::Generate { radii: new, .. } = &region.action {
+            let (low, high) = new.bounds();
+            radii.extend([low, high]);
+        }
+    }
+    let low = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = radii.iter().copied().fold(0.0, f64::max);
+    (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
+}
+
+fn smallest_grain(case: &Case) -> Option<f64> {
+    grain_diameters(case).map(|(low, _)| low)
+}
+
+/// Whether water passes through a face, or is driven through it.
+fn passes(condition: &Condition) -> bool {
+    matches!(
+        condition,
+        Condition::Velocity { .. }
+            | Condition::Pressure { .. }
+            | Condition::Outflow {}
+            | Condition::ConvectiveOutflow { .. }
+    )
+}
+
+/// Axes with walls at both ends, and their lengths.
+fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
+    let open = |axis: usize| {
+        lbm.boundaries.iter().any(|boundary| {
+            boundary.patch.is_none() && boundary.face.axis() == axis && passes(&boundary.condition)
+        })
+    };
+    let periodic = |axis: usize| case.domain.periodic.iter().any(|a| a.index() == axis);
+    let sizes = case.domain.size.0.iter().copied().enumerate();
+    sizes
+        .filter(|&(axis, _)| !periodic(axis) && !open(axis))
+        .collect()
+}
+
+/// The smaller side of an opening that is a part of a face.
+fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
+    let patch = boundary
+        .patch
+        .as_ref()
+        .filter(|_| passes(&boundary.condition))?;
+    let axis = Face::axis(boundary.face);
+    let (from, to) = (patch.from.0.iter(), patch.to.0.iter());
+    let sides = from.zip(to).zip(&case.domain.size.0).enumerate();
+    sides
+        .filter(|(a, _)| *a != axis)
+        .map(|(_, ((from, to), size))| to.min(*size) - from.max(0.0))
+        .reduce(f64::min)
+}
+
+/// The lattice Boltzmann part of a case.
+pub(crate) fn lattice(case: &Case) -> Option<&LatticeBoltzmann> {
+    match &case.fluid {
+        Some(Fluid::LatticeBoltzmann(lbm)) => Some(lbm),
+        _ => None,
+    }
+}

@@ -1,0 +1,176 @@
+//! What a number of cells is worth: errors of forces and flows against published numbers, measured with this program.
+//!
+//! A row of `measured.csv` is a problem with a known answer at one resolution. Its error is the largest of several places of the body
+//! between the nodes, at this and at every finer resolution measured: a staircase does not converge evenly, and nobody's body lies where
+//! it does best. Its cost is that of the water in a box of one diameter (a wall problem: one width d) over the time d²/nu.
+//!
+//! A run is another problem than that of the row, so the error of the row shall be at most half the target. Inertia makes layers as
+//! thin as d/Re^½: a row at a Reynolds number asks for cells in proportion to the root of that of the run.
+
+use serde::Serialize;
+
+const TABLE: &str = include_str!("measured.csv");
+/// Beyond this Reynolds number the layers are turbulent, and eddies are modelled where they are too small.
+const MOST_REYNOLDS: f64 = 1000.0;
+
+/// A measured row.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The problem.
+    pub problem: &'static str,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// What the water meets: `walls`, or a coupling.
+    pub obstacle: &'static str,
+    /// Velocity set.
+    pub lattice: &'static str,
+    /// Collision operator.
+    pub operator: &'static str,
+    /// Cells across the body or from wall to wall.
+    pub cells: f64,
+    /// Relaxation time tau.
+    pub relaxation_time: f64,
+    /// Mach number U/C.
+    pub mach: f64,
+    /// Reynolds number with the diameter or width; 0 for creeping flow.
+    pub reynolds: f64,
+    /// Largest relative error.
+    pub error: f64,
+    /// Core-seconds for one diameter cubed (2-D: squared) over d²/nu.
+    pub core_seconds: f64,
+    /// Where it was measured, and against what.
+    pub place: &'static str,
+}
+
+impl Row {
+    fn read(line: &'static str) -> Option<Self> {
+        let mut columns = line.splitn(12, ',').map(str::trim);
+        let mut text = || columns.next();
+        Some(Self {
+            problem: text()?,
+            dimension: text()?.parse().ok()?,
+            obstacle: text()?,
+            lattice: text()?,
+            operator: text()?,
+            cells: text()?.parse().ok()?,
+            relaxation_time: text()?.parse().ok()?,
+            mach: text()?.parse().ok()?,
+            reynolds: text()?.parse().ok()?,
+            error: text()?.parse().ok()?,
+            core_seconds: text()?.parse().ok()?,
+            place: text()?,
+        })
+    }
+
+    /// Cells that a flow of this Reynolds number needs to be as well resolved as the row.
+    #[must_use]
+    pub fn cells_at(&self, reynolds: f64) -> f64 {
+        if self.reynolds > 0.0 {
+            self.cells * (reynolds.min(MOST_REYNOLDS) / self.reynolds).sqrt()
+        } else {
+            self.cells
+        }
+    }
+
+    /// The row in words.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let reynolds = if self.reynolds > 0.0 {
+            format!(" at Re {}", self.reynolds)
+        } else {
+            String::new()
+        };
+        format!(
+            "`{}{reynolds}, {}, {} cells: {:.1} %`",
+            self.problem,
+            self.obstacle,
+            self.cells,
+            100.0 * self.error
+        )
+    }
+}
+
+/// All rows.
+pub(crate) fn rows() -> impl Iterator<Item = Row> {
+    TABLE.lines().skip(1).filter_map(Row::read)
+}
+
+/// Rows of creeping flow, or of flow with inertia.
+fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item = Row> {
+    rows().filter(move |row| {
+        row.dimension == dimension && row.obstacle == obstacle && (row.reynolds > 0.0) == inertia
+    })
+}
+
+/// The row that asks for most cells at this Reynolds number, of the cheapest that are good enough for the target in creeping flow and
+/// in flow with inertia; where none is good enough, the best.
+pub(crate) fn needed(dimension: usize, obstacle: &str, reynolds: f64, target: f64) -> Option<Row> {
+    let pick = |inertia: bool| {
+        group(dimension, obstacle, inertia)
+            .filter(|row| row.error <= 0.5 * target)
+            .min_by(|a, b| a.core_seconds.total_cmp(&b.core_seconds))
+            .or_else(|| {
+                group(dimension, obstacle, inertia).min_by(|a, b| a.error.total_cmp(&b.error))
+            })
+    };
+    let picked = [false, true].into_iter().filter_map(pick);
+    picked.max_by(|a, b| a.cells_at(reynolds).total_cmp(&b.cells_at(reynolds)))
+}
+
+/// The row that says what so many cells are worth: the worse of those for creeping flow and for flow with inertia; none where there are
+/// fewer cells than in any row.
+pub(crate) fn covering(dimension: usize, obstacle: &str, reynolds: f64, cells: f64) -> Option<Row> {
+    let best = |inertia: bool| {
+        group(dimension, obstacle, inertia)
+            .filter(|row| row.cells_at(reynolds) <= cells * (1.0 + 1e-9))
+            .min_by(|a, b| a.error.total_cmp(&b.error))
+    };
+    let known = [false, true].map(|inertia| {
+        let measured = group(dimension, obstacle, inertia).next().is_some();
+        measured.then(|| best(inertia))
+    });
+    let known: Option<Vec<Row>> = known.into_iter().flatten().collect();
+    known?
+        .into_iter()
+        .max_by(|a, b| a.error.total_cmp(&b.error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_of_the_table_is_a_row_with_a_place() {
+        assert_eq!(rows().count() + 1, TABLE.lines().count());
+        for row in rows() {
+            assert!(
+                row.error > 0.0 && row.cells > 1.0 && row.core_seconds > 0.0,
+                "{row:?}"
+            );
+            assert!(
+                row.relaxation_time > 0.5 && !row.place.is_empty(),
+                "{row:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_smaller_target_never_takes_fewer_cells() {
+        for dimension in [2, 3] {
+            for obstacle in [
+                "interpolated links",
+                "half-way links",
+                "partially saturated cells",
+                "walls",
+            ] {
+                for reynolds in [0.0, 20.0, 1e6] {
+                    let cells = |target| {
+                        let row = needed(dimension, obstacle, reynolds, target).unwrap();
+                        row.cells_at(reynolds)
+                    };
+                    assert!(cells(0.1) <= cells(0.05) && cells(0.05) <= cells(0.02));
+                }
+            }
+        }
+    }
+}

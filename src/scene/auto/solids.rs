@@ -1,0 +1,204 @@
+//! How solids and water act on each other, and what holds solids apart, where the case does not say.
+
+use super::step;
+use crate::case::Case;
+use crate::case::contact::{
+    BlockModel, BlockStiffness, Blocks, Contact, HertzMindlin, Linear, Scaled,
+};
+use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
+use crate::case::solids::{Motion, Shape};
+use crate::scene::Scene;
+use crate::scene::contact::{ContactTable, fastest_approach};
+use crate::scene::findings::{Findings, number};
+use crate::scene::solids::{GrainSource, Mobility};
+
+/// Deepest overlap of a chosen spring, as a part of the diameter.
+const OVERLAP: f64 = 0.01;
+/// Friction angle and part of the critical damping where nothing is said.
+const FRICTION_DEGREES: f64 = 30.0;
+const DAMPING: f64 = 0.2;
+const RESTITUTION: f64 = 0.5;
+
+fn round(shape: &Shape) -> bool {
+    matches!(shape, Shape::Disc { .. } | Shape::Sphere { .. })
+}
+
+/// The coupling for the shapes of a case, and why.
+pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
+    if case.blocks.is_some() || case.bodies.iter().any(|body| !round(&body.shape)) {
+        let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
+        return (
+            cells,
+            "bodies with faces: links are interpolated to discs and spheres only",
+        );
+    }
+    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
+    let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
+    let links = BounceBack {
+        scheme: Scheme::Interpolated,
+        drop_wall_velocity_at_solid_neighbours: if narrow { 5 } else { 0 },
+        ..BounceBack::default()
+    };
+    let reason = "discs and spheres: of all couplings the smallest error at every number of cells";
+    (Coupling::BounceBack(links), reason)
+}
+
+/// Whether discs or spheres move freely. Blocks and bonds have properties that nobody can guess.
+pub(crate) fn move_without_law(case: &Case) -> bool {
+    let free = |motion: &Motion| matches!(motion, Motion::Free { .. });
+    let moving = case.grains.is_some() || case.bodies.iter().any(|body| free(&body.motion));
+    let bonded = case
+        .grains
+        .as_ref()
+        .is_some_and(|grains| grains.bond_at_start);
+    let faces = case.blocks.is_some() || case.bodies.iter().any(|body| !round(&body.shape));
+    moving && !faces && !bonded
+}
+
+/// Discs that touch leave no way through in the plane.
+pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
+    if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
+        findings.warn(
+            "coupling",
+            "discs that touch close all pores between them in 2-D, and no hydraulic radius is given",
+            "for a packing that water passes state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}",
+        );
+    }
+}
+
+/// Chooses the law of what moves; one without use where polyhedra are there and nothing does.
+pub(crate) fn choose_contact(
+    scene: &mut Scene,
+    case: &Case,
+    names: &[String],
+    findings: &mut Findings,
+) {
+    let free = scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free);
+    let moves = free || scene.grains.is_some() || scene.blocks.is_some();
+    let (law, text) = if move_without_law(case) {
+        of_spheres(scene, case)
+    } else if !moves && scene.polyhedra().next().is_some() {
+        let law = Blocks {
+            normal_stiffness: BlockStiffness::PerArea(1.0),
+            shear_to_normal_stiffness: 0.0,
+            friction_angle_degrees: 0.0,
+            normal_damping_ratio: 0.0,
+            shear_damping_ratio: 0.0,
+            mass_damping: 0.0,
+            model: BlockModel::default(),
+            pairs: Vec::new(),
+        };
+        (
+            Contact::Blocks(law),
+            String::from("nothing moves: no contact ever comes about"),
+        )
+    } else {
+        return;
+    };
+    scene.chosen.note("contact law", text);
+    if scene.grains.is_some() {
+        findings.warn(
+            "contact",
+            format!("no law of contact is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, which is a property of the grains"),
+            "state for example \"contact\": {\"linear\": {..}} with the friction angle measured",
+        );
+    }
+    let with_law = Case {
+        contact: Some(law),
+        ..case.clone()
+    };
+    scene.contact = ContactTable::resolve(&with_law, names, findings);
+}
+
+/// The law of discs and spheres, and why.
+fn of_spheres(scene: &Scene, case: &Case) -> (Contact, String) {
+    let elastic =
+        |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
+    if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
+        let law = Contact::HertzMindlin(HertzMindlin {
+            friction_angle_degrees: FRICTION_DEGREES,
+            restitution: RESTITUTION,
+            attraction: false,
+            impact_speed: None,
+            local_damping: 0.0,
+            pairs: Vec::new(),
+        });
+        (law, String::from("all materials have their moduli"))
+    } else {
+        let (stiffness, speed) = stiffness(scene, case);
+        let law = Contact::Linear(Linear {
+            normal_stiffness: Scaled::Absolute(stiffness),
+            shear_to_normal_stiffness: 0.4,
+            friction_angle_degrees: FRICTION_DEGREES,
+            normal_damping_ratio: DAMPING,
+            shear_damping_ratio: DAMPING,
+            attraction: false,
+            rolling: None,
+            local_damping: 0.0,
+            pairs: Vec::new(),
+        });
+        let text = format!(
+            "{} N/m: overlaps of at most {} % of a diameter at {} m/s and at rest",
+            number(stiffness),
+            number(100.0 * OVERLAP),
+            number(speed)
+        );
+        (law, text)
+    }
+}
+
+/// The spring [N/m] that stops what moves at the largest speed [m/s], and carries what lies above it, within the overlap.
+fn stiffness(scene: &Scene, case: &Case) -> (f64, f64) {
+    let in_water = scene
+        .flow
+        .as_ref()
+        .and_then(|flow| step::fastest(scene, flow));
+    let speed = in_water.map_or_else(|| fastest_approach(case), |speed| speed.value);
+    let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let axis = (0..scene.grid.dimension)
+        .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
+    let height = axis.map_or(0.0, |axis| scene.grid.size[axis]);
+    let needed = |(diameter, mass, alone): (f64, f64, bool)| {
+        let overlap = OVERLAP * diameter;
+        let layers = if alone {
+            1.0
+        } else {
+            (height / diameter).max(1.0)
+        };
+        (mass * speed * speed / (overlap * overlap)).max(mass * gravity * layers / overlap)
+    };
+    let stiffest = moving(scene).into_iter().map(needed).fold(0.0, f64::max);
+    (if stiffest > 0.0 { stiffest } else { 1.0 }, speed)
+}
+
+/// Diameter [m], mass [kg] and whether it is a body by itself, of everything that moves freely.
+fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
+    let mut list = Vec::new();
+    let mut add = |material: usize, radius: f64, alone: bool| {
+        list.push((2.0 * radius, scene.mass(material, radius), alone));
+    };
+    for body in scene
+        .bodies
+        .iter()
+        .filter(|body| body.mobility == Mobility::Free)
+    {
+        add(body.material, body.radius, true);
+    }
+    if let Some(grains) = &scene.grains {
+        match &grains.source {
+            GrainSource::List(each) | GrainSource::File { grains: each, .. } => {
+                each.iter().for_each(|g| add(g.material, g.radius, false));
+            }
+            _ => {
+                let (low, high) = grains.radii.unwrap_or((0.0, 0.0));
+                add(grains.material, low, false);
+                add(grains.material, high, false);
+            }
+        }
+    }
+    list.retain(|(diameter, ..)| *diameter > 0.0);
+    list
+}

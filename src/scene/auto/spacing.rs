@@ -1,0 +1,253 @@
+//! The spacing: as many cells across the smallest thing in the water as the accuracy needs, in whole numbers along every edge.
+
+use super::features::{self, Feature};
+use super::measured::{self, Row};
+use super::{Chosen, asked, step};
+use crate::case::Case;
+use crate::case::fluid::{Fluid, LatticeBoltzmann};
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::{Grid, count, whole};
+
+/// A spacing and why; no reason where it is stated.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Spacing {
+    /// h [m].
+    pub(crate) value: f64,
+    reason: Option<String>,
+}
+
+impl Spacing {
+    pub(crate) fn note(&self, chosen: &mut Chosen) {
+        if let Some(reason) = &self.reason {
+            chosen.note("spacing", reason.clone());
+        }
+    }
+}
+
+/// Cells of a grid without water on a lattice: it only cuts the domain into slabs.
+const SLAB_DIAMETERS: f64 = 2.0;
+/// Seepage is averaged over cells of three grains, of the 1 to 4 that C-09 allows.
+const SEEPAGE_DIAMETERS: f64 = 3.0;
+/// In the plane finer cells keep a fast flow stable, up to this factor.
+const MOST_FINER: f64 = 2.0;
+
+/// The spacing stated, or that for what the case names, before speeds are known.
+pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
+    if let Some(value) = case.domain.spacing {
+        return Some(Spacing {
+            value,
+            reason: None,
+        });
+    }
+    let unknown = case
+        .bodies
+        .iter()
+        .any(|b| features::width(&b.shape).is_none());
+    if unknown || case.blocks.is_some() {
+        findings.error(
+            "domain.spacing",
+            "the widths of blocks, meshes and half-spaces are known only once they are made",
+            "state the spacing: about a tenth of the smallest width",
+        );
+        return None;
+    }
+    let (wanted, reason) = match features::lattice(case) {
+        Some(lbm) => {
+            let need = needs(case, lbm, None);
+            need.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?
+        }
+        None => without_lattice(case, findings)?,
+    };
+    whole_cells(case, wanted, reason, findings)
+}
+
+/// A finer spacing than that of the scene, where its speeds ask for one.
+pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
+    let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
+    let flow = scene.flow.as_ref()?;
+    let speed = step::fastest(scene, flow)?.value;
+    let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
+    let mut wanted = needs(case, lbm, Some(speed)).into_iter().reduce(finest)?;
+    if scene.grid.dimension == 2
+        && lbm.turbulence.is_none()
+        && let Some(h) = step::stable_spacing(flow, speed, asked(case)?.target())
+        && h * MOST_FINER >= wanted.0
+    {
+        let reason = format!(
+            "in 2-D no operator is stable on coarser cells at {} m/s",
+            number(speed)
+        );
+        wanted = finest(wanted, (h, reason));
+    }
+    let (wanted, reason) = wanted;
+    // What is wrong with the sizes has been said of the coarser cells.
+    let mut unheard = Findings::new(case);
+    let found = whole_cells(case, wanted, reason, &mut unheard)?;
+    (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
+}
+
+/// What every feature asks for: the spacing [m] and a sentence.
+fn needs(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(f64, String)> {
+    let Some(accuracy) = asked(case) else {
+        return Vec::new();
+    };
+    let dimension = case.domain.size.0.len();
+    let need = |feature: &Feature| {
+        let reynolds = speed.map_or(0.0, |u| u * feature.size / lbm.kinematic_viscosity);
+        let row = measured::needed(dimension, feature.obstacle, reynolds, accuracy.target())?;
+        let cells = row.cells_at(reynolds);
+        let reason = format!(
+            "at least {} cells across the {} of {} m, for \"{}\"",
+            number(cells),
+            feature.what,
+            number(feature.size),
+            accuracy.name()
+        );
+        Some((feature.size / cells, reason))
+    };
+    features::of(case, lbm).iter().filter_map(need).collect()
+}
+
+/// Grains decide where there is no lattice.
+fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)> {
+    let bodies = case.bodies.iter();
+    let bodies = bodies.filter_map(|body| features::width(&body.shape));
+    let widest = bodies.fold(0.0, f64::max);
+    let (smallest, largest) = features::grain_diameters(case).unwrap_or((widest, widest));
+    let (size, reason) = match &case.fluid {
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => (
+            (SEEPAGE_DIAMETERS * 0.5 * (smallest + largest)).max(largest),
+            "three mean diameters: the seepage is averaged over grains (C-09)",
+        ),
+        _ => (
+            SLAB_DIAMETERS * largest.max(widest),
+            "two of the largest diameters: without a lattice the cells only cut slabs",
+        ),
+    };
+    if size <= 0.0 {
+        findings.error(
+            "domain.spacing",
+            "nothing here says how large a cell may be",
+            "state the spacing, or add grains or water",
+        );
+        return None;
+    }
+    Some((size, reason.into()))
+}
+
+/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
+fn whole_cells(
+    case: &Case,
+    wanted: f64,
+    reason: String,
+    findings: &mut Findings,
+) -> Option<Spacing> {
+    let sizes = &case.domain.size.0;
+    let shortest = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    if !(shortest > 0.0 && wanted > 0.0 && shortest.is_finite()) {
+        findings.error(
+            "domain.size",
+            "the domain needs a positive size",
+            "write lengths in m",
+        );
+        return None;
+    }
+    let least = (shortest / wanted - 1e-9).ceil().max(1.0);
+    let fits = |h: f64| {
+        sizes
+            .iter()
+            .all(|size| (size / h - (size / h).round()).abs() <= 1e-7 * (size / h))
+    };
+    let found = (0..=whole(least))
+        .map(|more| shortest / (least + count(more)))
+        .find(|h| fits(*h));
+    if found.is_none() {
+        let h = shortest / least;
+        for (axis, size) in sizes
+            .iter()
+            .enumerate()
+            .filter(|(_, size)| !fits_one(**size, h))
+        {
+            let below = (size / h).floor();
+            findings.error(
+                &format!("domain.size[{axis}]"),
+                "no cell that is fine enough, and not twice as fine, divides all edges of the domain",
+                format!(
+                    "use {} or {} m, or state a spacing",
+                    number(below * h),
+                    number((below + 1.0) * h)
+                ),
+            );
+        }
+    }
+    found.map(|value| Spacing {
+        value,
+        reason: Some(reason),
+    })
+}
+
+fn fits_one(size: f64, h: f64) -> bool {
+    (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
+}
+
+/// What the cells of a scene are worth, chosen or stated: the feature that is resolved worst beside its row.
+pub(crate) fn judge(
+    scene: &mut Scene,
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    target: f64,
+    findings: &mut Findings,
+) {
+    let speed = scene
+        .flow
+        .as_ref()
+        .and_then(|flow| step::fastest(scene, flow));
+    let speed = speed.map_or(0.0, |speed| speed.value);
+    let grid: &Grid = &scene.grid;
+    let of = |feature: &Feature| {
+        let reynolds = speed * feature.size / lbm.kinematic_viscosity;
+        let cells = feature.size / grid.spacing;
+        measured::covering(grid.dimension, feature.obstacle, reynolds, cells)
+    };
+    let features = features::of(case, lbm);
+    let rows: Vec<(Option<Row>, &Feature)> = features.iter().map(|f| (of(f), f)).collect();
+    let error = |row: &Option<Row>| row.map_or(f64::INFINITY, |row| row.error);
+    let worst = rows
+        .iter()
+        .max_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
+    let Some((row, feature)) = worst else { return };
+    let cells = number(feature.size / grid.spacing);
+    match row {
+        Some(row) => {
+            scene.chosen.promised = Some(2.0 * row.error);
+            let text = format!(
+                "rests on {} ({}); {cells} cells across the {}; twice the error of the row is promised",
+                row.name(),
+                row.place,
+                feature.what
+            );
+            scene.chosen.note("accuracy", text);
+            if 2.0 * row.error > target {
+                findings.warn(
+                    "accuracy",
+                    format!(
+                        "{} % is asked for, but the best row measured for {cells} cells across the {} is {}",
+                        number(100.0 * target),
+                        feature.what,
+                        row.name()
+                    ),
+                    "use a finer spacing, or another coupling, or ask for less",
+                );
+            }
+        }
+        None => findings.warn(
+            "accuracy",
+            format!(
+                "{cells} cells across the {} are fewer than in any row measured: nothing is promised",
+                feature.what
+            ),
+            "use a finer spacing, or leave it out",
+        ),
+    }
+}

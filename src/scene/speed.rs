@@ -1,0 +1,279 @@
+//! The speeds that the water of a scene will reach, before a single step.
+//!
+//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
+//! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
+//! U = f b²/(8 rho nu), or f/(rho omega) if it oscillates. Where the program chooses the time step, it also asks how fast bodies
+//! settle ([`settling`]).
+
+pub(crate) mod settling;
+
+use super::Scene;
+use super::flow::{BodyForce, Condition, Flow, Initial, PATH, Patch, VelocityProfile};
+use crate::case::boundary::Fluctuations;
+
+/// A velocity the fluid will reach.
+pub(crate) struct Speed {
+    /// What makes it.
+    pub(crate) what: String,
+    /// JSON path of what decides it.
+    pub(crate) path: String,
+    /// The speed [m/s].
+    pub(crate) value: f64,
+}
+
+/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
+pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    let mut speeds = imposed(scene, flow);
+    if let Some(value) = driven_by_forces(scene, flow) {
+        speeds.push(Speed {
+            what: "the force on the water (estimate)".into(),
+            path: format!("{PATH}.body_force"),
+            value,
+        });
+    }
+    if let Some((path, value)) = settling::fastest(scene, flow) {
+        speeds.push(Speed {
+            what: "settling (estimate)".into(),
+            path,
+            value,
+        });
+    }
+    speeds
+}
+
+/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures and body forces.
+pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    if !scene.chosen.limits.is_empty() {
+        return all(scene, flow);
+    }
+    let mut speeds = imposed(scene, flow);
+    if let Some(value) = force_driven(scene, flow).filter(|value| *value != 0.0) {
+        speeds.push(Speed {
+            what: "the body force (estimate)".into(),
+            path: format!("{PATH}.body_force"),
+            value,
+        });
+    }
+    speeds
+}
+
+/// Those imposed by boundaries, by the start, by bodies and by pressures.
+fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut speeds = Vec::new();
+    let mut add = |what: &str, path: String, value: f64| {
+        if value != 0.0 {
+            speeds.push(Speed {
+                what: what.into(),
+                path,
+                value,
+            });
+        }
+    };
+    for patch in flow.patches() {
+        let Some(n) = patch.index else { continue };
+        let path = format!("{PATH}.boundaries[{n}].condition");
+        match &patch.condition {
+            Condition::MovingWall(v) => add(
+                "the moving wall",
+                format!("{path}.moving_wall.velocity"),
+                norm(*v),
+            ),
+            Condition::Velocity {
+                profile: VelocityProfile::Uniform(v),
+                turbulence,
+                ..
+            } => add(
+                "the imposed velocity",
+                format!("{path}.velocity.profile.uniform"),
+                norm(*v) * gusts(*turbulence),
+            ),
+            Condition::Velocity {
+                profile: VelocityProfile::Parabolic(peak),
+                turbulence,
+                ..
+            } => add(
+                "the imposed velocity",
+                format!("{path}.velocity.profile.parabolic.peak"),
+                peak.abs() * gusts(*turbulence),
+            ),
+            _ => {}
+        }
+    }
+    match &flow.initial {
+        Initial::Uniform { velocity, .. } => add(
+            "the initial velocity",
+            format!("{PATH}.initial.uniform.velocity"),
+            norm(*velocity),
+        ),
+        Initial::TaylorGreen {
+            velocity,
+            wave_numbers,
+        } => {
+            let ratio = wave_numbers[0] / wave_numbers[1];
+            add(
+                "the initial vortices",
+                format!("{PATH}.initial.taylor_green.velocity"),
+                velocity.abs() * ratio.max(1.0),
+            );
+        }
+        Initial::Channel {
+            peak, fluctuations, ..
+        } => add(
+            "the initial channel flow",
+            format!("{PATH}.initial.channel.peak"),
+            peak.abs() * gusts(*fluctuations),
+        ),
+        Initial::File(_) => {}
+    }
+    for (n, body) in scene.bodies.iter().enumerate() {
+        let surface = norm(body.velocity) + norm(body.angular_velocity) * body.radius;
+        add("the moving body", format!("bodies[{n}].motion"), surface);
+    }
+    if let Some((path, value)) = pressure_driven(scene, flow) {
+        add("the pressure difference (estimate)", path, value);
+    }
+    speeds
+}
+
+/// Largest over mean speed: fluctuations rarely go beyond three times their root mean square.
+fn gusts(fluctuations: Option<Fluctuations>) -> f64 {
+    1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
+}
+
+/// Largest minus smallest imposed pressure [Pa], the boundary with the larger magnitude, and the axis between.
+pub(crate) fn pressure_difference(flow: &Flow) -> Option<(f64, usize, usize)> {
+    let mut bounds: Option<(f64, f64)> = None;
+    let mut largest: Option<(f64, usize, usize)> = None;
+    for patch in flow.patches() {
+        if let (Condition::Pressure { value, from, .. }, Some(n)) = (&patch.condition, patch.index)
+        {
+            let (lo, hi) = (value.min(*from), value.max(*from));
+            let known = bounds.unwrap_or((lo, hi));
+            bounds = Some((known.0.min(lo), known.1.max(hi)));
+            let size = lo.abs().max(hi.abs());
+            if largest.is_none_or(|(s, ..)| size > s) {
+                largest = Some((size, n, patch.face.axis()));
+            }
+        } else if let (Condition::Outflow | Condition::ConvectiveOutflow(_), Some((lo, hi))) =
+            (&patch.condition, bounds)
+        {
+            bounds = Some((lo.min(0.0), hi.max(0.0)));
+        }
+    }
+    let ((lo, hi), (_, n, axis)) = (bounds?, largest?);
+    Some((hi - lo, n, axis))
+}
+
+fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+    let (difference, n, axis) = pressure_difference(flow)?;
+    let path = format!("{PATH}.boundaries[{n}].condition.pressure.value");
+    let free = (2.0 * difference / flow.density).sqrt();
+    let (length, height) = passage(scene, axis);
+    let viscous =
+        difference * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
+    Some((path, free.min(viscous)))
+}
+
+/// Length and open height of the way through the domain along an axis: the holes cut into the grains (boxes that do
+/// not reach from wall to wall), or the whole domain.
+pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
+    let grid = &scene.grid;
+    let across: Vec<usize> = (0..grid.dimension)
+        .filter(|a| *a != axis && !grid.periodic[*a])
+        .collect();
+    let height_of = |from: [f64; 3], to: [f64; 3]| {
+        across
+            .iter()
+            .map(|a| to[*a] - from[*a])
+            .fold(f64::INFINITY, f64::min)
+    };
+    let full = height_of([0.0; 3], grid.size);
+    let cuts = scene.grains.iter().flat_map(|g| &g.cut);
+    cuts.map(|(_, block)| {
+        (
+            block.to[axis] - block.from[axis],
+            height_of(block.from, block.to),
+        )
+    })
+    .filter(|(_, height)| *height < 0.95 * full)
+    .max_by(|a, b| a.1.total_cmp(&b.1))
+    .unwrap_or((grid.size[axis], full))
+}
+
+fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let force = flow.body_force.largest();
+    let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let axis = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
+    if size == 0.0 || !scene.grid.periodic[axis] {
+        // Against walls a force makes pressure, not flow.
+        return None;
+    }
+    let (_, height) = passage(scene, axis);
+    let viscous = size * height * height / (8.0 * flow.density * flow.kinematic_viscosity);
+    let start = match &flow.initial {
+        Initial::Uniform { velocity, .. } => velocity.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        Initial::Channel { peak, .. } => peak.abs(),
+        _ => 0.0,
+    };
+    let estimate = match flow.body_force {
+        // No flow is faster than the force has had time for.
+        BodyForce::Constant(_) => {
+            let steady = if flow.turbulence.is_some() {
+                viscous.min(turbulent(size, height, flow))
+            } else {
+                viscous
+            };
+            steady.min(size * scene.time.end / flow.density + start)
+        }
+        BodyForce::Oscillating { period, .. } => {
+            viscous.min(size * period / (std::f64::consts::TAU * flow.density))
+        }
+    };
+    // With no wall in sight only what is in the way can hold the flow back, and that is not known yet.
+    estimate.is_finite().then_some(estimate)
+}
+
+/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film under a surface
+/// without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies as far as these hold it.
+fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let weight = if flow.gravity_acts { flow.density } else { 0.0 };
+    let body = flow.body_force.largest();
+    let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
+    let along = along.map(|a| (a, body[a] + weight * scene.gravity[a]));
+    let (axis, force) = along.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let force = force.abs();
+    if force == 0.0 {
+        return None;
+    }
+    let nu = flow.kinematic_viscosity;
+    let (_, width) = passage(scene, axis);
+    let slides = |patch: &Patch| matches!(patch.condition, Condition::FreeSlip);
+    let height = if flow.patches().any(slides) {
+        2.0 * width
+    } else {
+        width
+    };
+    let viscous = force * height * height / (8.0 * flow.density * nu);
+    let steady = if !viscous.is_finite() {
+        settling::held_by_bodies(scene, flow, force).unwrap_or(f64::INFINITY)
+    } else if scene.grid.dimension == 3 && viscous * height > 4000.0 * nu {
+        turbulent(force, height, flow)
+    } else {
+        viscous
+    };
+    // No flow is faster than the force has had time for.
+    let time = match flow.body_force {
+        BodyForce::Constant(_) => scene.time.end,
+        BodyForce::Oscillating { period, .. } => period / std::f64::consts::TAU,
+    };
+    Some(steady.min(force * time / flow.density))
+}
+
+/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law (Pope 2000,
+/// section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
+fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
+    let friction_velocity = (0.5 * force * height / flow.density).sqrt();
+    let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;
+    friction_velocity * (reynolds.max(1.0).ln() / 0.41 + 5.2)
+}

@@ -1,0 +1,180 @@
+//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy promises.
+//!
+//! The scenes and what they must come to stand under `jobs/automatic`.
+
+use super::verification::suite;
+use solver::case::Document;
+use solver::plan::Plan;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/automatic")
+}
+
+fn plan(folder: &Path, set: &[&str]) -> Plan {
+    let text = std::fs::read_to_string(folder.join("case.json")).unwrap();
+    let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+    let name = folder.display();
+    let document = Document::read(&text, &set, folder).unwrap_or_else(|p| panic!("{name}: {p:#?}"));
+    Plan::prepare(document).unwrap_or_else(|p| panic!("{name}: {p:#?}"))
+}
+
+#[test]
+fn scenes_without_numerics_run_and_keep_their_promise() {
+    let work = tempfile::tempdir().unwrap();
+    let solver = Path::new(env!("CARGO_BIN_EXE_solver"));
+    let (mut report, mut bad) = (Vec::new(), 0);
+    let folders = suite::cases(&root()).unwrap();
+    assert!(folders.len() >= 20);
+    for folder in &folders {
+        match suite::check(folder, "short", solver, work.path()) {
+            Ok(outcomes) => {
+                for outcome in outcomes {
+                    bad += usize::from(!outcome.pass);
+                    report.push(outcome.to_string());
+                }
+            }
+            Err(error) => {
+                bad += 1;
+                report.push(format!("FAIL {error}"));
+            }
+        }
+    }
+    println!("{}", report.join("\n"));
+    assert_eq!(bad, 0, "\n{}", report.join("\n"));
+}
+
+#[test]
+fn every_choice_has_a_reason_and_keeps_all_limits() {
+    for folder in suite::cases(&root()).unwrap() {
+        let text = std::fs::read_to_string(folder.join("case.json")).unwrap();
+        for word in [
+            "spacing",
+            "relaxation_time",
+            "mach",
+            "collision",
+            "coupling",
+        ] {
+            assert!(!text.contains(word), "{} states {word}", folder.display());
+        }
+        let plan = plan(&folder, &[]);
+        for what in ["spacing", "time step", "collision", "turbulence"] {
+            let why = plan.scene.chosen.why(what);
+            assert!(why.is_some(), "{}: {what}", folder.display());
+        }
+        for margin in &plan.margins {
+            assert!(
+                margin.used <= 1.0 + 1e-9,
+                "{}: {margin:?}",
+                folder.display()
+            );
+        }
+    }
+}
+
+#[test]
+fn examples_without_their_numerics_still_plan() {
+    let lattice = "fluid.lattice_boltzmann";
+    for name in [
+        "piping",
+        "cylinder",
+        "settling-disc",
+        "cavity",
+        "collision",
+        "seepage",
+        "rain",
+    ] {
+        let text = solver::case::examples::find(name).unwrap().text;
+        let mut set = vec!["domain.spacing=null".to_owned()];
+        if text.contains("lattice_boltzmann") {
+            for field in ["relaxation_time", "time_step", "reference_velocity", "mach"] {
+                set.push(format!("{lattice}.{field}=null"));
+            }
+        }
+        let document = Document::read(text, &set, Path::new("")).unwrap();
+        let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{name}: {p:#?}"));
+        assert!(plan.scene.chosen.why("spacing").is_some(), "{name}");
+    }
+    // The hole-erosion test of the paper has cells of 20 micrometres: eight to a small grain.
+    let text = solver::case::examples::find("piping").unwrap().text;
+    let set = ["domain.spacing=null", "coupling=null"].map(String::from);
+    let plan = Plan::prepare(Document::read(text, &set, Path::new("")).unwrap()).unwrap();
+    assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
+}
+
+#[test]
+fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do() {
+    let folder = root().join("flume");
+    let text = std::fs::read_to_string(folder.join("case.json")).unwrap();
+    let attempt = |set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        Plan::prepare(Document::read(&text, &set, &folder).unwrap())
+    };
+    let thin = "fluid.lattice_boltzmann.kinematic_viscosity=2e-5";
+    let problems = attempt(&[thin]).unwrap_err();
+    let found = problems
+        .iter()
+        .find(|p| p.path.ends_with("kinematic_viscosity"));
+    assert!(
+        found.unwrap().remedy.contains("5.477e-4 m"),
+        "{problems:#?}"
+    );
+    // A whole number of cells that is fine enough.
+    assert!(attempt(&[thin, "domain.spacing=0.0005"]).is_ok());
+}
+
+#[test]
+fn what_is_stated_is_taken() {
+    let folder = root().join("cylinder-20");
+    let stated = plan(
+        &folder,
+        &[
+            "domain.spacing=0.01",
+            "fluid.lattice_boltzmann.relaxation_time=0.6",
+            "fluid.lattice_boltzmann.turbulence=none",
+            "fluid.lattice_boltzmann.collision={\"bgk\": {}}",
+            "coupling={\"bounce_back\": {}}",
+        ],
+    );
+    let flow = stated.scene.flow.as_ref().unwrap();
+    assert_eq!(stated.scene.grid.cells, [220, 41, 1]);
+    approx::assert_relative_eq!(flow.relaxation_time, 0.6);
+    assert!(flow.turbulence.is_none());
+    assert!(matches!(
+        flow.collision,
+        solver::case::fluid::Collision::Bgk {}
+    ));
+    for what in [
+        "spacing",
+        "time step",
+        "collision",
+        "turbulence",
+        "coupling",
+    ] {
+        assert_eq!(stated.scene.chosen.why(what), None, "{what}");
+    }
+}
+
+#[test]
+fn a_stricter_level_has_finer_cells_and_a_smaller_mach_number() {
+    let folder = root().join("spheres-dilute");
+    let mut last = (0, f64::INFINITY);
+    for level in [
+        "\"draft\"",
+        "\"normal\"",
+        "\"reference\"",
+        "{\"drag_error\": 0.01}",
+    ] {
+        let plan = plan(&folder, &[&format!("accuracy={level}")]);
+        let mach = plan
+            .scene
+            .chosen
+            .limits
+            .iter()
+            .find(|l| l.what.starts_with("Mach"));
+        let step = mach.unwrap().time_step / plan.scene.grid.spacing;
+        let cells = plan.scene.grid.cell_count();
+        assert!(cells >= last.0 && step <= last.1, "{level}: {cells} cells");
+        last = (cells, step);
+    }
+}
