@@ -294,6 +294,18 @@ pub enum Initial {
         #[serde(default)]
         waves_along_z: u32,
     },
+    /// Two shear layers that roll up (Minion and Brown 1997): u = U tanh((y - L_y/4)/d) in the lower half, U tanh((3 L_y/4 - y)/d) in the
+    /// upper, v = p U sin(2 pi (x/L_x + 1/4)). What is too coarse for it shows false vortices between the true ones, or fails.
+    ShearLayers {
+        /// Velocity U on either side [m/s].
+        velocity: f64,
+        /// Thickness d of a layer [m]; Minion and Brown take L_y/80 and L_y/100.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        thickness: f64,
+        /// Perturbation p of the velocity across, over U.
+        #[serde(default = "one_twentieth")]
+        perturbation: f64,
+    },
     /// A parabola across the domain: the developed flow between two walls.
     Channel {
         /// Axis of the flow.
@@ -311,6 +323,10 @@ pub enum Initial {
         /// The file, relative to the case.
         path: PathBuf,
     },
+}
+
+fn one_twentieth() -> f64 {
+    0.05
 }
 
 fn one_wave() -> [u32; 2] {

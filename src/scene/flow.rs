@@ -132,6 +132,15 @@ pub enum Initial {
         /// a, b and c [1/m]; c may be zero.
         wave_numbers: [f64; 3],
     },
+    /// Shear layers at a quarter and three quarters of y, that repeat along x and y.
+    ShearLayers {
+        /// U on either side [m/s].
+        velocity: f64,
+        /// Thickness of a layer [m].
+        thickness: f64,
+        /// Velocity across over U.
+        perturbation: f64,
+    },
     /// A parabola between the walls of one axis.
     Channel {
         /// Axis of the flow: 0, 1 or 2.
@@ -538,6 +547,24 @@ fn initial(
             Initial::TaylorGreen {
                 velocity: *velocity,
                 wave_numbers: [wave(0, waves[0]), wave(1, waves[1]), along_z],
+            }
+        }
+        fluid::Initial::ShearLayers {
+            velocity,
+            thickness,
+            perturbation,
+        } => {
+            if !(grid.periodic[0] && grid.periodic[1]) {
+                findings.error(
+                    &format!("{path}.shear_layers"),
+                    "the layers repeat along x and y, but the domain does not",
+                    "write \"periodic\": [\"x\", \"y\"] in the domain",
+                );
+            }
+            Initial::ShearLayers {
+                velocity: *velocity,
+                thickness: *thickness,
+                perturbation: *perturbation,
             }
         }
         fluid::Initial::Channel {

@@ -117,6 +117,15 @@ fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
                 velocity.abs() * ratio.max(1.0),
             );
         }
+        Initial::ShearLayers {
+            velocity,
+            perturbation,
+            ..
+        } => add(
+            "the initial shear layers",
+            format!("{PATH}.initial.shear_layers.velocity"),
+            velocity.abs() * (1.0 + perturbation.abs()),
+        ),
         Initial::Channel {
             peak, fluctuations, ..
         } => add(

@@ -387,6 +387,20 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
                 (drho, v)
             })
         }
+        Initial::ShearLayers {
+            velocity,
+            thickness,
+            perturbation,
+        } => {
+            let (speed, sharp) = (u(*velocity), cells[1] * units.spacing / thickness);
+            let across = perturbation * speed;
+            Box::new(move |p: [f64; 3]| {
+                let [x, y] = [p[0] / cells[0], p[1] / cells[1]];
+                let from_layer = if y <= 0.5 { y - 0.25 } else { 0.75 - y };
+                let v = across * (std::f64::consts::TAU * (x + 0.25)).sin();
+                (0.0, [speed * (sharp * from_layer).tanh(), v, 0.0])
+            })
+        }
         Initial::Channel {
             flow,
             across,

@@ -65,6 +65,12 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann) -> Vec<Feature> {
             lengths.fold(f64::INFINITY, f64::min),
         );
     }
+    if let Initial::ShearLayers { thickness, .. } = &lbm.initial {
+        walls(
+            "twice the thickness of a shear layer".into(),
+            2.0 * thickness,
+        );
+    }
     list.retain(|feature| feature.size.is_finite() && feature.size > 0.0);
     if list.is_empty() {
         let smallest = case.domain.size.0.iter().copied();
