@@ -14,14 +14,14 @@ pub struct Example {
 /// All ready cases.
 pub const EXAMPLES: [Example; 16] = [
     Example {
-        name: "first-flow",
-        summary: "oil past a wire in a channel, in SI units only: cells, time step and models are chosen",
-        text: include_str!("examples/first-flow.json"),
-    },
-    Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
         text: include_str!("examples/piping.json"),
+    },
+    Example {
+        name: "first-flow",
+        summary: "oil past a wire in a channel, in SI units only: cells, time step and models are chosen",
+        text: include_str!("examples/first-flow.json"),
     },
     Example {
         name: "poiseuille",

@@ -154,11 +154,7 @@ fn whole_cells(
         return None;
     }
     let least = (shortest / wanted - 1e-9).ceil().max(1.0);
-    let fits = |h: f64| {
-        sizes
-            .iter()
-            .all(|size| (size / h - (size / h).round()).abs() <= 1e-7 * (size / h))
-    };
+    let fits = |h: f64| sizes.iter().all(|size| fits_one(*size, h));
     let found = (0..=whole(least))
         .map(|more| shortest / (least + count(more)))
         .find(|h| fits(*h));
@@ -187,6 +183,7 @@ fn whole_cells(
     })
 }
 
+/// Whether an edge is a whole number of cells.
 fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
 }
