@@ -274,8 +274,9 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         .map(|(path, value)| (path.clone(), value.clone()));
     let mut found = settle(&mut case, common.chain(draft.set));
     let mut labels = draft.labels;
-    for (known, (field, _)) in labels.iter_mut().zip(&study.vary.0) {
-        if known.is_none() {
+    for (known, (field, variation)) in labels.iter_mut().zip(&study.vary.0) {
+        // The name of choices is no field, though it may sound like one.
+        if known.is_none() && matches!(variation, Variation::Values(_)) {
             *known = set::lookup(&case, field).map(label);
         }
     }
