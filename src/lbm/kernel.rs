@@ -9,7 +9,7 @@ use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::Populations;
 use super::saturation::{self, Place, Solids};
-use super::turbulence::{Eddies, View, rate};
+use super::turbulence::{Eddies, View};
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -193,7 +193,7 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
 
 /// Asks for a cache line; any address will do.
 #[inline(always)]
-fn prefetch<S>(line: *const S) {
+pub(super) fn prefetch<S>(line: *const S) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -247,13 +247,16 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 if T::ACTIVE && eddies.present() {
                     // SAFETY: an interior cell.
                     let gradient = unsafe { velocity.gradient::<N>(cell + k) };
-                    omega = rate(viscosity, eddies.viscosity(&gradient));
+                    omega = eddies.rate(viscosity, &gradient);
                     rates = collision.local(omega);
                 }
                 if Q > 9 && k.is_multiple_of(LINE / size_of::<S>()) {
                     unroll!(populations i < Q => {
                         prefetch(at[i].wrapping_add(k + LINES_AHEAD * LINE / size_of::<S>()));
                     });
+                    if T::ACTIVE && eddies.present() {
+                        velocity.prefetch(cell + k, LINES_AHEAD * LINE / size_of::<S>());
+                    }
                 }
                 // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
                 let mut site = unsafe { Row::<L, S, Q>::new(&at, k) };

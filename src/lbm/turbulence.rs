@@ -41,8 +41,23 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     fn present(&self) -> bool {
         Self::ACTIVE
     }
-    /// ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
-    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N;
+    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
+
+    /// ν_t in lattice units.
+    #[inline(always)]
+    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
+        let (numerator, denominator) = self.fraction(gradient);
+        numerator / denominator
+    }
+
+    /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
+    #[inline(always)]
+    fn rate<N: Lanes>(&self, viscosity: f64, gradient: &[[N; 3]; 3]) -> N {
+        let (numerator, denominator) = self.fraction(gradient);
+        let own = denominator * N::splat(3.0 * viscosity + 0.5);
+        denominator / numerator.mul_add(N::splat(3.0), own)
+    }
 }
 
 /// No model.
@@ -53,8 +68,8 @@ impl Eddies for Resolved {
     const ACTIVE: bool = false;
 
     #[inline(always)]
-    fn viscosity<N: Lanes>(&self, _: &[[N; 3]; 3]) -> N {
-        N::splat(0.0)
+    fn fraction<N: Lanes>(&self, _: &[[N; 3]; 3]) -> (N, N) {
+        (N::splat(0.0), N::splat(1.0))
     }
 }
 
@@ -79,19 +94,13 @@ impl Eddies for Eddy {
     }
 
     #[inline(always)]
-    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
         match self {
-            Self::None => N::splat(0.0),
-            Self::Wale(model) => model.viscosity(gradient),
-            Self::Smagorinsky(model) => model.viscosity(gradient),
+            Self::None => Resolved.fraction(gradient),
+            Self::Wale(model) => model.fraction(gradient),
+            Self::Smagorinsky(model) => model.fraction(gradient),
         }
     }
-}
-
-/// ω = 1 / (3 (ν + ν_t) + ½).
-#[inline(always)]
-pub(crate) fn rate<N: Lanes>(viscosity: f64, eddy: N) -> N {
-    N::splat(1.0) / eddy.mul_add(N::splat(3.0), N::splat(3.0 * viscosity + 0.5))
 }
 
 /// Where the pass finds the velocity of the step before and leaves that of its own. Positions are those of
@@ -112,6 +121,24 @@ impl View {
         strides: [0; 3],
         dimension: 0,
     };
+
+    /// Asks for the lines of the field that the cells `ahead` numbers after this one will need.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, cell: usize, ahead: usize) {
+        let cell = cell + ahead;
+        unroll!(axes a < 3 => {
+            let read = self.read[a];
+            super::kernel::prefetch(read.wrapping_add(cell));
+            unroll!(axes b < 3 => {
+                // Along the row the line is the same.
+                if self.strides[b] > 1 {
+                    super::kernel::prefetch(read.wrapping_add(cell + self.strides[b]));
+                    super::kernel::prefetch(read.wrapping_add(cell.wrapping_sub(self.strides[b])));
+                }
+            });
+            super::kernel::prefetch(self.write[a].wrapping_add(cell).cast_const());
+        });
+    }
 
     /// Gradient of the velocity of the step before at `N::WIDTH` cells.
     ///

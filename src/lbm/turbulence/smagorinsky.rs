@@ -16,9 +16,13 @@ impl Eddies for Smagorinsky {
     const ACTIVE: bool = true;
 
     #[inline(always)]
-    fn viscosity<N: Lanes>(&self, g: &[[N; 3]; 3]) -> N {
+    fn fraction<N: Lanes>(&self, g: &[[N; 3]; 3]) -> (N, N) {
         let strain = super::wale::strain_squared(g);
-        (strain * N::splat(2.0)).sqrt() * N::splat(self.constant * self.constant)
+        let root = (strain * N::splat(2.0)).sqrt();
+        (
+            root * N::splat(self.constant * self.constant),
+            N::splat(1.0),
+        )
     }
 }
 

@@ -48,14 +48,14 @@ impl Eddies for Wale {
     const ACTIVE: bool = true;
 
     #[inline(always)]
-    fn viscosity<N: Lanes>(&self, g: &[[N; 3]; 3]) -> N {
+    fn fraction<N: Lanes>(&self, g: &[[N; 3]; 3]) -> (N, N) {
         let strain = strain_squared(g);
         let deviator = deviator_squared(g);
         let root = deviator.sqrt();
         // (S:S)^{5/2} + (S^d:S^d)^{5/4}; the smallest number guards 0/0 and changes nothing else.
         let denominator = (strain * strain).mul_add(strain.sqrt(), deviator * root.sqrt());
         let numerator = deviator * root * N::splat(self.constant * self.constant);
-        numerator / (denominator + N::splat(1e-280))
+        (numerator, denominator + N::splat(1e-280))
     }
 }
 
