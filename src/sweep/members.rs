@@ -324,7 +324,17 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     (member, found)
 }
 
-/// Sets fields of a case; formulas after everything else, since they may name any number.
+/// The formula to evaluate next: one that names no field that another is still to set; of a circle the first.
+fn first_settled(formulas: &[(String, String)]) -> Option<usize> {
+    let waits = |(own, formula): &(String, String)| {
+        let others = formulas.iter().filter(|(path, _)| path != own);
+        others.into_iter().any(|(path, _)| formula.contains(path))
+    };
+    let free = formulas.iter().position(|formula| !waits(formula));
+    free.or_else(|| (!formulas.is_empty()).then_some(0))
+}
+
+/// Sets fields of a case; formulas after everything else, since they may name any number, also one that a formula sets.
 fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut formulas = Vec::new();
@@ -340,7 +350,8 @@ fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Ve
             ),
         }
     }
-    for (path, formula) in formulas {
+    while let Some(next) = first_settled(&formulas) {
+        let (path, formula) = formulas.remove(next);
         let known = |name: &str| set::lookup(case, name).and_then(Value::as_f64);
         match expression::evaluate(&formula, &known) {
             Ok(number) => {
@@ -367,6 +378,15 @@ mod tests {
         change(&mut tree);
         let study = Study::read(&tree.to_string())?;
         members(&study, Path::new(""))
+    }
+
+    #[test]
+    fn a_formula_may_name_what_another_formula_sets() {
+        let mut case = json!({"a": 1, "b": 2, "c": 3});
+        let fields = [("a", "=b*10"), ("b", "=c+1"), ("c", "=7")];
+        let fields = fields.map(|(path, value)| (path.to_owned(), json!(value)));
+        assert_eq!(settle(&mut case, fields.into_iter()).len(), 0);
+        assert_eq!(case, json!({"a": 80.0, "b": 8.0, "c": 7.0}));
     }
 
     #[test]
