@@ -6,6 +6,7 @@ pub mod envelope;
 pub mod estimate;
 pub mod models;
 pub mod report;
+mod stability;
 
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};

@@ -117,6 +117,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
             margins.push(margin(&what, flow.time_step, limit.time_step, "accuracy"));
         }
         mach(scene, flow, &mut margins, findings);
+        super::stability::check(scene, flow, &mut margins, findings);
         compression(scene, flow, &mut margins, findings);
         resolution(scene, &mut margins, findings);
     }
@@ -163,7 +164,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     margins
 }
 
-fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margin {
+pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margin {
     Margin {
         limit: limit.into(),
         value,

@@ -441,14 +441,6 @@ fn time_step(
         );
         return None;
     }
-    // Eddies add to the viscosity where the flow asks for it.
-    if tau < 0.51 && lbm.turbulence.and_then(TurbulenceChoice::model).is_none() {
-        findings.warn(
-            &path,
-            format!("the relaxation time is tau = {tau:.5}, close to the limit 0.5: the flow may turn unstable"),
-            "use a finer spacing or a larger time step",
-        );
-    }
     if tau > 2.0 {
         findings.warn(
             &path,

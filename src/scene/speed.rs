@@ -24,6 +24,7 @@ pub(crate) struct Speed {
 /// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
+    speeds.extend(driven_by_pressure(scene, flow));
     if let Some(value) = driven_by_forces(scene, flow) {
         speeds.push(Speed {
             what: "the force on the water (estimate)".into(),
@@ -47,6 +48,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         return all(scene, flow);
     }
     let mut speeds = imposed(scene, flow);
+    speeds.extend(driven_by_pressure(scene, flow));
     if let Some(value) = force_driven(scene, flow).filter(|value| *value != 0.0) {
         speeds.push(Speed {
             what: "the body force (estimate)".into(),
@@ -57,8 +59,8 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Those imposed by boundaries, by the start, by bodies and by pressures.
-fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+/// Those imposed by boundaries, by the start and by bodies.
+pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut speeds = Vec::new();
     let mut add = |what: &str, path: String, value: f64| {
@@ -139,10 +141,14 @@ fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         let surface = norm(body.velocity) + norm(body.angular_velocity) * body.radius;
         add("the moving body", format!("bodies[{n}].motion"), surface);
     }
-    if let Some((path, value)) = pressure_driven(scene, flow) {
-        add("the pressure difference (estimate)", path, value);
-    }
     speeds
+}
+
+/// That of a pressure difference.
+fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
+    let what = "the pressure difference (estimate)".into();
+    Some(Speed { what, path, value })
 }
 
 /// Largest over mean speed: fluctuations rarely go beyond three times their root mean square.
