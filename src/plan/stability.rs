@@ -4,6 +4,9 @@
 //! number alone. The bounds are those of the maps under `benches/stability`, taken up to Mach 0.2, in scenes of three kinds: no walls and no
 //! openings (double shear layer), walls (lid-driven cavities, whose corners are the hardest that walls can be), openings (cylinder behind an
 //! inlet). `holds` is the last value up to which every run ended, `fails` the first at which one did not.
+//!
+//! Flows with an eddy viscosity are not judged. Under the corners of a lid WALE moved the bounds of BGK and TRT by nothing, but streams and
+//! channels run with it at a thousand times these values: where the border lies depends on what makes the eddies, and no map tells it.
 
 use super::envelope::{Margin, margin};
 use crate::case::fluid::Collision;
@@ -49,7 +52,7 @@ fn surroundings(flow: &Flow) -> Surroundings {
     all
 }
 
-/// The bounds of an operator; eddy viscosity moves none of them by a step of the maps.
+/// The bounds of an operator without eddy viscosity.
 fn measured(collision: &Collision, dimension: usize, around: Surroundings) -> Bounds {
     const OPEN: &str = "cylinder-10";
     const FREE: &str = "shear-layers-64";
@@ -81,6 +84,9 @@ pub(super) fn check(
     margins: &mut Vec<Margin>,
     findings: &mut Findings,
 ) {
+    if flow.turbulence.is_some() {
+        return;
+    }
     let speeds = speed::imposed(scene, flow).into_iter();
     let Some(speed) = speeds.max_by(|a, b| a.value.total_cmp(&b.value)) else {
         return;
