@@ -4,6 +4,7 @@
 //! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run
 //! in its manifest. A run that goes on from it gives the same bits as one that was never interrupted.
 
+use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::dem::state::{Contacts, Table, Values};
@@ -118,18 +119,13 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub seepage: Vec<f64>,
     /// Grains and bodies.
     pub particles: &'a Particles<Sp>,
-    /// Contacts.
-    pub contacts: Option<Contacts>,
+    /// Contacts, if any.
+    pub dem: Option<&'a Dem<Sp>>,
 }
 
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
 
 impl<Sp: Space, S: Saved> State<'_, Sp, S> {
-    fn tables(&self) -> [Table; 3] {
-        let contacts = self.contacts.clone().unwrap_or_default();
-        [self.particles.table(), contacts.grains, contacts.walls]
-    }
-
     /// Writes a checkpoint. Collective.
     ///
     /// # Errors
@@ -146,7 +142,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let group = Together(communicator);
         let populations = self.fluid.map(gather);
         let velocities = self.fluid.and_then(gather_velocities);
-        let tables = self.tables();
+        let contacts = self.dem.map(Dem::contacts).unwrap_or_default();
+        let tables = [self.particles.table(), contacts.grains, contacts.walls];
         let mut arrays = Vec::new();
         if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
             let q = fluid.populations().velocities().q();
@@ -251,7 +248,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 })
                 .collect::<Vec<_>>()
         );
-        if let Some(contacts) = &self.contacts {
+        if self.dem.is_some() {
             attributes["walls"] = table_to_json(&contacts.faces);
             attributes["solid_steps"] = json!(contacts.steps);
         }
@@ -309,36 +306,76 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 hash.add(key, index, value.to_bits());
             }
         }
-        for (kind, table) in TABLES.iter().zip(self.tables()) {
-            // Rows of contacts are named by both ends; the first two columns of each table hold them.
-            let whole = |n: usize| match table.columns.get(n) {
-                Some((_, Values::Whole(values))) => values.as_slice(),
-                _ => &[],
-            };
-            let (first, second) = (whole(0).to_vec(), whole(1).to_vec());
-            for (name, values) in &table.columns {
-                // A shift only says through which image a raw position is seen: it depends on when lists were made.
-                if name.starts_with("shift") {
-                    continue;
-                }
-                let key = field_key(&format!("{kind}_{name}"));
-                for row in 0..table.rows() {
-                    let other = if *kind == "grains" {
-                        0
-                    } else {
-                        second.get(row).copied().unwrap_or(0)
-                    };
-                    let index = first.get(row).copied().unwrap_or(0) | (other << 32);
-                    let bits = match values {
-                        Values::Real(values) => values[row].to_bits(),
-                        Values::Whole(values) => values[row],
-                    };
-                    hash.add(key, index, bits);
-                }
-            }
-        }
+        self.add_grains(&mut hash);
         hash.all_reduce(communicator).hex()
     }
+
+    /// Adds grains and contacts, column by column and contact by contact: the hash asks for no copy of the state.
+    fn add_grains(&self, hash: &mut StateHash) {
+        let mut ids = Vec::new();
+        self.particles.each_column(|name, values| {
+            if let ("id", Values::Whole(values)) = (name, values) {
+                ids.clone_from(values);
+            }
+            // A shift only says through which image a raw position is seen: it depends on when lists were made.
+            if name.starts_with("shift") {
+                return;
+            }
+            let key = field_key(&format!("grains_{name}"));
+            match values {
+                Values::Real(values) => {
+                    for (id, value) in ids.iter().zip(values) {
+                        hash.add(key, *id, value.to_bits());
+                    }
+                }
+                Values::Whole(values) => {
+                    for (id, value) in ids.iter().zip(values) {
+                        hash.add(key, *id, *value);
+                    }
+                }
+            }
+        });
+        let Some(dem) = self.dem else { return };
+        let [first, second] = ["contacts_first", "contacts_second"].map(field_key);
+        let [grain, wall, facet] =
+            ["grain", "wall", "facet"].map(|name| field_key(&format!("wall_contacts_{name}")));
+        // Contacts are named by both ends.
+        let (mut with_grains, mut with_walls) = (StateHash::new(), StateHash::new());
+        let (mut memory, mut at_wall) = (Vec::new(), Vec::new());
+        dem.each_contact(
+            &mut |[a, b], numbers| {
+                let index = a | (b << 32);
+                with_grains.add(first, index, a);
+                with_grains.add(second, index, b);
+                for (key, number) in memory_keys(&mut memory, "contacts", numbers) {
+                    with_grains.add(*key, index, number.to_bits());
+                }
+            },
+            &mut |[a, b, c], numbers| {
+                let index = a | (b << 32);
+                with_walls.add(grain, index, a);
+                with_walls.add(wall, index, b);
+                with_walls.add(facet, index, c);
+                for (key, number) in memory_keys(&mut at_wall, "wall_contacts", numbers) {
+                    with_walls.add(*key, index, number.to_bits());
+                }
+            },
+        );
+        hash.merge(with_grains);
+        hash.merge(with_walls);
+    }
+}
+
+/// The key of the column of each number that a law keeps of a contact, beside the number; `keys` are made once.
+fn memory_keys<'a>(
+    keys: &'a mut Vec<u64>,
+    kind: &str,
+    numbers: &'a [f64],
+) -> impl Iterator<Item = (&'a u64, &'a f64)> {
+    for n in keys.len()..numbers.len() {
+        keys.push(field_key(&format!("{kind}_memory_{n}")));
+    }
+    keys.iter().zip(numbers)
 }
 
 fn whole(n: u64) -> usize {

@@ -176,7 +176,7 @@ enum Inner<S: Space> {
 }
 
 /// The same words for the engine of each law.
-macro_rules! engine {
+macro_rules! of_each_law {
     ($dem:expr, $engine:ident => $body:expr) => {
         match $dem {
             Inner::Linear($engine) => $body,
@@ -189,6 +189,7 @@ macro_rules! engine {
         }
     };
 }
+use of_each_law;
 
 impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
@@ -263,7 +264,7 @@ impl<S: Space> Dem<S> {
         ranks: &dyn Ranks,
         steps: u64,
     ) -> Result<(), Error> {
-        engine!(&mut self.inner, engine => engine.advance(particles, ranks, steps))
+        of_each_law!(&mut self.inner, engine => engine.advance(particles, ranks, steps))
     }
 
     /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
@@ -276,7 +277,7 @@ impl<S: Space> Dem<S> {
         particles: &mut Particles<S>,
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
-        engine!(&mut self.inner, engine => engine.prepare(particles, ranks))
+        of_each_law!(&mut self.inner, engine => engine.prepare(particles, ranks))
     }
 
     /// Bonds the contacts that now exist, walls included, and in the contact-bond law the pairs within its bonding gap
@@ -290,73 +291,73 @@ impl<S: Space> Dem<S> {
         ranks: &dyn Ranks,
     ) -> Result<u64, Error> {
         self.prepare(particles, ranks)?;
-        Ok(engine!(&mut self.inner, engine => Bodies::bond_all(&mut **engine, particles)))
+        Ok(of_each_law!(&mut self.inner, engine => Bodies::bond_all(&mut **engine, particles)))
     }
 
     /// Takes every bond away; contacts and their shear stay.
     pub fn unbond(&mut self) {
-        engine!(&mut self.inner, engine => engine.unbond());
+        of_each_law!(&mut self.inner, engine => engine.unbond());
     }
 
     /// The bonds that failed since the last call, as this rank reports them.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
-        engine!(&mut self.inner, engine => std::mem::take(&mut engine.breaks))
+        of_each_law!(&mut self.inner, engine => std::mem::take(&mut engine.breaks))
     }
 
     /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
     pub fn for_each_contact(&self, particles: &Particles<S>, visit: impl FnMut(Contact<S>)) {
-        engine!(&self.inner, engine => engine.for_each_contact(particles, visit));
+        of_each_law!(&self.inner, engine => engine.for_each_contact(particles, visit));
     }
 
     /// What this rank has now.
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
-        engine!(&self.inner, engine => engine.statistics(particles))
+        of_each_law!(&self.inner, engine => engine.statistics(particles))
     }
 
     /// Solid steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        engine!(&self.inner, engine => engine.steps)
+        of_each_law!(&self.inner, engine => engine.steps)
     }
 
     /// Solid steps done times the time step (s).
     #[must_use]
     pub fn time(&self) -> f64 {
-        engine!(&self.inner, engine => engine.time())
+        of_each_law!(&self.inner, engine => engine.time())
     }
 
     /// The settings.
     #[must_use]
     pub fn settings(&self) -> &Settings<S> {
-        engine!(&self.inner, engine => &engine.settings)
+        of_each_law!(&self.inner, engine => &engine.settings)
     }
 
     /// Changes gravity (m/s²).
     pub fn set_gravity(&mut self, gravity: S::Vector) {
-        engine!(&mut self.inner, engine => engine.settings.gravity = gravity);
+        of_each_law!(&mut self.inner, engine => engine.settings.gravity = gravity);
     }
 
     /// Changes the non-viscous damping, 0 (none) to below 1; other values are brought there.
     pub fn set_local_damping(&mut self, damping: f64) {
         let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
-        engine!(&mut self.inner, engine => engine.settings.local_damping = damping);
+        of_each_law!(&mut self.inner, engine => engine.settings.local_damping = damping);
     }
 
     /// The walls as they stand.
     #[must_use]
     pub fn walls(&self) -> &[Wall<S>] {
-        engine!(&self.inner, engine => &engine.walls)
+        of_each_law!(&self.inner, engine => &engine.walls)
     }
 
     /// Takes the walls of these indices out of the way, and the contacts and bonds with them. The same on all ranks.
     pub fn open_walls(&mut self, walls: &[usize]) {
-        engine!(&mut self.inner, engine => engine.open_walls(walls));
+        of_each_law!(&mut self.inner, engine => engine.open_walls(walls));
     }
 
     /// Changes a wall's velocity (m/s).
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
-        engine!(&mut self.inner, engine => {
+        of_each_law!(&mut self.inner, engine => {
             if let Some(wall) = engine.walls.get_mut(wall) {
                 wall.velocity = velocity;
             }

@@ -242,6 +242,16 @@ impl Scene {
         self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
     }
 
+    /// Lets go of the listed grains once they stand in the run: some hundred bytes of each.
+    pub fn forget_sample(&mut self) {
+        use solids::GrainSource::{File, List};
+        if let Some(List(grains) | File { grains, .. }) =
+            self.grains.as_mut().map(|grains| &mut grains.source)
+        {
+            *grains = Vec::new();
+        }
+    }
+
     /// Density of a material [kg/m3]; zero where it has none.
     #[must_use]
     pub fn density(&self, material: usize) -> f64 {

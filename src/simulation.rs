@@ -85,7 +85,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
             averages: self.averages.as_ref(),
             seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
             particles: &self.particles,
-            contacts: self.dem.as_ref().map(Dem::contacts),
+            dem: self.dem.as_ref(),
         }
     }
 }

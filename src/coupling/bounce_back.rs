@@ -142,6 +142,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     }
 
     fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+        particles.immerse();
+        particles.keep_extra();
         if particles.is_empty() && ranks.size() == 1 && self.map.links().is_empty() {
             self.fresh = false;
             return Ok(());

@@ -193,6 +193,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     }
 
     fn follow(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+        particles.immerse();
+        particles.keep_extra();
         let (velocity, spin) = self.scales();
         if let Some(cover) = self.fluid.cover_mut() {
             self.map.follow(particles, cover, velocity, spin);

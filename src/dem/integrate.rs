@@ -60,15 +60,13 @@ fn damped(a: f64, v: f64, damping: f64) -> f64 {
 #[inline(always)]
 fn kick<S: Space, const DAMPED: bool>(
     motion: &mut Motion<S>,
-    contact: &Load<S>,
-    fluid: &Load<S>,
+    load: &Load<S>,
     mobility: &Mobility,
     kick: &Kick<S>,
 ) {
     let half = 0.5 * kick.time_step;
-    let mut linear =
-        (contact.force + fluid.force) * mobility.inverse_mass + kick.gravity * mobility.free;
-    let mut angular = (contact.torque + fluid.torque) * mobility.inverse_inertia;
+    let mut linear = load.force * mobility.inverse_mass + kick.gravity * mobility.free;
+    let mut angular = load.torque * mobility.inverse_inertia;
     if DAMPED {
         let damp = |a: f64, v: f64| damped(a, v, kick.damping);
         linear = linear.combine(&motion.velocity, damp);
@@ -78,23 +76,40 @@ fn kick<S: Space, const DAMPED: bool>(
     motion.spin += angular * half;
 }
 
+/// Adds the load of the fluid to that of the contacts.
 #[inline(always)]
-fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
+fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
+    Load {
+        force: contact.force + fluid.force,
+        torque: contact.torque + fluid.torque,
+    }
+}
+
+/// `fluid` is empty unless `WET`: a dry grain reads no load of a fluid.
+#[inline(always)]
+fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
     motion: &mut [Motion<S>],
     contact: &[Load<S>],
     fluid: &[Load<S>],
     mobility: &[Mobility],
     how: &Kick<S>,
 ) -> Fastest {
+    let grains = motion.len();
+    let (contact, mobility) = (&contact[..grains], &mobility[..grains]);
+    let fluid = if WET { &fluid[..grains] } else { fluid };
     let mut speed_squared = 0.0;
     let mut bad = false;
-    for (((motion, contact), fluid), mobility) in
-        motion.iter_mut().zip(contact).zip(fluid).zip(mobility)
-    {
+    for k in 0..grains {
+        let load = if WET {
+            together(&contact[k], &fluid[k])
+        } else {
+            contact[k]
+        };
+        let motion = &mut motion[k];
         if AGAIN {
-            kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
+            kick::<S, DAMPED>(motion, &load, &mobility[k], how);
         }
-        kick::<S, DAMPED>(motion, contact, fluid, mobility, how);
+        kick::<S, DAMPED>(motion, &load, &mobility[k], how);
         motion.position += motion.velocity * how.time_step;
         let squared = motion.velocity.scalar(&motion.velocity);
         // A comparison that a NaN fails too.
@@ -112,26 +127,26 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool>(
 /// Grains per piece of parallel work.
 const PIECE: usize = 2048;
 
-fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool>(
+fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
     particles: &mut Particles<S>,
     how: &Kick<S>,
     parallel: bool,
 ) -> Fastest {
     let owned = particles.owned();
     let motion = &mut particles.motion[..owned];
-    let contact = &particles.contact[..owned];
-    let fluid = &particles.fluid[..owned];
-    let mobility = &particles.mobility[..owned];
+    let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
+    let fluid = &particles.fluid[..if WET { owned } else { 0 }];
     if !parallel {
-        return drift_all::<S, DAMPED, AGAIN>(motion, contact, fluid, mobility, how);
+        return drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
     }
     motion
         .par_chunks_mut(PIECE)
-        .zip(contact.par_chunks(PIECE))
-        .zip(fluid.par_chunks(PIECE))
-        .zip(mobility.par_chunks(PIECE))
-        .map(|(((motion, contact), fluid), mobility)| {
-            drift_all::<S, DAMPED, AGAIN>(motion, contact, fluid, mobility, how)
+        .enumerate()
+        .map(|(piece, motion)| {
+            let part = piece * PIECE..piece * PIECE + motion.len();
+            let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
+            let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
+            drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how)
         })
         .reduce(Fastest::default, Fastest::or)
 }
@@ -143,23 +158,28 @@ pub(super) fn drift<S: Space>(
     again: bool,
     parallel: bool,
 ) -> Fastest {
-    match (how.damping > 0.0, again) {
-        (false, false) => drift_pieces::<S, false, false>(particles, how, parallel),
-        (false, true) => drift_pieces::<S, false, true>(particles, how, parallel),
-        (true, false) => drift_pieces::<S, true, false>(particles, how, parallel),
-        (true, true) => drift_pieces::<S, true, true>(particles, how, parallel),
-    }
+    let drift = match (how.damping > 0.0, again, particles.immersed) {
+        (false, false, false) => drift_pieces::<S, false, false, false>,
+        (false, false, true) => drift_pieces::<S, false, false, true>,
+        (false, true, false) => drift_pieces::<S, false, true, false>,
+        (false, true, true) => drift_pieces::<S, false, true, true>,
+        (true, false, false) => drift_pieces::<S, true, false, false>,
+        (true, false, true) => drift_pieces::<S, true, false, true>,
+        (true, true, false) => drift_pieces::<S, true, true, false>,
+        (true, true, true) => drift_pieces::<S, true, true, true>,
+    };
+    drift(particles, how, parallel)
 }
 
 /// Second half kick.
 pub(super) fn finish<S: Space>(particles: &mut Particles<S>, how: &Kick<S>) {
     for k in 0..particles.owned() {
-        let (motion, contact) = (&mut particles.motion[k], &particles.contact[k]);
-        let (fluid, mobility) = (&particles.fluid[k], &particles.mobility[k]);
+        let load = together(&particles.contact[k], &particles.fluid_load(k));
+        let (motion, mobility) = (&mut particles.motion[k], &particles.mobility[k]);
         if how.damping > 0.0 {
-            kick::<S, true>(motion, contact, fluid, mobility, how);
+            kick::<S, true>(motion, &load, mobility, how);
         } else {
-            kick::<S, false>(motion, contact, fluid, mobility, how);
+            kick::<S, false>(motion, &load, mobility, how);
         }
     }
 }

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | body | when a ghost is made | [`Body`]: id, radius, mass, inertia, material, kind |
 //! | motion | every solid step | [`Motion`]: position, velocity, spin |
-//! | loads | on migration only | contact load, fluid load, extra, start where one asks |
+//! | loads | on migration only | contact load, fluid load; extra and start where one asks |
 //! | blocks | shape with the body, attitude with the motion | only in scenes with blocks: [`super::blocks`] |
 //!
 //! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain owned
@@ -199,10 +199,14 @@ pub struct Particles<S: Space> {
     pub shift: Vec<[i32; 3]>,
     /// Load of the contacts at the end of the last step; entries of ghosts mean nothing.
     pub contact: Vec<Load<S>>,
-    /// Load of the fluid on each owned grain, held over the solid steps; entries of ghosts mean nothing.
+    /// Load of the fluid on each owned grain, held over the solid steps, empty unless [`Self::immerse`] was called; entries of
+    /// ghosts mean nothing.
     pub fluid: Vec<Load<S>>,
-    /// Numbers of the coupling that travel with an owned grain; entries of ghosts mean nothing.
+    /// Numbers of the coupling that travel with an owned grain, empty unless [`Self::keep_extra`] was called; entries of
+    /// ghosts mean nothing.
     pub extra: Vec<[f64; EXTRA]>,
+    pub(super) keeps_extra: bool,
+    pub(super) immersed: bool,
     /// Where each entry was when [`Self::mark_start`] was called (m, raw); entries of ghosts mean nothing.
     pub(super) start: Option<Vec<S::Vector>>,
     /// Shape and attitude of each entry; none in a scene without blocks.
@@ -231,6 +235,8 @@ impl<S: Space> Default for Particles<S> {
             contact: Vec::new(),
             fluid: Vec::new(),
             extra: Vec::new(),
+            keeps_extra: false,
+            immersed: false,
             start: None,
             blocks: None,
             mobility: Vec::new(),
@@ -292,6 +298,29 @@ impl<S: Space> Particles<S> {
                 0
             }
         })
+    }
+
+    /// From now on each grain bears a load of the fluid, 0 at first. All ranks or none.
+    pub fn immerse(&mut self) {
+        if !self.immersed {
+            self.immersed = true;
+            self.fluid.resize(self.body.len(), Load::default());
+        }
+    }
+
+    /// Load of the fluid on owned grain `k`; none in a dry scene.
+    #[must_use]
+    #[inline]
+    pub fn fluid_load(&self, k: usize) -> Load<S> {
+        self.fluid.get(k).copied().unwrap_or_default()
+    }
+
+    /// From now on each grain carries along the numbers of a coupling ([`Self::extra`]), 0 at first. All ranks or none.
+    pub fn keep_extra(&mut self) {
+        if !self.keeps_extra {
+            self.keeps_extra = true;
+            self.extra.resize(self.body.len(), [0.0; EXTRA]);
+        }
     }
 
     /// From now on each grain carries along where it is at this moment, or where it appeared later.
@@ -413,8 +442,12 @@ impl<S: Space> Particles<S> {
         self.motion.push(motion);
         self.shift.push(shift);
         self.contact.push(Load::default());
-        self.fluid.push(Load::default());
-        self.extra.push([0.0; EXTRA]);
+        if self.immersed {
+            self.fluid.push(Load::default());
+        }
+        if self.keeps_extra {
+            self.extra.push([0.0; EXTRA]);
+        }
     }
 
     /// Appends an image of entry `k`.
@@ -470,8 +503,12 @@ impl<S: Space> Particles<S> {
         pick(&mut self.motion, order);
         pick(&mut self.shift, order);
         pick(&mut self.contact, order);
-        pick(&mut self.fluid, order);
-        pick(&mut self.extra, order);
+        if self.immersed {
+            pick(&mut self.fluid, order);
+        }
+        if self.keeps_extra {
+            pick(&mut self.extra, order);
+        }
         if let Some(start) = &mut self.start {
             pick(start, order);
         }
@@ -487,12 +524,14 @@ impl<S: Space> Particles<S> {
     pub(super) fn pack(&self, k: usize, to: &mut Writer) {
         pack_body(&self.body[k], self.shift[k], to);
         pack_motion(&self.motion[k], to);
-        for load in [&self.contact[k], &self.fluid[k]] {
+        for load in std::iter::once(&self.contact[k]).chain(self.fluid.get(k)) {
             pack_components(&load.force, to);
             pack_components(&load.torque, to);
         }
-        for value in self.extra[k] {
-            to.float(value);
+        if self.keeps_extra {
+            for value in self.extra[k] {
+                to.float(value);
+            }
         }
         if let Some(start) = &self.start {
             pack_components(&start[k], to);
@@ -510,19 +549,20 @@ impl<S: Space> Particles<S> {
             force: unpack_components(from)?,
             torque: unpack_components(from)?,
         };
-        let fluid = Load {
-            force: unpack_components(from)?,
-            torque: unpack_components(from)?,
-        };
-        let mut extra = [0.0; EXTRA];
-        for value in &mut extra {
-            *value = from.float()?;
-        }
         let k = self.owned;
         self.push(body, motion, shift);
         self.contact[k] = contact;
-        self.fluid[k] = fluid;
-        self.extra[k] = extra;
+        if self.immersed {
+            self.fluid[k] = Load {
+                force: unpack_components(from)?,
+                torque: unpack_components(from)?,
+            };
+        }
+        if self.keeps_extra {
+            for value in &mut self.extra[k] {
+                *value = from.float()?;
+            }
+        }
         if let Some(start) = &mut self.start {
             start[k] = unpack_components(from)?;
         }

@@ -72,7 +72,7 @@ impl<S: Space> Dem<S> {
         let mut now = Stillness::default();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
             let total = particles.contact[k].force
-                + particles.fluid[k].force
+                + particles.fluid_load(k).force
                 + gravity * particles.body[k].mass;
             now.resultant = now.resultant.max(total.length());
             now.speed = now.speed.max(particles.motion[k].velocity.length());

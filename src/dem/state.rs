@@ -13,7 +13,7 @@ use super::engine::bodies::Bodies;
 use super::engine::{Engine, Key};
 use super::particles::{Body, EXTRA, Kind, Load, Motion, Particles};
 use super::space::{Components, Space};
-use super::{Dem, Inner};
+use super::{Dem, Inner, of_each_law};
 use crate::error::Error;
 
 /// The values of one column.
@@ -108,14 +108,13 @@ impl Table {
         Self { columns }
     }
 
-    fn real(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) {
-        self.columns
-            .push((name.into(), Values::Real(values.into_iter().collect())));
-    }
-
-    fn whole(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = u64>) {
-        self.columns
-            .push((name.into(), Values::Whole(values.into_iter().collect())));
+    /// The columns that `make` hands over.
+    fn of(make: impl FnOnce(&mut Columns<'_>)) -> Self {
+        let mut columns = Vec::new();
+        make(&mut Columns(&mut |name, values| {
+            columns.push((name, values))
+        }));
+        Self { columns }
     }
 
     fn find(&self, name: &str) -> Result<&Values, Error> {
@@ -144,6 +143,30 @@ impl Table {
     }
 }
 
+/// Takes columns one after another, so that no more than one need be held.
+struct Columns<'a>(&'a mut dyn FnMut(String, Values));
+
+impl Columns<'_> {
+    fn real(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) {
+        self.0(name.into(), Values::Real(values.into_iter().collect()));
+    }
+
+    fn whole(&mut self, name: impl Into<String>, values: impl IntoIterator<Item = u64>) {
+        self.0(name.into(), Values::Whole(values.into_iter().collect()));
+    }
+
+    fn components<C: Components>(&mut self, name: &str, values: impl Iterator<Item = C> + Clone) {
+        for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
+            let name = if C::COUNT == 1 {
+                name.to_owned()
+            } else {
+                format!("{name}_{axis}")
+            };
+            self.real(name, values.clone().map(|value| value.get(k)));
+        }
+    }
+}
+
 /// What a run restored from it needs to know of the contacts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
@@ -167,21 +190,6 @@ const ATTITUDES: [&str; ATTITUDE] = [
     "angular_momentum_y",
     "angular_momentum_z",
 ];
-
-fn components<C: Components>(
-    table: &mut Table,
-    name: &str,
-    values: impl Iterator<Item = C> + Clone,
-) {
-    for (k, axis) in AXES.iter().enumerate().take(C::COUNT) {
-        let name = if C::COUNT == 1 {
-            name.to_owned()
-        } else {
-            format!("{name}_{axis}")
-        };
-        table.real(name, values.clone().map(|value| value.get(k)));
-    }
-}
 
 fn read_components<C: Components>(table: &Table, name: &str) -> Result<Vec<C>, Error> {
     let mut all = vec![C::default(); table.rows()];
@@ -216,9 +224,17 @@ impl<S: Space> Particles<S> {
     /// The owned grains with all that the next step depends on, in rising order of id.
     #[must_use]
     pub fn table(&self) -> Table {
+        Table::of(|columns| self.columns(columns))
+    }
+
+    /// The columns of [`Self::table`] one after another, the ids first.
+    pub fn each_column(&self, mut take: impl FnMut(&str, &Values)) {
+        self.columns(&mut Columns(&mut |name, values| take(&name, &values)));
+    }
+
+    fn columns(&self, table: &mut Columns<'_>) {
         let owned = self.owned();
         let body = &self.body[..owned];
-        let mut table = Table::default();
         table.whole("id", body.iter().map(|b| b.id));
         table.real("radius", body.iter().map(|b| b.radius));
         table.real("mass", body.iter().map(|b| b.mass));
@@ -230,30 +246,26 @@ impl<S: Space> Particles<S> {
             table.whole(format!("shift_{name}"), shift);
         }
         let motion = self.motion[..owned].iter();
-        components(&mut table, "position", motion.clone().map(|m| m.position));
-        components(&mut table, "velocity", motion.clone().map(|m| m.velocity));
-        components(&mut table, "spin", motion.map(|m| m.spin));
-        for (name, loads) in [("contact", &self.contact), ("fluid", &self.fluid)] {
+        table.components("position", motion.clone().map(|m| m.position));
+        table.components("velocity", motion.clone().map(|m| m.velocity));
+        table.components("spin", motion.map(|m| m.spin));
+        let wet = self.immersed.then_some(("fluid", &self.fluid));
+        for (name, loads) in std::iter::once(("contact", &self.contact)).chain(wet) {
             let loads = loads[..owned].iter();
-            components(
-                &mut table,
+            table.components(
                 &format!("{name}_force"),
                 loads.clone().map(|load| load.force),
             );
-            components(
-                &mut table,
-                &format!("{name}_torque"),
-                loads.map(|load| load.torque),
-            );
+            table.components(&format!("{name}_torque"), loads.map(|load| load.torque));
         }
-        for k in 0..EXTRA {
-            table.real(
-                format!("extra_{k}"),
-                self.extra[..owned].iter().map(|extra| extra[k]),
-            );
+        if self.keeps_extra {
+            let extra = self.extra[..owned].iter();
+            for k in 0..EXTRA {
+                table.real(format!("extra_{k}"), extra.clone().map(|extra| extra[k]));
+            }
         }
         if let Some(start) = &self.start {
-            components(&mut table, "start", start[..owned].iter().copied());
+            table.components("start", start[..owned].iter().copied());
         }
         if let Some(blocks) = &self.blocks {
             let shapes = blocks.shape[..owned].iter();
@@ -263,7 +275,6 @@ impl<S: Space> Particles<S> {
                 table.real(*name, attitudes.map(|one| blocks::numbers(one)[k]));
             }
         }
-        table
     }
 
     /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. `lengths` of the box along periodic
@@ -288,8 +299,6 @@ impl<S: Space> Particles<S> {
         let spin = read_components::<S::Spin>(table, "spin")?;
         let contact_force = read_components::<S::Vector>(table, "contact_force")?;
         let contact_torque = read_components::<S::Spin>(table, "contact_torque")?;
-        let fluid_force = read_components::<S::Vector>(table, "fluid_force")?;
-        let fluid_torque = read_components::<S::Spin>(table, "fluid_torque")?;
         for k in 0..table.rows() {
             let body = Body {
                 id: ids[k],
@@ -309,10 +318,6 @@ impl<S: Space> Particles<S> {
                 force: contact_force[k],
                 torque: contact_torque[k],
             };
-            particles.fluid[k] = Load {
-                force: fluid_force[k],
-                torque: fluid_torque[k],
-            };
         }
         for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
             for (shift, value) in particles
@@ -323,13 +328,28 @@ impl<S: Space> Particles<S> {
                 shift[axis] = signed(*value)?;
             }
         }
-        for n in 0..EXTRA {
-            for (extra, value) in particles
-                .extra
-                .iter_mut()
-                .zip(table.get_real(&format!("extra_{n}"))?)
-            {
-                extra[n] = *value;
+        // Only runs with a fluid write these columns.
+        if table
+            .columns
+            .iter()
+            .any(|(name, _)| name == "fluid_force_x")
+        {
+            particles.immerse();
+            let forces = read_components::<S::Vector>(table, "fluid_force")?;
+            let torques = read_components::<S::Spin>(table, "fluid_torque")?;
+            let loads = forces.into_iter().zip(torques);
+            for (load, (force, torque)) in particles.fluid.iter_mut().zip(loads) {
+                *load = Load { force, torque };
+            }
+        }
+        // Only runs with a lattice write these.
+        if table.columns.iter().any(|(name, _)| name == "extra_0") {
+            particles.keep_extra();
+            for n in 0..EXTRA {
+                let values = table.get_real(&format!("extra_{n}"))?;
+                for (extra, value) in particles.extra.iter_mut().zip(values) {
+                    extra[n] = *value;
+                }
             }
         }
         // Only runs that ask for displacements write these columns.
@@ -363,15 +383,17 @@ impl<S: Space> Dem<S> {
     /// The contacts this rank reports, the walls, and the steps done.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
-        match &self.inner {
-            Inner::Linear(engine) => save(engine),
-            Inner::CohesiveFrictional(engine) => save(engine),
-            Inner::ContactBond(engine) => save(engine),
-            Inner::RollingLinear(engine) => save(engine),
-            Inner::RollingContactBond(engine) => save(engine),
-            Inner::HertzMindlin(engine) => save(engine),
-            Inner::Blocks(engine) => save(engine),
-        }
+        of_each_law!(&self.inner, engine => save(engine))
+    }
+
+    /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and facet;
+    /// beside it the numbers that the law keeps of it.
+    pub fn each_contact(
+        &self,
+        grains: &mut dyn FnMut([u64; 2], &[f64]),
+        walls: &mut dyn FnMut([u64; 3], &[f64]),
+    ) {
+        of_each_law!(&self.inner, engine => each_contact(engine, grains, walls));
     }
 
     /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
@@ -380,19 +402,31 @@ impl<S: Space> Dem<S> {
     /// # Errors
     /// Where a column is missing, short or of another type, or the number of walls differs.
     pub fn restore(&mut self, contacts: &Contacts) -> Result<(), Error> {
-        match &mut self.inner {
-            Inner::Linear(engine) => restore(engine, contacts),
-            Inner::CohesiveFrictional(engine) => restore(engine, contacts),
-            Inner::ContactBond(engine) => restore(engine, contacts),
-            Inner::RollingLinear(engine) => restore(engine, contacts),
-            Inner::RollingContactBond(engine) => restore(engine, contacts),
-            Inner::HertzMindlin(engine) => restore(engine, contacts),
-            Inner::Blocks(engine) => restore(engine, contacts),
-        }
+        of_each_law!(&mut self.inner, engine => restore(engine, contacts))
     }
 }
 
-fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Table, memories: &[L::Memory]) {
+fn each_contact<S: Space, L: Bodies<S>>(
+    engine: &Engine<S, L>,
+    grains: &mut dyn FnMut([u64; 2], &[f64]),
+    walls: &mut dyn FnMut([u64; 3], &[f64]),
+) {
+    let (mut numbers, mut at_wall) = (Vec::new(), Vec::new());
+    engine.each_memory(
+        |key, memory| {
+            numbers.clear();
+            L::save(memory, &mut numbers);
+            grains([key.first, key.second], &numbers);
+        },
+        |key, memory| {
+            at_wall.clear();
+            L::save(memory, &mut at_wall);
+            walls([key.0, u64::from(key.1), u64::from(key.2)], &at_wall);
+        },
+    );
+}
+
+fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::Memory]) {
     let mut numbers = Vec::new();
     for memory in memories {
         L::save(memory, &mut numbers);
@@ -419,43 +453,30 @@ fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Mem
 
 fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     let (pairs, at_walls) = engine.saved();
-    let mut grains = Table::default();
-    grains.whole("first", pairs.iter().map(|(key, _)| key.first));
-    grains.whole("second", pairs.iter().map(|(key, _)| key.second));
-    for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
-        grains.whole(
-            format!("shift_{name}"),
-            pairs.iter().map(|(key, _)| unsigned(key.shift[axis])),
-        );
-    }
-    let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
-    memory_columns::<S, L>(&mut grains, &memories);
-    let mut walls = Table::default();
-    walls.whole("grain", at_walls.iter().map(|(key, _)| key.0));
-    walls.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
-    walls.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
-    let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
-    memory_columns::<S, L>(&mut walls, &memories);
-    let mut faces = Table::default();
-    components(
-        &mut faces,
-        "point",
-        engine.walls.iter().map(|wall| wall.point),
-    );
-    components(
-        &mut faces,
-        "normal",
-        engine.walls.iter().map(|wall| wall.normal),
-    );
-    components(
-        &mut faces,
-        "velocity",
-        engine.walls.iter().map(|wall| wall.velocity),
-    );
-    faces.whole(
-        "material",
-        engine.walls.iter().map(|wall| u64::from(wall.material)),
-    );
+    let grains = Table::of(|table| {
+        table.whole("first", pairs.iter().map(|(key, _)| key.first));
+        table.whole("second", pairs.iter().map(|(key, _)| key.second));
+        for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
+            let shifts = pairs.iter().map(|(key, _)| unsigned(key.shift[axis]));
+            table.whole(format!("shift_{name}"), shifts);
+        }
+        let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
+        memory_columns::<S, L>(table, &memories);
+    });
+    let walls = Table::of(|table| {
+        table.whole("grain", at_walls.iter().map(|(key, _)| key.0));
+        table.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
+        table.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
+        let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
+        memory_columns::<S, L>(table, &memories);
+    });
+    let faces = Table::of(|table| {
+        let walls = engine.walls.iter();
+        table.components("point", walls.clone().map(|wall| wall.point));
+        table.components("normal", walls.clone().map(|wall| wall.normal));
+        table.components("velocity", walls.clone().map(|wall| wall.velocity));
+        table.whole("material", walls.map(|wall| u64::from(wall.material)));
+    });
     Contacts {
         grains,
         walls,

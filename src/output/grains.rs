@@ -53,7 +53,7 @@ impl Grains {
                     wrapped(particles, k, grid),
                     space_vector(&motion.velocity),
                     spin_vector(&motion.spin),
-                    force(&particles.fluid[k]),
+                    force(&particles.fluid_load(k)),
                     force(&particles.contact[k]),
                     particles
                         .displacement(k)

@@ -379,7 +379,7 @@ fn body<S: Space>(view: &View<S>, id: u64) -> Result<[f64; 21], Error> {
     if let Some(k) = (0..particles.owned()).find(|&k| particles.body[k].id == id) {
         let (motion, fluid, contact) = (
             &particles.motion[k],
-            &particles.fluid[k],
+            &particles.fluid_load(k),
             &particles.contact[k],
         );
         let vectors = [

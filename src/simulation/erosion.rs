@@ -707,7 +707,7 @@ fn excess_force<S: Space>(
             && hole.spans(hole.along, at[hole.along], grid.dimension)
             && hole.spans(hole.third(), at[hole.third()], grid.dimension)
         {
-            force.add(view.particles.fluid[k].force.get(hole.along));
+            force.add(view.particles.fluid_load(k).force.get(hole.along));
             volume.add(S::measure(body.radius));
         }
     }

@@ -267,7 +267,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         outcome
     }
 
-    fn begin(plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
+    fn begin(mut plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
         let communicator = domain.communicator().clone();
         let first = communicator.rank() == 0;
         let folder = start.folder;
@@ -366,6 +366,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 notes["typical_radius"] = json!(radius);
                 dem = Some(engine);
             }
+            plan.scene.forget_sample();
             progress.note(&format!("going on from step {step}: {}", path.display()));
         } else if solid {
             let prepared = preparation::grains::<Sp>(&plan, &folder, &domain)?;
@@ -381,6 +382,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 plan.scene.first_grain(),
             );
             let radius = typical_radius(&plan, &prepared.grains, &domain);
+            drop(prepared.grains);
+            plan.scene.forget_sample();
             let mut engine = setup::dem::<Sp>(&plan, radius)?;
             engine.prepare(&mut particles, &domain)?;
             let (line, report) = preparation::settle(&plan, &mut engine, &mut particles, &domain)?;

@@ -29,7 +29,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     wall: None,
                     position: particles.location(first) + between * (arm / squared.sqrt()),
                     mode,
-                    fluid_force: particles.fluid[first].force.length(),
+                    fluid_force: particles.fluid_load(first).force.length(),
                 });
             }
         }
@@ -43,7 +43,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 wall: Some(failure.wall),
                 position: particles.location(grain) + failure.arm,
                 mode: failure.mode,
-                fluid_force: particles.fluid[grain].force.length(),
+                fluid_force: particles.fluid_load(grain).force.length(),
             });
         }
     }
@@ -276,42 +276,41 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         now
     }
 
-    /// The memories of all contacts this rank reports, grains then walls, by rising key.
-    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
-    pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
+    /// Key and memory of each contact this rank reports, in no order: with grains, then with walls.
+    pub(in crate::dem) fn each_memory(
+        &self,
+        mut grains: impl FnMut(Key, &L::Memory),
+        mut walls: impl FnMut(WallKey, &L::Memory),
+    ) {
         let fresh = L::Memory::default();
-        let mut grains: Vec<_> = self
-            .pairs
-            .iter()
-            .filter(|pair| pair.memory != fresh && (pair.first as usize) < self.named_owned)
-            .map(|pair| {
-                (
-                    key(
-                        self.names[pair.first as usize],
-                        self.names[pair.second as usize],
-                    ),
-                    pair.memory,
-                )
-            })
-            .collect();
-        grains.sort_unstable_by_key(|(key, _)| *key);
-        let mut walls: Vec<_> = self
-            .wall_pairs
-            .iter()
-            .filter(|pair| pair.memory != fresh)
-            .map(|pair| {
-                let id = self.names[pair.grain as usize].0;
-                ((id, pair.wall, 0), pair.memory)
-            })
-            .collect();
+        for pair in &self.pairs {
+            let (first, second) = pair.ends();
+            if pair.memory != fresh && first < self.named_owned {
+                grains(key(self.names[first], self.names[second]), &pair.memory);
+            }
+        }
+        for pair in self.wall_pairs.iter().filter(|pair| pair.memory != fresh) {
+            let id = self.names[pair.grain as usize].0;
+            walls((id, pair.wall, 0), &pair.memory);
+        }
         for pair in &self.facets.pairs {
             let id = self.names[pair.grain as usize].0;
             let held = self.facets.held(pair).iter();
-            walls.extend(
-                held.filter(|held| held.memory != fresh)
-                    .map(|held| ((id, pair.wall, held.facet), held.memory)),
-            );
+            for held in held.filter(|held| held.memory != fresh) {
+                walls((id, pair.wall, held.facet), &held.memory);
+            }
         }
+    }
+
+    /// The same as lists by rising key.
+    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
+    pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
+        let (mut grains, mut walls) = (Vec::new(), Vec::new());
+        self.each_memory(
+            |key, memory| grains.push((key, *memory)),
+            |key, memory| walls.push((key, *memory)),
+        );
+        grains.sort_unstable_by_key(|(key, _)| *key);
         walls.sort_unstable_by_key(|(key, _)| *key);
         (grains, walls)
     }

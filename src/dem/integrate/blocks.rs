@@ -23,7 +23,8 @@ struct Moved<'a, S: Space> {
     body: &'a Body,
     shape: Option<&'a Polyhedron>,
     contact: &'a Load<S>,
-    fluid: &'a Load<S>,
+    /// Of the fluid; 0 in a dry scene.
+    fluid: Load<S>,
 }
 
 /// How velocities change, with damping by mass.
@@ -140,7 +141,7 @@ fn each<S: Space>(
             body: &body[k],
             shape: shapes.get(shape[k] as usize),
             contact: &contact[k],
-            fluid: &fluid[k],
+            fluid: fluid.get(k).copied().unwrap_or_default(),
         };
         step(motion, attitude, &by)
     };
