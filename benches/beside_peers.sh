@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The benches of record: the solver and its peers by turns on the same cores in the same minutes, ratios against the bars.
 #
-#   bash benches/beside_peers.sh [OPTIONS] [P-1 P-2 P-7 P-8 P-9 P-10 P-12 P-13]     all eight without a name
+#   bash benches/beside_peers.sh [OPTIONS] [P-1 … P-13]     all thirteen without a name
 #
 #   --pairs N      runs of each; default 3, which is the least of a record
 #   --build        build solver and benches first (cargo, some minutes); else what is under target/release is used
@@ -45,12 +45,12 @@ while [ $# -gt 0 ]; do
     --install) install=1 ;;
     --busy-ok) busy_ok=1 ;;
     --quick) quick=1 ;;
-    P-1 | P-2 | P-7 | P-8 | P-9 | P-10 | P-12 | P-13) rows+=("$1") ;;
+    P-[1-9] | P-1[0-3]) rows+=("$1") ;;
     *) usage ;;
   esac
   shift
 done
-[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-7 P-8 P-9 P-10 P-12 P-13)
+[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-3 P-4 P-5 P-6 P-7 P-8 P-9 P-10 P-11 P-12 P-13)
 case $pairs in
   '' | *[!0-9]* | 0) usage ;;
 esac
@@ -284,6 +284,87 @@ row_P2() {
   done
 }
 
+# --- P-3 to P-5: D3Q27, fluid only, whole program, one core ---
+edge=200
+cavity_3d=()
+[ "$quick" -eq 0 ] || {
+  edge=48
+  cavity_3d=(--set 'domain.size=[0.00048, 0.00048, 0.00048]' --set time.end=6e-5)
+}
+# lbmpy_3d ARGS...: million updates a second of its bare kernel of as many cells.
+lbmpy_3d() {
+  limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --stencil D3Q27 --n "$edge" --repeats 5 "$@" | field mlups.0
+}
+ours_3d() {
+  run_solver cavity_3d 1 1 "$here/cases/cavity_3d.json" "${cavity_3d[@]}" "${model[@]}"
+  ours=$(summary cavity_3d mlups)
+}
+raw_3d() { raw=$(lbmpy_3d --method mrt_raw "${peer_model[@]}"); }
+central_3d() { central=$(lbmpy_3d --method central "${peer_model[@]}"); }
+# row_3d ROW QUANTITY BAR AIM: the model of the caller beside the faster of the peer's two, or its central moments alone where
+# there are eddies, which its raw moments do not come with.
+row_3d() {
+  local pair ours raw central peer others=(raw_3d central_3d)
+  [ "${#model[@]}" -le 2 ] || others=(central_3d)
+  for ((pair = 1; pair <= pairs; pair++)); do
+    raw=0
+    by_turns "$pair" ours_3d "${others[@]}"
+    peer=$(printf '%s\n' "$raw" "$central" | sort -g | tail -n 1)
+    [ "${#others[@]}" -eq 1 ] || record "$1" "$2: beside central moments" MLUPS "$ours" "$central" "lbmpy 2.0 AA, bare kernel, central moments" rate - -
+    record "$1" "$2" MLUPS "$ours" "$peer" "lbmpy 2.0 AA, bare kernel" rate "$3" "$4"
+  done
+}
+row_P3() {
+  local model=() peer_model=()
+  row_3d P-3 "D3Q27 MRT $edge^3, loop of the whole program" 1.0 1.2
+}
+row_P4() {
+  local peer_model=(--sgs smagorinsky --force)
+  local model=(--set 'fluid.lattice_boltzmann.turbulence={"wale": {}}' --set 'fluid.lattice_boltzmann.body_force={"constant": [10, 0, 0]}')
+  row_3d P-4 "D3Q27 MRT, WALE and force $edge^3, loop of the whole program" 0.9 1.2
+}
+row_P5() {
+  local model=(--set fluid.lattice_boltzmann.storage=f32) peer_model=(--precision mixed)
+  row_3d P-5 "D3Q27 MRT $edge^3, f32 at rest, loop of the whole program" 1.0 1.3
+}
+
+# --- P-6: moving spheres in partially saturated cells, whole step, one core ---
+# waLBerla is in no distribution; its 3.7 MLUPS (D3Q19) were measured where lbmpy's D3Q27 SRT kernel ran at 104, so that kernel
+# beside ours says what it would do here.
+p6_ours() {
+  run_solver wet_spheres 1 1 "$here/cases/spheres_in_water.json" --set "grains.initial.file.path=$work/spheres.csv" "${wet[@]}"
+  ours=$(summary wet_spheres mlups)
+}
+p6_lbmpy() { kernel=$(lbmpy_3d --method srt); }
+row_P6() {
+  local pair ours kernel wet=()
+  [ "$quick" -eq 0 ] || wet=(--set time.end=5e-4)
+  awk 'BEGIN {
+    srand(1); print "x,y,z,radius"
+    for (k = 0; k < 343; k++) {
+      for (a = 0; a < 3; a++) q[a] = ((int(k / 7 ^ a) % 7 + 0.5) / 7) * 0.0128 + (rand() - 0.5) * 2e-4
+      printf "%.9g,%.9g,%.9g,0.0008\n", q[0], q[1], q[2]
+    } }' >"$work/spheres.csv"
+  for ((pair = 1; pair <= pairs; pair++)); do
+    by_turns "$pair" p6_ours p6_lbmpy
+    record P-6 "343 moving spheres, D3Q27 MRT, partially saturated cells, whole step" MLUPS "$ours" "$(awk -v k="$kernel" 'BEGIN { print 3.7 * k / 104 }')" \
+      "waLBerla, D3Q19, from the anchor of another machine by lbmpy" rate 5 10
+    shares P-6 wet_spheres
+  done
+}
+# shares ROW RUN: the phases of a run beside the split of the scour paper.
+shares() {
+  local phase paper
+  for phase in fluid:0.3:collision mapping:0.2:mapping output:0.3:output; do
+    IFS=: read -r phase paper name <<<"$phase"
+    record "$1" "share of the loop: $phase" - "$(python3 -c '
+import json, sys
+run = json.load(open(sys.argv[1]))
+seconds = {one["phase"]: one["mean"] for one in run["phases"]}
+print(round(seconds[sys.argv[2]] / run["loop_seconds"], 4))' "$work/$2/summary.json" "$phase")" "$paper" "scour paper: $name" limit - -
+  done
+}
+
 # --- P-7: spheres, one core ---
 p7_ours() {
   local line
@@ -428,6 +509,22 @@ row_P10() {
         record P-10 "LAMMPS, the same spheres: two ranks" particle-steps/s "$lammps_two" "$lammps_one" "LAMMPS (Debian), one rank" rate - -
       fi
     done
+  done
+}
+
+# --- P-11: every field of a 3-D scene every 100 steps ---
+row_P11() {
+  local pair share every
+  every=$(awk 'BEGIN { print 100 * 0.2 / 3 * 1e-10 / 1e-6 }')
+  for ((pair = 1; pair <= pairs; pair++)); do
+    quiet
+    run_solver fields 1 1 "$here/cases/cavity_3d.json" --set 'domain.size=[0.00128, 0.00128, 0.00128]' --set 'fluid.lattice_boltzmann.turbulence={"wale": {}}' \
+      --set "time.end=$(awk -v e="$every" 'BEGIN { print 3 * e }')" --set "output={\"fluid\": {\"every\": $every}}"
+    share=$(python3 -c '
+import json, sys
+run = json.load(open(sys.argv[1]))
+print(round({one["phase"]: one["mean"] for one in run["phases"]}["output"] / run["loop_seconds"], 5))' "$work/fields/summary.json")
+    record P-11 "fields of 128^3 cells, D3Q27 MRT and WALE, every 100 steps: share of the loop" - "$share" 1 "the whole loop" limit 0.05 0.02
   done
 }
 

@@ -18,7 +18,7 @@ import statistics
 import sys
 
 COLUMNS = ["id", "quantity", "unit", "ours", "peer", "peer name and version", "ratio", "lowest ratio", "highest ratio", "bar", "aim", "pass"]
-ORDER = ["P-1", "P-2", "P-7", "P-8", "P-9", "P-10", "P-12", "P-13"]
+ORDER = [f"P-{n}" for n in range(1, 14)]
 
 
 def short(x):

@@ -21,7 +21,7 @@ peer_packages() {
   python3 -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
   for row in "$@"; do
     case $row in
-      P-1 | P-9) [ -e "$(python3 -c 'import sysconfig; print(sysconfig.get_paths()["include"])' 2>/dev/null)/Python.h" ] || echo python3-dev ;;
+      P-1 | P-[34569]) [ -e "$(python3 -c 'import sysconfig; print(sysconfig.get_paths()["include"])' 2>/dev/null)/Python.h" ] || echo python3-dev ;;
       P-2 | P-8) command -v yade >/dev/null || echo yade ;;
       P-7)
         command -v lmp >/dev/null || echo lammps
@@ -85,7 +85,7 @@ install_peers() {
   make_probe || return 1
   for row in "$@"; do
     case $row in
-      P-1 | P-9)
+      P-1 | P-[34569])
         make_peer_venv || return 1
         break
         ;;
