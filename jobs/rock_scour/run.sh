@@ -101,7 +101,7 @@ balance() {
     }' "$1"
 }
 
-# Where the mean velocity on a line turns from up to down, coming from above, and the mean pressure there over that beside.
+# The largest mean pressure on the face of the offset (from 0.2 s on), and where the mean velocity turns from up to down.
 stagnation() {
   awk -F, '
     FNR == 1 { for (n = 1; n <= NF; n++) column[$n] = n; next }
@@ -110,8 +110,8 @@ stagnation() {
     END {
       top = -1
       for (z in sum) if (pressure[z] / rows[z] > best || top < 0) { best = pressure[z] / rows[z]; top = z }
-      for (z in sum) if (z + 0 > 0.0512 && z + 0 < 0.064 && sum[z] > 0 && (low == "" || z + 0 < low + 0)) low = z
-      printf "largest mean pressure %.0f Pa at z = %.4f m; the water goes up from z = %.4f m (floor 0.0512, lip 0.064)\n", best, top, low
+      for (z in sum) if (z + 0 < 0.064 && sum[z] < 0 && z + 0 > low + 0) low = z
+      printf "largest mean pressure %.0f Pa at z = %.4f m; above z = %.4f m the water goes up (floor 0.0512, lip 0.064)\n", best, top, low
     }' "$1"
 }
 
