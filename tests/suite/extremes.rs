@@ -675,3 +675,24 @@ fn bodies_wider_than_slabs_and_sizes_far_apart() {
 fn pores_that_are_all_and_nothing() {
     all_end_as_they_must(&pores());
 }
+
+/// What the plan warns of before the run shows it.
+#[test]
+fn light_and_thin_solids_are_warned_of() {
+    let warned = |set: &[&str], path: &str, words: &str| {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document = Document::read(SETTLING, &set, Path::new("")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let mut warnings = plan.warnings.iter();
+        warnings.any(|w| w.path == path && w.to_string().contains(words))
+    };
+    let light = |density: &str| format!("materials.rock.density={density}");
+    let free = "bodies[0].motion.free";
+    assert!(warned(&[&light("700")], free, "0.7 times as dense"));
+    assert!(!warned(&[&light("900")], free, "times as dense"));
+    assert!(!warned(&[&light("700"), LINKS], free, "times as dense"));
+    let edges = "bodies[0].shape.cuboid.edges=[0.006, 0.005, 0.0015]";
+    let shape = "bodies[0].shape";
+    assert!(warned(&block(&[edges]), shape, "1.5 cells thick"));
+    assert!(!warned(&block(&[]), shape, "cells thick"));
+}
