@@ -2,6 +2,7 @@
 //!
 //! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
 
+mod bodies;
 pub mod envelope;
 pub mod estimate;
 pub mod models;

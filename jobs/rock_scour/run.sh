@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Dry rock: a block on an incline, and the avalanche of a jointed rock mass.
+# Rock: a block on an incline, the avalanche of a jointed rock mass, blocks under a stream on an incline, a stream over an open joint.
 #
-#   run.sh [OPTIONS] [dry_incline] [avalanche]     runs or resumes; both without a name
+#   run.sh [OPTIONS] [dry_incline] [avalanche] [incline] [stagnation]     runs or resumes; the first two without a name
 #
 #   --output DIR          default results/rock_scour under the current folder
 #   --end SECONDS         physical time; default that of the case
@@ -30,7 +30,7 @@ while [ $# -gt 0 ]; do
       printf -v "${1#--}" '%s' "$2"
       shift 2
       ;;
-    dry_incline | avalanche)
+    dry_incline | avalanche | incline | stagnation)
       words+=("$1")
       shift
       ;;
@@ -88,6 +88,33 @@ sliding_law() {
     }' "$1"
 }
 
+# Means over the second half of a run of weight, force of the water and force of the contact (N) on a block that stays, along x and z.
+balance() {
+  awk -F, -v weight_x="$2" -v weight_z="$3" -v from="$4" '
+    NR == 1 { for (n = 1; n <= NF; n++) column[$n] = n; next }
+    $1 !~ /^[0-9]/ || $column["time"] < from { next }
+    { rows++; wx += $column["fluid_force_x"]; wz += $column["fluid_force_z"]; cx += $column["contact_force_x"]; cz += $column["contact_force_z"] }
+    END {
+      if (!rows) exit
+      printf "along the slope %.3f %+.3f %+.3f N, across it %.3f %+.3f %+.3f N\n", \
+        weight_x, wx / rows, cx / rows, weight_z, wz / rows, cz / rows
+    }' "$1"
+}
+
+# The largest mean pressure on the face of the offset (from 0.2 s on), and where the mean velocity turns from up to down.
+stagnation() {
+  awk -F, '
+    FNR == 1 { for (n = 1; n <= NF; n++) column[$n] = n; next }
+    /^#/ || $column["time"] < 0.2 { next }
+    { z = $column["z"]; sum[z] += $column["velocity_z"]; pressure[z] += $column["pressure"]; rows[z]++ }
+    END {
+      top = -1
+      for (z in sum) if (pressure[z] / rows[z] > best || top < 0) { best = pressure[z] / rows[z]; top = z }
+      for (z in sum) if (z + 0 < 0.064 && sum[z] < 0 && z + 0 > low + 0) low = z
+      printf "largest mean pressure %.0f Pa at z = %.4f m; above z = %.4f m the water goes up (floor 0.0512, lip 0.064)\n", best, top, low
+    }' "$1"
+}
+
 rock() {
   local folder=$output/$1 status=0 args=()
   if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
@@ -108,6 +135,8 @@ rock() {
     dry_incline) echo "rock: block: $(sliding_law "$folder/probe_slides.csv" 30 20 1)" ;;
     # The witness reaches the floor after 4.8 s.
     avalanche) echo "rock: witness: $(sliding_law "$folder/probe_witness.csv" 45 30 4)" ;;
+    incline) echo "rock: weight, water, contact: $(balance "$folder/probe_sticks.csv" 7.6518 -13.2533 0.2)" ;;
+    stagnation) echo "rock: face: $(stagnation "$folder/probe_face.csv")" ;;
   esac
 }
 

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All ready cases.
-pub const EXAMPLES: [Example; 16] = [
+pub const EXAMPLES: [Example; 18] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
@@ -87,6 +87,16 @@ pub const EXAMPLES: [Example; 16] = [
         name: "scour",
         summary: "blocks of a jointed bed under a turbulent stream: one stands out, one is flush",
         text: include_str!("examples/scour.json"),
+    },
+    Example {
+        name: "stagnation",
+        summary: "a stream meets an open joint whose far side stands up: stagnation point, eddy and uplift",
+        text: include_str!("examples/stagnation.json"),
+    },
+    Example {
+        name: "incline",
+        summary: "two blocks under a stream down an incline: one sticks, one slides as its weight in water says",
+        text: include_str!("examples/incline.json"),
     },
     Example {
         name: "avalanche",

@@ -40,6 +40,11 @@
 //! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
 //! would swing for ever, and at high Reynolds numbers grow.
 //!
+//! **Bodies that slide on each other**, or on a wall of the domain, drag each other by what their full cells exchange although no water is
+//! between them: a face of 0.01 m² at 0.2 m/s in cells of 1 cm felt 55 to 70 N where the water gave 1 N (superposition: 3 to 5 N, matched:
+//! 400 to 700 N). Half a cell of water between them takes it away: let the plane that blocks touch stand that much above what the
+//! lattice has for a floor.
+//!
 //! Beside the populations a cell holds ε (f32) and its body: 8 bytes. The loop asks once for a vector of cells whether any is
 //! covered; the rest of this file runs only where one is.
 

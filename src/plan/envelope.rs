@@ -30,8 +30,6 @@ pub struct Margin {
 
 /// The paper's "typically lower than".
 const USUAL_MACH: f64 = 0.1;
-/// Fewest cells in a diameter.
-const FEWEST_CELLS: f64 = 4.0;
 /// Largest relative change of density.
 const MOST_COMPRESSION: f64 = 0.3;
 
@@ -119,7 +117,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         mach(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
         compression(scene, flow, &mut margins, findings);
-        resolution(scene, &mut margins, findings);
+        super::bodies::check(scene, flow, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage
         && let Some((_, largest)) = scene.grains.as_ref().and_then(|g| g.radii)
@@ -281,51 +279,6 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             &format!("density change: {what}"),
             change,
             MOST_COMPRESSION,
-            &path,
-        ));
-    }
-}
-
-/// A disc needs a few cells for the water to feel its shape.
-fn resolution(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
-    let Some(coupling) = &scene.coupling else {
-        return;
-    };
-    let h = scene.grid.spacing;
-    let factor = coupling.hydraulic_radius_factor();
-    let mut diameters: Vec<(String, f64)> = Vec::new();
-    if let Some(grains) = &scene.grains
-        && let Some((smallest, _)) = grains.radii
-    {
-        let path = match &grains.source {
-            GrainSource::Growth { .. } => "grains.initial.growth.radii",
-            GrainSource::Rain { .. } => "grains.initial.rain.grading",
-            _ => "grains.initial",
-        };
-        diameters.push((path.into(), 2.0 * smallest * factor));
-    }
-    for (n, body) in scene.bodies.iter().enumerate() {
-        diameters.push((format!("bodies[{n}].shape"), 2.0 * body.radius));
-    }
-    for (path, diameter) in diameters {
-        let cells = diameter / h;
-        if cells < FEWEST_CELLS * (1.0 - 1e-9) {
-            findings.error(
-                &path,
-                format!(
-                    "the smallest diameter the fluid sees is {} cells; at least {FEWEST_CELLS}",
-                    number(cells)
-                ),
-                format!(
-                    "use a spacing of at most {} m, or larger solids",
-                    number(diameter / FEWEST_CELLS)
-                ),
-            );
-        }
-        margins.push(margin(
-            "fewest cells in a diameter",
-            FEWEST_CELLS,
-            cells,
             &path,
         ));
     }

@@ -40,6 +40,17 @@ pub struct Blocks {
     pub save: Option<PathBuf>,
 }
 
+impl Blocks {
+    /// Diameter of the largest sphere in the thinnest block [m].
+    #[must_use]
+    pub fn thinnest(&self) -> Option<f64> {
+        let blocks = self.list.iter();
+        blocks
+            .map(|block| Piece::of(&block.solid).thickness())
+            .min_by(f64::total_cmp)
+    }
+}
+
 /// A block as it starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RockBlock {

@@ -61,6 +61,16 @@ pub struct Body {
     pub material: usize,
 }
 
+impl Body {
+    /// Diameter of the largest sphere in a polyhedron [m].
+    #[must_use]
+    pub fn thickness(&self) -> Option<f64> {
+        self.solid
+            .as_ref()
+            .map(|solid| Piece::of(solid).thickness())
+    }
+}
+
 /// How a body moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -374,7 +384,8 @@ pub(crate) fn bodies(
                 let (low, high) = Piece::of(solid).extent(&along);
                 high - low
             });
-            if width > grid.size[a] {
+            // As wide as the domain, but for the rounding of its corners, closes it.
+            if width > grid.size[a] * (1.0 + 1e-9) {
                 findings.error(
                     &format!("{path}.shape"),
                     format!(

@@ -2,7 +2,8 @@
 //! kept as a meter.
 //!
 //! * Every `check_every_steps` the rest population of every cell is looked at; a value that is not finite or far from
-//!   equilibrium has the slab searched for the cell. Every tenth time the largest velocity is taken too.
+//!   equilibrium has the slab searched for the cell. Every tenth time, and at the end, the largest velocity is taken too: no run is
+//!   done whose last state fails.
 //! * In the same rhythm one step is balanced: the mass of the lattice before and after against what the faces let through
 //!   (moving bounce-back lets nothing through), and the momentum of the fluid outside the bodies against faces, bodies and
 //!   body force.
@@ -146,13 +147,14 @@ impl Guards {
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
-        if !step.is_multiple_of(self.every) {
+        let last = step == plan.clock.steps;
+        if !last && !step.is_multiple_of(self.every) {
             return Ok(());
         }
         let communicator = domain.communicator();
         let mut worst: Option<(u64, String)> = None;
         if let Some(flow) = flow {
-            let thorough = step.is_multiple_of(10 * self.every);
+            let thorough = last || step.is_multiple_of(10 * self.every);
             if thorough || !flow.fluid().looks_sound() {
                 let limit = plan.scene.guards.max_mach;
                 let (speed, bad) = search(flow, limit, plan);

@@ -14,6 +14,7 @@ mod case_commands;
 mod case_examples;
 mod case_mutants;
 mod collapse;
+mod extremes;
 mod ranks;
 mod same_bits;
 mod seepage;
