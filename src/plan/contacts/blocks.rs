@@ -79,8 +79,8 @@ impl Block<'_> {
         let (mut springs, mut dashpots) = (Matrix6::zeros(), Matrix6::zeros());
         for face in 0..self.shape.half_spaces().len() {
             let [k, c] = self.constants(face, 0.5 * self.mass);
-            springs += self.resistance(face, k);
-            dashpots += self.resistance(face, c);
+            springs += self.resistance(face, k, false);
+            dashpots += self.resistance(face, c, true);
         }
         let mut dt = 0.0;
         let mut found = f64::INFINITY;
@@ -102,23 +102,25 @@ impl Block<'_> {
         found
     }
 
-    /// What a face with springs `normal` and `shear` does against small motions of the block, over its masses.
-    fn resistance(&self, face: usize, [normal, shear]: [f64; 2]) -> Matrix6<f64> {
+    /// What a face with springs `normal` and `shear` does against small motions of the block, over its masses. It resists rocking where
+    /// what acts along the normal is `spread` over it, as dashpots are; springs push at one point (dem::polyhedron::force).
+    fn resistance(&self, face: usize, [normal, shear]: [f64; 2], spread: bool) -> Matrix6<f64> {
         let inertia = self.shape.inertia(self.mass / self.shape.volume());
         let n = self.shape.half_spaces()[face].normal;
         let points = self.points(face);
         let weight = 1.0 / points.iter().map(|(_, w)| w).sum::<f64>();
+        let centre = points.iter().map(|(p, w)| p * (w * weight)).sum();
         let mut total = Matrix6::zeros();
         for (point, share) in points {
             for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
                 // Spring along the normal and springs across it: k_s I + (k_n - k_s) n nᵀ.
-                let row = |d: Vector3<f64>| {
+                let row = |point: &Vector3<f64>, d: Vector3<f64>| {
                     let turn = point.cross(&d).component_div(&inertia.map(f64::sqrt));
                     let shift = d / self.mass.sqrt();
                     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
                 };
-                let across = row(axis - n * n.dot(&axis));
-                let along = row(n * n.dot(&axis));
+                let across = row(&point, axis - n * n.dot(&axis));
+                let along = row(if spread { &point } else { &centre }, n * n.dot(&axis));
                 let share = share * weight;
                 total += across * across.transpose() * (share * shear);
                 total += along * along.transpose() * (share * normal);
