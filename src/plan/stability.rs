@@ -11,15 +11,12 @@
 //! Of flows with an eddy viscosity only those under a lid are judged: there WALE moved the bounds of BGK and TRT by nothing, and those of
 //! the cumulants beyond the map. Streams and channels run with it at a thousand times these values: where the border lies depends on what
 //! makes the eddies.
-//!
-//! The MRT of D3Q27 with the rates of Suga et al. does not bear a moving wall that ends at a fixed one where tau is large: no run did from 0.7
-//! on, at any speed, all did up to 0.6. Such a case is refused. Walls that slide past each other it bears.
 
 use super::envelope::{Margin, margin};
 use crate::case::fluid::Collision;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::{Condition, Flow, PATH};
+use crate::scene::flow::{Condition, Flow};
 use crate::scene::speed;
 
 /// Bounds of the cell Reynolds number.
@@ -97,31 +94,6 @@ fn lid_meets_wall(flow: &Flow) -> bool {
     faces(true).any(|lid| faces(false).any(|wall| wall != lid))
 }
 
-/// Relaxation times of MRT under a lid: the last that holds, the first that fails.
-const MRT_UNDER_LID: [f64; 2] = [0.6, 0.7];
-
-/// Refuses or warns where MRT meets a lid.
-fn check_lid(flow: &Flow, findings: &mut Findings) {
-    let [holds, fails] = MRT_UNDER_LID;
-    let tau = flow.relaxation_time;
-    if !matches!(flow.collision, Collision::Mrt { .. }) || !lid_meets_wall(flow) || tau <= holds {
-        return;
-    }
-    let path = format!("{PATH}.{}", flow.fixed_by);
-    let reason = format!(
-        "a moving wall ends at a fixed one, at a relaxation time of {}: in the map `cavity-3d-20` no run with mrt held from {fails} on",
-        number(tau)
-    );
-    let remedy = format!(
-        "use a relaxation time of at most {holds} (a smaller time step), or trt or cumulant as collision"
-    );
-    if tau >= fails {
-        findings.error(&path, reason, remedy);
-    } else {
-        findings.warn(&path, reason, remedy);
-    }
-}
-
 /// Notes where the case stands, and warns where runs of the maps failed.
 pub(super) fn check(
     scene: &Scene,
@@ -129,7 +101,6 @@ pub(super) fn check(
     margins: &mut Vec<Margin>,
     findings: &mut Findings,
 ) {
-    check_lid(flow, findings);
     let cumulant = matches!(flow.collision, Collision::Cumulant { .. });
     if flow.turbulence.is_some() && (cumulant || !lid_meets_wall(flow)) {
         return;
@@ -206,14 +177,19 @@ mod tests {
         Plan::prepare(document)
     }
 
-    /// Rows of `benches/stability/cavity-3d-20/map.csv`.
+    /// Rows of `benches/stability/cavity-3d-20/map.csv`: tau = 0.51 at Mach 0.03 and 0.1; MRT holds under a lid at tau = 0.6, not at 0.7.
     #[test]
-    fn mrt_under_a_lid_is_refused_at_large_relaxation_times() {
+    fn in_three_dimensions_too() {
+        for collision in ["bgk", "trt", "mrt"] {
+            let quiet = planned(collision, 3, 0.51, 0.03).unwrap().warnings;
+            assert!(quiet.is_empty(), "{collision}: {quiet:?}");
+            let loud = planned(collision, 3, 0.51, 0.2).unwrap().warnings;
+            assert!(!loud.is_empty(), "{collision}");
+        }
         assert!(planned("mrt", 3, 0.6, 0.03).unwrap().warnings.is_empty());
-        assert_eq!(planned("mrt", 3, 0.65, 0.03).unwrap().warnings.len(), 1);
-        let problems = planned("mrt", 3, 1.0, 0.03).unwrap_err();
-        assert_eq!(problems[0].path, "fluid.lattice_boltzmann.relaxation_time");
-        assert!(planned("trt", 3, 1.0, 0.03).is_ok());
+        let found = planned("mrt", 3, 0.7, 0.03).unwrap().warnings;
+        assert_eq!(found[0].path, "fluid.lattice_boltzmann.collision.mrt");
+        assert!(planned("trt", 3, 0.7, 0.03).unwrap().warnings.is_empty());
     }
 
     /// Rows of `benches/stability/cavity-32/map.csv` on both sides of its border: tau = 0.501 with a slow lid holds, 0.51 with a

@@ -62,7 +62,7 @@ fn contacts_fail_where_the_plan_refuses_them() {
     );
     agrees(
         "contacts-blocks",
-        &[("step", &["0.2", "0.4"]), ("damping", &["0"])],
+        &[("step", &["0.2", "0.5"]), ("damping", &["0"])],
     );
 }
 
