@@ -1,7 +1,8 @@
 //! Speed of the fluid alone: million lattice updates per second (MLUPS) and the fraction of the copy bandwidth
 //! measured in the same run (P-1).
 //!
-//! `cargo bench --bench lbm -- [cells] [steps]`
+//! `cargo bench --bench lbm -- [cells] [steps] [row]`: all rows, or the one of this name, such as `"D2Q9 BGK f64"`, without the
+//! measurement of the bandwidth.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
@@ -101,11 +102,20 @@ fn main() {
     {
         println!("the thread pool was set before");
     }
-    let bandwidth = update_in_place();
+    let only = std::env::args().skip(1).find(|a| a.starts_with('D'));
+    let bandwidth = if only.is_some() {
+        f64::NAN
+    } else {
+        update_in_place()
+    };
     println!("update in place {:.1} GB/s", bandwidth / 1e9);
     let trt = Operator::Trt { magic: 3.0 / 16.0 };
     let force = Force::Constant([1e-6, 0.0, 0.0]);
-    let show = |name: &str, mlups: f64, bytes: f64| {
+    let show = |name: &str, measure: &dyn Fn() -> f64, bytes: f64| {
+        if only.as_ref().is_some_and(|row| row != name) {
+            return;
+        }
+        let mlups = measure();
         println!(
             "{name:34} {mlups:8.1} MLUPS  {:.2} of in-place bandwidth",
             mlups * 1e6 * bytes / bandwidth
@@ -114,78 +124,80 @@ fn main() {
     let square = [n, n, 1];
     show(
         "D2Q9 BGK f64",
-        measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
         144.0,
     );
     show(
         "D2Q9 TRT f64",
-        measure::<f64>(Set::D2Q9, trt, Force::None, square, steps),
+        &|| measure::<f64>(Set::D2Q9, trt, Force::None, square, steps),
         144.0,
     );
     show(
         "D2Q9 BGK + force f64",
-        measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps),
+        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps),
         144.0,
     );
     show(
         "D2Q9 BGK f32",
-        measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        &|| measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
         72.0,
     );
     let small = [840, 400, 1];
     show(
         "D2Q9 BGK f64 840 x 400",
-        measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200),
+        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200),
         144.0,
     );
     let m = (n / 12).max(16);
     let cube = [m, m, m];
     show(
         "D3Q19 BGK f64",
-        measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2),
         304.0,
     );
     show(
         "D3Q27 BGK f64",
-        measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
         432.0,
     );
     show(
         "D3Q27 TRT f64",
-        measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2),
+        &|| measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2),
         432.0,
     );
     show(
         "D3Q27 BGK f32",
-        measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
         216.0,
     );
     let mrt = Operator::Mrt(Rates::SUGA);
     let wale = Model::Wale(0.5);
     show(
         "D3Q27 MRT f64",
-        measure::<f64>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
+        &|| measure::<f64>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
         432.0,
     );
     show(
         "D3Q27 MRT + WALE + force f64",
-        measure_with::<f64>(Set::D3Q27, mrt, wale, force, cube, steps / 2),
+        &|| measure_with::<f64>(Set::D3Q27, mrt, wale, force, cube, steps / 2),
         468.0,
     );
     show(
         "D3Q27 cumulant f64",
-        measure::<f64>(
-            Set::D3Q27,
-            Operator::Cumulant { bulk: 1.0 },
-            Force::None,
-            cube,
-            steps / 2,
-        ),
+        &|| {
+            measure::<f64>(
+                Set::D3Q27,
+                Operator::Cumulant { bulk: 1.0 },
+                Force::None,
+                cube,
+                steps / 2,
+            )
+        },
         432.0,
     );
     show(
         "D3Q27 MRT f32",
-        measure::<f32>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
+        &|| measure::<f32>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
         216.0,
     );
 }

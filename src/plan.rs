@@ -3,8 +3,11 @@
 //! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
 
 mod bodies;
+mod contacts;
+mod drag;
 pub mod envelope;
 pub mod estimate;
+mod light_bodies;
 pub mod models;
 pub mod report;
 mod stability;

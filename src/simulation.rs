@@ -6,6 +6,7 @@ pub mod blocks;
 pub mod collapse;
 pub mod coupled;
 pub mod critical;
+pub mod energy;
 pub mod erosion;
 pub mod guards;
 pub mod phases;

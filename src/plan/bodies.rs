@@ -1,23 +1,16 @@
-//! What a body must be for the lattice to feel it and to bear it.
+//! What a body must be for the lattice to feel it; how light it may be, [`super::light_bodies`] says.
 //!
 //! * A disc or sphere is at least four cells across, else the water does not feel its shape.
 //! * A block is at least a cell thick. One of less than two may lie across cells none of which it fills, and with the viscous weighting
 //!   (E-08) a cell that is filled in part gives way as τ nears ½: a stream at τ = 0.50006 ran through a plate of half a cell, and through
 //!   one of a cell that lay across two, with less than 4 % of its force on the plate.
-//! * What moves freely is not much lighter than the water. The force on it is that of the step before, and holds the water that it must
-//!   accelerate with it: below some ratio of densities each step overshoots the last (Ladd, J. Fluid Mech. 271 (1994) 285). Where that lies
-//!   depends on shape and cells, so it is a warning. Of spheres and discs 6 to 16 cells across at τ = 0.506 all held at 0.4 with links and
-//!   at 0.8 with partially saturated cells, and the first failed at 0.3 and 0.7; where the water inside counts for the inertia they did at
-//!   0.3. Plates drag more water along than they displace: one of 10 x 10 x 2 cells failed at 0.9.
 
 use super::envelope::{Margin, margin};
 use crate::case::coupling::Coupling;
 use crate::scene::Scene;
 use crate::scene::blocks::Blocks;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::Flow;
-use crate::scene::solids::{GrainSource, Mobility};
-use std::collections::BTreeSet;
+use crate::scene::solids::GrainSource;
 
 /// Fewest cells in a diameter.
 const FEWEST_CELLS: f64 = 4.0;
@@ -27,18 +20,12 @@ const THINNEST: f64 = 1.0;
 const SOLID: f64 = 2.0;
 
 /// All limits of bodies in the water.
-pub(super) fn check(
-    scene: &Scene,
-    flow: &Flow,
-    margins: &mut Vec<Margin>,
-    findings: &mut Findings,
-) {
+pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let Some(coupling) = &scene.coupling else {
         return;
     };
     diameters(scene, coupling, margins, findings);
     thickness(scene, margins, findings);
-    density(scene, flow, coupling, findings);
 }
 
 fn grains_path(source: &GrainSource) -> &'static str {
@@ -122,57 +109,5 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
             cells,
             &path,
         ));
-    }
-}
-
-/// Density over that of the water at which all free solids were seen to hold.
-fn lightest(coupling: &Coupling) -> f64 {
-    match coupling {
-        Coupling::BounceBack(_) => 0.4,
-        Coupling::PartiallySaturated(written) if written.exclude_inner_fluid => 0.8,
-        Coupling::PartiallySaturated(_) => 0.4,
-    }
-}
-
-/// JSON paths and materials of what moves freely.
-fn free(scene: &Scene) -> Vec<(String, usize)> {
-    let bodies = scene.bodies.iter().enumerate();
-    let mut list: Vec<_> = bodies
-        .filter(|(_, body)| body.mobility == Mobility::Free)
-        .map(|(n, body)| (format!("bodies[{n}].motion.free"), body.material))
-        .collect();
-    if let Some(grains) = &scene.grains {
-        list.push((grains_path(&grains.source).into(), grains.material));
-    }
-    let blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
-    let moving = blocks.filter(|block| !block.fixed);
-    let materials: BTreeSet<_> = moving.map(|block| block.material).collect();
-    list.extend(
-        materials
-            .into_iter()
-            .map(|material| (String::from("blocks.initial"), material)),
-    );
-    list
-}
-
-fn density(scene: &Scene, flow: &Flow, coupling: &Coupling, findings: &mut Findings) {
-    let least = lightest(coupling);
-    for (path, material) in free(scene) {
-        let ratio = scene.density(material) / flow.density;
-        if ratio < least {
-            findings.warn(
-                &path,
-                format!(
-                    "what moves freely is {} times as dense as the water; below {least} the water that moves with it may make its steps overshoot",
-                    number(ratio)
-                ),
-                match coupling {
-                    Coupling::BounceBack(_) => "use a denser solid, or more cells across it",
-                    Coupling::PartiallySaturated(_) => {
-                        "use a denser solid, bounce_back for discs and spheres, or exclude_inner_fluid = false, which makes it more inert"
-                    }
-                },
-            );
-        }
     }
 }

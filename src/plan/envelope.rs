@@ -42,10 +42,8 @@ pub(crate) struct Critical {
     pub(crate) limits: TimeLimits,
 }
 
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
-/// with all its faces in touch.
-pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
-    let contact = scene.contact.as_ref()?;
+/// Material and radius (m) of spheres and discs that move by forces, the smallest of each source.
+pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     let mut moving: Vec<(usize, f64)> = Vec::new();
     if let Some(grains) = &scene.grains {
         match &grains.source {
@@ -70,7 +68,14 @@ pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let spheres = scene.bodies.iter().filter(|b| b.solid.is_none());
     let free = spheres.filter(|b| b.mobility == Mobility::Free);
     moving.extend(free.map(|b| (b.material, b.radius)));
-    let of_spheres = moving
+    moving
+}
+
+/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
+/// with all its faces in touch.
+pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
+    let contact = scene.contact.as_ref()?;
+    let of_spheres = moving(scene)
         .into_iter()
         .filter(|(material, _)| *material < contact.materials)
         .map(|(material, radius)| {
@@ -117,7 +122,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         mach(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
         compression(scene, flow, &mut margins, findings);
-        super::bodies::check(scene, flow, &mut margins, findings);
+        super::bodies::check(scene, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage
         && let Some((_, largest)) = scene.grains.as_ref().and_then(|g| g.radii)
@@ -137,6 +142,9 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
             "time.solid_time_step_safety",
         ));
     }
+    super::contacts::check(scene, clock, &mut margins, findings);
+    super::light_bodies::check(scene, &mut margins, findings);
+    super::drag::check(scene, clock, &mut margins, findings);
     if let Some(ContactTable {
         law: Law::HertzMindlin { impact_speed, .. },
         ..

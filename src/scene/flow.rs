@@ -333,17 +333,17 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
 }
 
 /// In ducts and boxes multiple relaxation times with the rates of Suga grow from round-off in the cells at the edges: seen from
-/// tau = 0.75 on with bounce-back walls, not at 0.7 and below, and with no other operator.
+/// tau = 0.75 on with bounce-back walls at rest, from 0.7 on under a lid, not at 0.6, and with no other operator.
 fn at_edges(lbm: &LatticeBoltzmann, grid: &Grid, tau: f64, findings: &mut Findings) {
     let walls = (0..grid.dimension).filter(|&a| !grid.periodic[a]).count();
-    if matches!(lbm.collision, Some(Collision::Mrt { .. })) && tau > 0.7 && walls > 1 {
+    if matches!(lbm.collision, Some(Collision::Mrt { .. })) && tau >= 0.7 && walls > 1 {
         findings.warn(
             &format!("{PATH}.collision.mrt"),
             format!(
                 "the relaxation time is tau = {}: with the rates of Suga the flow turns unstable where two walls meet",
                 number(tau)
             ),
-            "use trt or cumulant, or a tau of at most 0.7",
+            "use trt or cumulant, or a tau of at most 0.65",
         );
     }
 }

@@ -3,6 +3,7 @@
 use super::blocks;
 use super::collapse::CollapseRecorder;
 use super::coupled;
+use super::energy;
 use super::erosion::ErosionRecorder;
 use super::guards::Guards;
 use super::phases::{Phase, Phases, Spent};
@@ -709,6 +710,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             });
         }
         let particles = &simulation.now.particles;
+        if simulation.now.dem.is_some() {
+            summary["kinetic_energy"] = energy::of_motion(particles, communicator).into();
+        }
         if let Some(report) = blocks::summary(&simulation.now.plan, particles, communicator) {
             summary["blocks"] = report;
         }

@@ -11,6 +11,8 @@ use std::path::Path;
 pub enum Outcome {
     /// It got to its end.
     Finished,
+    /// It got to its end with numbers that cannot be right: not what the study calls sound.
+    Unsound,
     /// The plan, or the run itself, refused the case (exit code 3).
     Refused,
     /// The numbers failed (exit code 4).
@@ -45,6 +47,7 @@ impl Outcome {
     pub fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",
+            Self::Unsound => "unsound",
             Self::Refused => "refused",
             Self::NumericalRefusal => "numerical refusal",
             Self::Failed => "failed",

@@ -42,6 +42,10 @@ pub struct Study {
     /// What outputs should be; those without a reference are listed only.
     #[serde(default)]
     pub reference: BTreeMap<String, Reference>,
+    /// What outputs and numbers of the case must fulfil, such as `energy < 10*first`: a member that gets to its end without it counts
+    /// as failed, not as finished.
+    #[serde(default)]
+    pub sound: Option<String>,
     /// The output whose error is that of the picture and of the Pareto set; without it the largest of all errors.
     #[serde(default)]
     pub error: Option<String>,
@@ -302,6 +306,9 @@ impl Study {
                 continue;
             };
             self.reference_problems(&path, reference, output.over.is_some(), &mut found);
+        }
+        if let Some(formula) = &self.sound {
+            readable("sound", formula, &mut found);
         }
         if let Some(name) = &self.error
             && !self.reference.contains_key(name)

@@ -277,6 +277,17 @@ impl Row {
             self.outputs.push(named.get(name.as_str()).copied());
             all.push(found);
         }
+        if let Some(formula) = &study.sound {
+            let known = |word: &str| named.get(word).copied().or_else(|| member.number(word));
+            match evaluate(formula, &known) {
+                Ok(value) if value > 0.0 => {}
+                Ok(_) => self.outcome = Outcome::Unsound,
+                Err(why) => {
+                    self.outcome = Outcome::Unsound;
+                    self.add_note(&format!("sound: {why}"));
+                }
+            }
+        }
         all
     }
 

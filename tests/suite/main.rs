@@ -8,6 +8,7 @@
 
 mod architecture;
 mod automatic;
+mod borders;
 mod broken_on_ranks;
 mod case_broken;
 mod case_commands;

@@ -1,0 +1,259 @@
+//! Up to which time step contacts are stable, from the highest frequency of what they hold together.
+//!
+//! A contact of a pair is a spring K and a dashpot C between two bodies of masses M, along its normal and across it, where rotation
+//! moves the point of contact too. The explicit step with velocities half a step behind makes of small motions
+//!
+//! ```text
+//! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
+//! ```
+//!
+//! which grows, its sign changing in every step, once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without dashpots that
+//! is dt > 2/w of the highest frequency w; dashpots shorten the step (of one oscillator by sqrt(1 + zeta²) - zeta). Source of the
+//! limit of explicit steps by the highest frequency: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and
+//! Structures, 2000, chapter 6. What maps of runs show of it stands under `benches/stability`.
+//!
+//! Two limits are compared with the step:
+//!
+//! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it the case is refused.
+//! * that of the densest packing of the smallest grains, 6 discs or 12 spheres round each: `lambda k/m` is 6 or 8 for the normal
+//!   springs, and 24 or 40 for the shear springs when all turn the same way. Fewer partners make at most
+//!   `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared may come to it: a warning.
+//!
+//! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
+
+mod blocks;
+mod network;
+
+use super::Clock;
+use super::envelope::{Margin, margin, moving};
+use crate::dem::contact::hertz_mindlin::deepest;
+use crate::scene::Scene;
+use crate::scene::contact::{ContactTable, Law};
+use crate::scene::findings::{Findings, number};
+use crate::scene::solids::GrainSource;
+
+/// Springs (N/m) and dashpots (N s/m) of a contact: normal, shear.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Constants {
+    stiffness: [f64; 2],
+    dashpots: [f64; 2],
+}
+
+/// What meets in a contact.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    materials: [usize; 2],
+    /// Mean diameter (m), effective radius (m) and effective mass (kg).
+    diameter: f64,
+    radius: f64,
+    mass: f64,
+    /// Overlap (m); none for the deepest that is expected.
+    overlap: Option<f64>,
+    bonded: bool,
+}
+
+/// The springs and dashpots of a contact; what has neither friction nor a bond has none across the normal.
+fn constants(contact: &ContactTable, meeting: &Meeting) -> Constants {
+    let pair = contact.pair(meeting.materials[0], meeting.materials[1]);
+    let (stiffness, factor) = if let Law::HertzMindlin { impact_speed, .. } = contact.law {
+        let [young, shear] = pair.moduli;
+        let root = meeting.radius.sqrt();
+        let overlap = meeting
+            .overlap
+            .unwrap_or_else(|| deepest(meeting.mass, 4.0 / 3.0 * young * root, impact_speed));
+        let side = root * overlap.max(0.0).sqrt();
+        // Dashpots of the tangent stiffness (dem::contact::hertz_mindlin).
+        (
+            [2.0 * young * side, 8.0 * shear * side],
+            (5.0_f64 / 6.0).sqrt(),
+        )
+    } else {
+        let normal = pair.normal_stiffness.at(meeting.diameter);
+        ([normal, normal * pair.shear_to_normal_stiffness], 1.0)
+    };
+    let sticks = meeting.bonded || pair.friction_coefficient > 0.0;
+    let stiffness = [stiffness[0], if sticks { stiffness[1] } else { 0.0 }];
+    let ratios = [pair.normal_damping_ratio, pair.shear_damping_ratio];
+    Constants {
+        stiffness,
+        dashpots: [0, 1].map(|i| 2.0 * factor * ratios[i] * (meeting.mass * stiffness[i]).sqrt()),
+    }
+}
+
+/// The step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
+fn limit(stiffness: f64, dashpot: f64) -> f64 {
+    4.0 / (dashpot + (dashpot * dashpot + 4.0 * stiffness).sqrt())
+}
+
+/// m r²/I of a disc or sphere.
+fn turning(dimension: usize) -> f64 {
+    if dimension == 2 { 2.0 } else { 2.5 }
+}
+
+/// The limit of the densest packing of a kind of grain with `partners` at most round each.
+fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partners: f64) -> f64 {
+    let (material, radius) = kind;
+    let mass = scene.mass(material, radius);
+    let dimension = scene.grid.dimension;
+    let (lattice, kissing): ([f64; 2], f64) = if dimension == 2 {
+        ([6.0, 24.0], 6.0)
+    } else {
+        ([8.0, 40.0], 12.0)
+    };
+    let round = 2.0 * partners.min(kissing);
+    let factors = [
+        lattice[0].min(round),
+        lattice[1].min(round * (1.0 + turning(dimension))),
+    ];
+    let mut shortest = f64::INFINITY;
+    for other in 0..contact.materials {
+        let meeting = Meeting {
+            materials: [material, other],
+            diameter: 2.0 * radius,
+            radius: 0.5 * radius,
+            mass: 0.5 * mass,
+            overlap: None,
+            bonded: bonds(scene, contact),
+        };
+        let found = constants(contact, &meeting);
+        for (n, factor) in factors.into_iter().enumerate() {
+            let [k, c] = [found.stiffness[n], found.dashpots[n]].map(|v| factor * v / mass);
+            shortest = shortest.min(limit(k, c));
+        }
+    }
+    shortest
+}
+
+/// Whether contacts of the start are bonded.
+fn bonds(scene: &Scene, contact: &ContactTable) -> bool {
+    let bonding = matches!(
+        contact.law,
+        Law::ContactBond { .. } | Law::CohesiveFrictional
+    );
+    bonding && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
+}
+
+/// How many others a grain can touch at most: the rest of all, and the walls.
+fn others(scene: &Scene) -> f64 {
+    let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
+    let appear = usize::from(!scene.regions.is_empty()) * 12;
+    let all = grains + scene.bodies.len() + scene.walls.len() + appear;
+    crate::scene::grid::count(all.saturating_sub(1))
+}
+
+/// Compares the solid step with the limits of the contacts.
+pub(super) fn check(
+    scene: &Scene,
+    clock: &Clock,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
+    let Some(contact) = &scene.contact else {
+        return;
+    };
+    let dt = clock.solid_time_step;
+    let (sure, worst) = if matches!(contact.law, Law::Blocks { .. }) {
+        blocks::limits(scene, contact)
+    } else {
+        of_spheres(scene, contact, dt)
+    };
+    let path = path(scene);
+    if worst.is_finite() {
+        margins.push(margin(
+            "solid time step / limit of the densest contacts",
+            dt,
+            worst,
+            path,
+        ));
+    }
+    if sure.is_finite() {
+        margins.push(margin(
+            "solid time step / limit of the contacts at the start",
+            dt,
+            sure,
+            path,
+        ));
+    }
+    let step = number(dt);
+    if dt > sure {
+        findings.error(
+            path,
+            format!(
+                "a solid time step of {step} s is above {} s, from which on the contacts of the start throw the bodies apart",
+                number(sure)
+            ),
+            remedy(scene, clock, sure),
+        );
+    } else if dt > worst {
+        findings.warn(
+            path,
+            format!(
+                "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",
+                number(worst)
+            ),
+            remedy(scene, clock, worst),
+        );
+    }
+}
+
+/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this much stiffer, pressed
+/// together or between unequal grains.
+const LOOK: f64 = 0.25;
+
+/// The limit of the contacts of the start, infinite where they are not known or far from it, and that of the densest packing.
+fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
+    let partners = others(scene);
+    let mut kinds = moving(scene);
+    kinds.retain(|(material, _)| *material < contact.materials);
+    kinds.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    // The smallest grains of a material swing fastest.
+    kinds.dedup_by_key(|(material, _)| *material);
+    let limits = kinds
+        .into_iter()
+        .map(|kind| of_densest(scene, contact, kind, partners));
+    let worst = limits.fold(f64::INFINITY, f64::min);
+    if dt < LOOK * worst {
+        return (f64::INFINITY, worst);
+    }
+    let prepared = scene.grains.as_ref().is_some_and(|grains| {
+        !matches!(
+            grains.source,
+            GrainSource::List(_) | GrainSource::File { .. }
+        )
+    });
+    let network = network::Network::of(scene, contact, !prepared);
+    (network.limit(), worst)
+}
+
+/// What decides the solid step.
+fn path(scene: &Scene) -> &'static str {
+    if scene.flow.is_some() {
+        "time.solid_steps_per_fluid_step"
+    } else if scene.time.solid_time_step.is_some() {
+        "time.solid_time_step"
+    } else {
+        "time.solid_time_step_safety"
+    }
+}
+
+fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> String {
+    if scene.flow.is_some() {
+        format!(
+            "use at least {} solid steps in a fluid step",
+            number((clock.time_step / limit).ceil())
+        )
+    } else if scene.time.solid_time_step.is_some() {
+        format!(
+            "use a solid time step of at most {} s",
+            number(0.99 * limit)
+        )
+    } else {
+        format!(
+            "use a safety of at most {}",
+            number(0.99 * scene.time.solid_time_step_safety * limit / clock.solid_time_step)
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests;

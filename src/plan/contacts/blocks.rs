@@ -1,0 +1,159 @@
+//! Limits of blocks: springs over all faces, and over the least face alone.
+
+use super::limit;
+use crate::dem::polyhedron::Polyhedron;
+use crate::scene::Scene;
+use crate::scene::contact::{ContactTable, Law, PairParameters};
+use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
+
+/// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that
+/// swing against it.
+pub(super) fn limits(scene: &Scene, contact: &ContactTable) -> (f64, f64) {
+    let mut shortest = [f64::INFINITY; 2];
+    for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
+        let mass = scene.density(material) * solid.shape.volume();
+        if mass <= 0.0 {
+            continue;
+        }
+        for other in 0..contact.materials {
+            let pair = contact.pair(material, other);
+            let block = Block {
+                shape: &solid.shape,
+                mass,
+                per_area: matches!(contact.law, Law::Blocks { per_area: true, .. }),
+                pair,
+            };
+            shortest[0] = shortest[0].min(block.one_face());
+            shortest[1] = shortest[1].min(block.all_faces());
+        }
+    }
+    (shortest[0], shortest[1])
+}
+
+struct Block<'a> {
+    shape: &'a Polyhedron,
+    mass: f64,
+    per_area: bool,
+    pair: &'a PairParameters,
+}
+
+impl Block<'_> {
+    fn area(&self, face: usize) -> f64 {
+        if self.per_area {
+            self.shape.face_area(face)
+        } else {
+            1.0
+        }
+    }
+
+    /// Springs and dashpots of a face, normal and shear; the dashpots against a body of `mass`.
+    fn constants(&self, face: usize, mass: f64) -> [[f64; 2]; 2] {
+        let normal = self.pair.normal_stiffness.number() * self.area(face);
+        let sticks = self.pair.friction_coefficient > 0.0;
+        let shear = if sticks {
+            normal * self.pair.shear_to_normal_stiffness
+        } else {
+            0.0
+        };
+        let dashpot = |ratio: f64, stiffness: f64| 2.0 * ratio * (mass * stiffness).sqrt();
+        [
+            [normal, shear],
+            [
+                dashpot(self.pair.normal_damping_ratio, normal),
+                dashpot(self.pair.shear_damping_ratio, shear),
+            ],
+        ]
+    }
+
+    fn one_face(&self) -> f64 {
+        let faces = 0..self.shape.half_spaces().len();
+        let steps = faces.map(|face| {
+            let [k, c] = self.constants(face, self.mass);
+            limit(k[0] / self.mass, c[0] / self.mass)
+        });
+        steps.fold(0.0, f64::max)
+    }
+
+    /// Whatever neighbours do, no eigenvalue is above twice that of the block between fixed ones.
+    fn all_faces(&self) -> f64 {
+        let (mut springs, mut dashpots) = (Matrix6::zeros(), Matrix6::zeros());
+        for face in 0..self.shape.half_spaces().len() {
+            let [k, c] = self.constants(face, 0.5 * self.mass);
+            springs += self.resistance(face, k, false);
+            dashpots += self.resistance(face, c, true);
+        }
+        let mut dt = 0.0;
+        let mut found = f64::INFINITY;
+        for _ in 0..4 {
+            let matrix = if dt > 0.0 {
+                springs * dt + dashpots * 2.0
+            } else {
+                springs
+            };
+            let eigen = SymmetricEigen::new(matrix);
+            let highest = eigen
+                .eigenvectors
+                .column(eigen.eigenvalues.imax())
+                .into_owned();
+            let weigh = |matrix: &Matrix6<f64>| 2.0 * highest.dot(&(matrix * highest));
+            dt = limit(weigh(&springs), weigh(&dashpots));
+            found = found.min(dt);
+        }
+        found
+    }
+
+    /// What a face with springs `normal` and `shear` does against small motions of the block, over its masses. It resists rocking where
+    /// what acts along the normal is `spread` over it, as dashpots are; springs push at one point (dem::polyhedron::force).
+    fn resistance(&self, face: usize, [normal, shear]: [f64; 2], spread: bool) -> Matrix6<f64> {
+        let inertia = self.shape.inertia(self.mass / self.shape.volume());
+        let n = self.shape.half_spaces()[face].normal;
+        let points = self.points(face);
+        let weight = 1.0 / points.iter().map(|(_, w)| w).sum::<f64>();
+        let centre = points.iter().map(|(p, w)| p * (w * weight)).sum();
+        let mut total = Matrix6::zeros();
+        for (point, share) in points {
+            for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                // Spring along the normal and springs across it: k_s I + (k_n - k_s) n nᵀ.
+                let row = |point: &Vector3<f64>, d: Vector3<f64>| {
+                    let turn = point.cross(&d).component_div(&inertia.map(f64::sqrt));
+                    let shift = d / self.mass.sqrt();
+                    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+                };
+                let across = row(&point, axis - n * n.dot(&axis));
+                let along = row(if spread { &point } else { &centre }, n * n.dot(&axis));
+                let share = share * weight;
+                total += across * across.transpose() * (share * shear);
+                total += along * along.transpose() * (share * normal);
+            }
+        }
+        total
+    }
+
+    /// Points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One point where springs
+    /// do not grow with the area.
+    fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
+        let corners: Vec<Vector3<f64>> = self
+            .shape
+            .face(face)
+            .iter()
+            .map(|&v| self.shape.vertices()[v as usize])
+            .collect();
+        let Some(&first) = corners.first() else {
+            return Vec::new();
+        };
+        let mut points = Vec::new();
+        for pair in corners.windows(2).skip(1) {
+            let [a, b] = [pair[0], pair[1]];
+            let area = (a - first).cross(&(b - first)).norm() / 3.0;
+            for middle in [first + a, a + b, b + first] {
+                points.push((middle * 0.5, area));
+            }
+        }
+        if self.per_area {
+            return points;
+        }
+        let total: f64 = points.iter().map(|(_, w)| w).sum();
+        let centre: Vector3<f64> = points.iter().map(|(p, w)| *p * (*w / total)).sum();
+        vec![(centre, 1.0)]
+    }
+}

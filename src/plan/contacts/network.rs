@@ -1,0 +1,369 @@
+//! The contacts of spheres and discs as they stand at the start, and the largest eigenvalue of what they hold together.
+
+use super::{Constants, Meeting, bonds, constants, limit, turning};
+use crate::scene::Scene;
+use crate::scene::contact::{ContactTable, Law};
+use crate::scene::grid::Grid;
+use crate::scene::solids::{GrainSource, Mobility};
+
+/// A grain or body; what does not move by forces has inverse masses of zero.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    position: [f64; 3],
+    radius: f64,
+    material: usize,
+    /// Roots of 1/m and 1/I.
+    roots: [f64; 2],
+    mass: f64,
+}
+
+/// A contact of two nodes, or of one with a wall.
+#[derive(Clone, Copy, Debug)]
+struct Spring {
+    first: usize,
+    second: Option<usize>,
+    /// From the first on.
+    normal: [f64; 3],
+    /// Distances of the point of contact from both centres (m).
+    arms: [f64; 2],
+    constants: Constants,
+}
+
+/// All contacts of the start.
+#[derive(Debug)]
+pub(super) struct Network {
+    nodes: Vec<Node>,
+    springs: Vec<Spring>,
+}
+
+/// Translation and rotation of a node, in coordinates scaled by the roots of the masses.
+type Motion = [[f64; 3]; 2];
+
+/// Most rounds of the power iteration.
+const ROUNDS: usize = 400;
+
+impl Network {
+    /// The contacts of bodies, and of grains where `listed`.
+    pub(super) fn of(scene: &Scene, contact: &ContactTable, listed: bool) -> Self {
+        let mut network = Self {
+            nodes: nodes(scene, listed),
+            springs: Vec::new(),
+        };
+        let bonded = bonds(scene, contact);
+        let reach = match contact.law {
+            Law::ContactBond { bonding_gap, .. } if bonded => bonding_gap,
+            _ => 0.0,
+        };
+        let maker = Maker {
+            contact,
+            bonded,
+            reach,
+        };
+        network.touch_each_other(&scene.grid, &maker);
+        network.touch_walls(scene, &maker);
+        network
+    }
+
+    /// Pairs by a sweep along x.
+    fn touch_each_other(&mut self, grid: &Grid, maker: &Maker<'_>) {
+        let n = self.nodes.len();
+        let length = grid.size[0];
+        let along = |node: &Node| {
+            if grid.periodic[0] {
+                node.position[0].rem_euclid(length)
+            } else {
+                node.position[0]
+            }
+        };
+        let mut order: Vec<(f64, usize)> = self.nodes.iter().map(along).zip(0..).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let widest = self
+            .nodes
+            .iter()
+            .map(|node| node.radius)
+            .fold(0.0, f64::max);
+        for (place, &(x, i)) in order.iter().enumerate() {
+            let reach = self.nodes[i].radius + widest + maker.reach;
+            for step in 1..n {
+                let wrapped = place + step >= n;
+                let (other, j) = order[(place + step) % n];
+                let ahead = other - x + if wrapped { length } else { 0.0 };
+                if ahead > reach || (wrapped && !grid.periodic[0]) {
+                    break;
+                }
+                let spring = maker.between(&self.nodes, [i, j], grid);
+                self.springs.extend(spring);
+            }
+        }
+    }
+
+    fn touch_walls(&mut self, scene: &Scene, maker: &Maker<'_>) {
+        for wall in scene
+            .walls
+            .iter()
+            .filter(|w| !w.temporary && w.surface.is_none())
+        {
+            for (first, node) in self.nodes.iter().enumerate() {
+                let height: f64 = (0..3)
+                    .map(|a| (node.position[a] - wall.point[a]) * wall.normal[a])
+                    .sum();
+                let overlap = node.radius - height;
+                if overlap <= -maker.reach || node.roots[0] == 0.0 {
+                    continue;
+                }
+                let meeting = Meeting {
+                    materials: [node.material, wall.material],
+                    diameter: 2.0 * node.radius,
+                    radius: node.radius,
+                    mass: node.mass,
+                    overlap: Some(overlap),
+                    bonded: maker.bonded,
+                };
+                self.springs.push(Spring {
+                    first,
+                    second: None,
+                    normal: wall.normal.map(|n| -n),
+                    arms: [height, 0.0],
+                    constants: constants(maker.contact, &meeting),
+                });
+            }
+        }
+    }
+
+    /// The longest stable step (s), from above; infinite without contacts.
+    pub(super) fn limit(&self) -> f64 {
+        if self.springs.is_empty() {
+            return f64::INFINITY;
+        }
+        // Without dashpots the eigenvector does not depend on the step; with them it settles in a few turns.
+        let mut dt = 0.0;
+        let mut found = f64::INFINITY;
+        for _ in 0..4 {
+            let vector = self.highest(dt);
+            let weigh = |which: fn(&Constants) -> [f64; 2]| {
+                self.springs
+                    .iter()
+                    .map(|s| s.energy(&self.nodes, &vector, which))
+                    .sum::<f64>()
+            };
+            let next = limit(weigh(|c| c.stiffness), weigh(|c| c.dashpots));
+            found = found.min(next);
+            if (next - dt).abs() <= 1e-3 * next {
+                break;
+            }
+            dt = next;
+        }
+        found
+    }
+
+    /// The eigenvector of `dt² K + 2 dt C` with the largest eigenvalue, of length 1; of K where `dt` is zero.
+    fn highest(&self, dt: f64) -> Vec<Motion> {
+        let weights = |c: &Constants| {
+            if dt > 0.0 {
+                [0, 1].map(|i| dt * dt * c.stiffness[i] + 2.0 * dt * c.dashpots[i])
+            } else {
+                c.stiffness
+            }
+        };
+        let mut vector = start(self.nodes.len());
+        let mut image = vec![Motion::default(); self.nodes.len()];
+        let mut before = 0.0;
+        for round in 1..=ROUNDS {
+            image.fill(Motion::default());
+            for spring in &self.springs {
+                spring.apply(&self.nodes, weights(&spring.constants), &vector, &mut image);
+            }
+            let length = image
+                .as_flattened()
+                .as_flattened()
+                .iter()
+                .map(|v| v * v)
+                .sum::<f64>()
+                .sqrt();
+            if length <= 0.0 {
+                break;
+            }
+            for (to, from) in vector
+                .as_flattened_mut()
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(image.as_flattened().as_flattened())
+            {
+                *to = from / length;
+            }
+            if round % 50 == 0 {
+                if length - before <= 1e-5 * length {
+                    break;
+                }
+                before = length;
+            }
+        }
+        vector
+    }
+}
+
+/// What contacts are made of.
+struct Maker<'a> {
+    contact: &'a ContactTable,
+    bonded: bool,
+    /// Gap that is bonded (m).
+    reach: f64,
+}
+
+impl Maker<'_> {
+    fn between(&self, nodes: &[Node], [i, j]: [usize; 2], grid: &Grid) -> Option<Spring> {
+        let (one, two) = (&nodes[i], &nodes[j]);
+        if one.roots[0] == 0.0 && two.roots[0] == 0.0 {
+            return None;
+        }
+        let between: [f64; 3] = std::array::from_fn(|a| {
+            let apart = two.position[a] - one.position[a];
+            if grid.periodic[a] {
+                apart - grid.size[a] * (apart / grid.size[a]).round()
+            } else {
+                apart
+            }
+        });
+        let distance = between.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let overlap = one.radius + two.radius - distance;
+        if overlap <= -self.reach || distance <= 0.0 {
+            return None;
+        }
+        let inverse = |node: &Node| node.roots[0] * node.roots[0];
+        let meeting = Meeting {
+            materials: [one.material, two.material],
+            diameter: one.radius + two.radius,
+            radius: one.radius * two.radius / (one.radius + two.radius),
+            mass: 1.0 / (inverse(one) + inverse(two)),
+            overlap: Some(overlap),
+            bonded: self.bonded,
+        };
+        Some(Spring {
+            first: i,
+            second: Some(j),
+            normal: between.map(|x| x / distance),
+            arms: [one, two].map(|node| node.radius - 0.5 * overlap),
+            constants: constants(self.contact, &meeting),
+        })
+    }
+}
+
+impl Spring {
+    /// How far the second's side of the contact moves against the first's: along the normal, and across it.
+    fn stretch(&self, nodes: &[Node], vector: &[Motion]) -> (f64, [f64; 3]) {
+        let first = unscaled(&nodes[self.first], &vector[self.first]);
+        let second = self
+            .second
+            .map_or(Motion::default(), |k| unscaled(&nodes[k], &vector[k]));
+        let turn: [f64; 3] =
+            std::array::from_fn(|a| self.arms[0] * first[1][a] + self.arms[1] * second[1][a]);
+        let turned = cross(&turn, &self.normal);
+        let apart: [f64; 3] = std::array::from_fn(|a| second[0][a] - first[0][a] - turned[a]);
+        let along = dot(&apart, &self.normal);
+        (
+            along,
+            std::array::from_fn(|a| apart[a] - along * self.normal[a]),
+        )
+    }
+
+    /// Twice the energy with these springs.
+    fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Constants) -> [f64; 2]) -> f64 {
+        let (along, across) = self.stretch(nodes, vector);
+        let [normal, shear] = which(&self.constants);
+        normal * along * along + shear * dot(&across, &across)
+    }
+
+    /// Adds what these springs do.
+    fn apply(
+        &self,
+        nodes: &[Node],
+        [normal, shear]: [f64; 2],
+        vector: &[Motion],
+        image: &mut [Motion],
+    ) {
+        let (along, across) = self.stretch(nodes, vector);
+        let force: [f64; 3] =
+            std::array::from_fn(|a| normal * along * self.normal[a] + shear * across[a]);
+        let moment = cross(&self.normal, &force);
+        for (end, sign, arm) in [
+            (Some(self.first), -1.0, self.arms[0]),
+            (self.second, 1.0, self.arms[1]),
+        ] {
+            let Some(k) = end else { continue };
+            let [mass, inertia] = nodes[k].roots;
+            for a in 0..3 {
+                image[k][0][a] += sign * mass * force[a];
+                image[k][1][a] -= inertia * arm * moment[a];
+            }
+        }
+    }
+}
+
+fn unscaled(node: &Node, motion: &Motion) -> Motion {
+    [0, 1].map(|part| motion[part].map(|v| node.roots[part] * v))
+}
+
+fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Numbers without a pattern: multiples of the golden mean without their whole parts.
+fn start(nodes: usize) -> Vec<Motion> {
+    let mut value = 0.5;
+    let mut next = || {
+        value = (value + 0.618_033_988_749_894_9) % 1.0;
+        value - 0.5
+    };
+    (0..nodes)
+        .map(|_| [0; 2].map(|_| [0; 3].map(|_| next())))
+        .collect()
+}
+
+fn nodes(scene: &Scene, listed: bool) -> Vec<Node> {
+    let flat = scene.grid.dimension == 2;
+    let node = |position: [f64; 3], radius: f64, material: usize, free: bool| {
+        let mass = scene.mass(material, radius);
+        let inverse = if free && mass > 0.0 { 1.0 / mass } else { 0.0 };
+        let turning = turning(scene.grid.dimension) / (radius * radius);
+        Node {
+            position: if flat {
+                [position[0], position[1], 0.0]
+            } else {
+                position
+            },
+            radius,
+            material,
+            roots: [inverse.sqrt(), (inverse * turning).sqrt()],
+            mass,
+        }
+    };
+    let bodies = scene
+        .bodies
+        .iter()
+        .filter(|b| b.solid.is_none())
+        .map(|body| {
+            let free = body.mobility == Mobility::Free;
+            node(body.position, body.radius, body.material, free)
+        });
+    let mut all: Vec<Node> = bodies.collect();
+    if let Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) = scene
+        .grains
+        .as_ref()
+        .map(|grains| &grains.source)
+        .filter(|_| listed)
+    {
+        all.extend(
+            list.iter()
+                .map(|g| node(g.position, g.radius, g.material, true)),
+        );
+    }
+    all
+}

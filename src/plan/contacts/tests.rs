@@ -1,0 +1,187 @@
+//! Limits against frequencies known in closed form.
+
+use super::network::Network;
+use super::{blocks, of_densest};
+use crate::case::Document;
+use crate::plan::Plan;
+use crate::scene::Scene;
+use approx::assert_relative_eq;
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn plan(case: &Value) -> Result<Plan, Vec<crate::error::Problem>> {
+    let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+    Plan::prepare(document)
+}
+
+const STIFFNESS: f64 = 1e5;
+
+/// Equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the normal one.
+fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Value {
+    let axes = &["x", "y", "z"][..size.len()];
+    let list = places
+        .iter()
+        .map(|p| json!({"position": p, "radius": 0.01}));
+    json!({
+        "domain": {"size": size, "spacing": size[0] / 60.0, "periodic": axes},
+        "materials": {"glass": {"density": 2500}},
+        "grains": {"material": "glass", "initial": {"list": list.collect::<Vec<_>>()}},
+        "contact": {"linear": {
+            "normal_stiffness": {"absolute": STIFFNESS}, "shear_to_normal_stiffness": 1,
+            "friction_angle_degrees": friction, "normal_damping_ratio": damping
+        }},
+        "time": {"end": 1, "solid_time_step_safety": 1e-3}
+    })
+}
+
+/// w² m/k that a limit 2/w stands for.
+fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
+    4.0 * scene.mass(0, 0.01) / STIFFNESS / (limit * limit)
+}
+
+fn network(scene: &Scene) -> f64 {
+    let contact = scene.contact.as_ref().unwrap();
+    Network::of(scene, contact, true).limit()
+}
+
+/// w² = 2 k/m of two grains; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.
+#[test]
+fn two_grains_swing_against_each_other() {
+    let places = [vec![0.1, 0.1], vec![0.1199, 0.1]];
+    let free = plan(&grains(&[0.2, 0.2], &places, 0.0, 0.0)).unwrap().scene;
+    assert_relative_eq!(eigenvalue(&free, network(&free)), 2.0, max_relative = 1e-9);
+    let damped = plan(&grains(&[0.2, 0.2], &places, 0.0, 0.5)).unwrap().scene;
+    let shorter = 1.25_f64.sqrt() - 0.5;
+    assert_relative_eq!(
+        network(&damped),
+        shorter * network(&free),
+        max_relative = 1e-9
+    );
+    // Across the normal two discs of the same spin: 2 k (1/m + r²/I).
+    let rough = plan(&grains(&[0.2, 0.2], &places, 30.0, 0.0))
+        .unwrap()
+        .scene;
+    assert_relative_eq!(
+        eigenvalue(&rough, network(&rough)),
+        6.0,
+        max_relative = 0.02
+    );
+}
+
+fn triangles(columns: u32, rows: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
+    // The root of 3/4 within 8e-4, so that the box is a whole number of cells.
+    let (a, height) = (0.0199, 0.0199 * 13.0 / 15.0);
+    let place = |i: u32, j: u32| {
+        let x = a * (f64::from(i) + 0.5 * f64::from(j % 2) + 0.25);
+        vec![x, height * (f64::from(j) + 0.5)]
+    };
+    let places = (0..rows).flat_map(|j| (0..columns).map(move |i| place(i, j)));
+    (
+        vec![a * f64::from(columns), height * f64::from(rows)],
+        places.collect(),
+    )
+}
+
+/// A cubic face-centred lattice of n³ cells.
+fn cubic(n: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let a = 0.0199 * 2.0_f64.sqrt();
+    let mut places = Vec::new();
+    for k in 0..8 * n.pow(3) {
+        let at = [k % (2 * n), k / (2 * n) % (2 * n), k / (4 * n * n)];
+        if at.iter().sum::<u32>() % 2 == 0 {
+            places.push(at.map(|i| 0.5 * a * (f64::from(i) + 0.5)).to_vec());
+        }
+    }
+    (vec![a * f64::from(n); 3], places)
+}
+
+/// The lattices that the densest packings are bounded by have no higher frequency than those bounds, and come to them.
+#[test]
+fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
+    for (size, places, smooth, rough) in [
+        {
+            let (s, p) = triangles(4, 4);
+            (s, p, 6.0, 24.0)
+        },
+        {
+            let (s, p) = cubic(2);
+            (s, p, 8.0, 40.0)
+        },
+    ] {
+        for (friction, expected) in [(0.0, smooth), (30.0, rough)] {
+            let scene = plan(&grains(&size, &places, friction, 0.0)).unwrap().scene;
+            let found = eigenvalue(&scene, network(&scene));
+            assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+            let contact = scene.contact.as_ref().unwrap();
+            let bound = of_densest(&scene, contact, (0, 0.01), 12.0);
+            assert_relative_eq!(eigenvalue(&scene, bound), expected, max_relative = 1e-9);
+        }
+    }
+}
+
+/// Refused beyond the limit of what touches at the start, quiet below that of the densest packing, with the step that passes.
+#[test]
+fn a_step_beyond_the_limit_is_refused_with_the_largest_that_passes() {
+    let (size, places) = triangles(4, 4);
+    let mut case = grains(&size, &places, 0.0, 0.0);
+    case["time"]["solid_time_step_safety"] = json!(1);
+    let mass = 2500.0 * std::f64::consts::PI * 1e-4;
+    let limit = 2.0 / (6.0 * STIFFNESS / mass).sqrt();
+    let mut with = |part: f64| {
+        case["time"]["solid_time_step"] = json!(part * limit);
+        plan(&case)
+    };
+    assert!(with(0.95).unwrap().warnings.is_empty());
+    let problems = with(1.05).unwrap_err();
+    let text = problems[0].to_string();
+    assert!(text.contains("throw the bodies apart"), "{text}");
+    assert_eq!(problems[0].path, "time.solid_time_step");
+    let word = text
+        .split("at most ")
+        .nth(1)
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap();
+    let passes: f64 = word.parse().unwrap();
+    assert!(passes < limit && passes > 0.95 * limit, "{passes} {limit}");
+}
+
+/// Two grains that start apart may come together: what they could come to is a warning, and a pair alone bears a longer step.
+#[test]
+fn what_may_come_to_touch_is_a_warning() {
+    let places = [vec![0.05, 0.1], vec![0.15, 0.1]];
+    let mut case = grains(&[0.2, 0.2], &places, 0.0, 0.0);
+    case["time"]["solid_time_step_safety"] = json!(1);
+    let mass = 2500.0 * std::f64::consts::PI * 1e-4;
+    let pair = (2.0 * mass / STIFFNESS).sqrt();
+    case["time"]["solid_time_step"] = json!(0.95 * pair);
+    assert!(plan(&case).unwrap().warnings.is_empty());
+    case["time"]["solid_time_step"] = json!(1.05 * pair);
+    assert_eq!(plan(&case).unwrap().warnings.len(), 1);
+}
+
+/// A cube with springs k_n and k_s over its faces of area A turns with 16 k_s A/m against neighbours that turn alike, and shifts with
+/// (4 k_n + 8 k_s) A/m against those that shift the other way; a face alone gives k_n A/m.
+#[test]
+fn a_cube_with_all_its_faces_in_touch() {
+    let cube = |friction: f64, ratio: f64| {
+        json!({
+            "domain": {"size": [0.4, 0.4, 0.4], "spacing": 0.1},
+            "materials": {"rock": {"density": 2500}},
+            "bodies": [{"name": "cube", "shape": {"cuboid": {"edges": [0.1, 0.1, 0.1]}}, "position": [0.2, 0.2, 0.2],
+                        "motion": {"free": {}}, "material": "rock"}],
+            "contact": {"blocks": {"normal_stiffness": {"per_area": 1e8}, "shear_to_normal_stiffness": ratio,
+                                   "friction_angle_degrees": friction}},
+            "time": {"end": 1, "solid_time_step_safety": 1e-3}
+        })
+    };
+    let mass = 2.5;
+    for (friction, ratio, expected) in [(30.0, 1.0, 16.0), (30.0, 0.2, 5.6), (0.0, 1.0, 4.0)] {
+        let scene = plan(&cube(friction, ratio)).unwrap().scene;
+        let (one, all) = blocks::limits(&scene, scene.contact.as_ref().unwrap());
+        let eigenvalue = |limit: f64| 4.0 * mass / 1e6 / (limit * limit);
+        assert_relative_eq!(eigenvalue(all), expected, max_relative = 1e-9);
+        assert_relative_eq!(eigenvalue(one), 1.0, max_relative = 1e-9);
+    }
+}

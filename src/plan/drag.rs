@@ -1,0 +1,127 @@
+//! How long the drag of seeping water may be held.
+//!
+//! The force of a coupling is held over its interval T. With the drag `pull - hold v` of the velocity at its start a grain of mass m
+//! goes from v to v + T/m (pull - hold v): beyond T = 2 m/hold, twice the time in which drag stops it, its velocity changes sign and
+//! grows. The drag at the end of the interval ([`crate::coupling::drag`], `semi_implicit_drag`) bears any interval. In creeping flow the
+//! time is the longest in loose ground and the shortest in the densest: refused is what fails in the loosest that the case knows,
+//! the cap of the permeability; a warning is given by the porosity of the box round the grains, or of the densest packing of equal grains.
+
+use super::Clock;
+use super::envelope::{Margin, margin};
+use crate::case::darcy::{Drag, Equations};
+use crate::coupling::drag::{Bed, DragLaw, Grain};
+use crate::darcy::permeability::kozeny_carman;
+use crate::darcy::porosity::measure;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::seepage::Seepage;
+use crate::scene::solids::{self, GrainSource};
+
+/// Compares the interval with the shortest time of drag.
+pub(super) fn check(
+    scene: &Scene,
+    clock: &Clock,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
+    let Some(seepage) = scene
+        .seepage
+        .as_ref()
+        .filter(|s| !s.written.semi_implicit_drag)
+    else {
+        return;
+    };
+    let Some((smallest, material)) = lightest(scene) else {
+        return;
+    };
+    let mass = scene.mass(material, smallest);
+    let grain = Grain::new(scene.grid.dimension, smallest);
+    let time = |porosity: f64| mass / hold(seepage, &grain, porosity);
+    let shortest = time(porosity(scene));
+    let longest = time(seepage.written.porosity_cap).max(shortest);
+    let path = "fluid.darcy.coupling_interval";
+    let interval = clock.time_step;
+    margins.push(margin(
+        "coupling interval / twice the time of drag",
+        interval,
+        2.0 * shortest,
+        path,
+    ));
+    if interval < 2.0 * shortest {
+        return;
+    }
+    let most = (2.0 * shortest / clock.solid_time_step).ceil() - 1.0;
+    let remedy = if most >= 1.0 {
+        format!(
+            "use at most {} solid steps in an interval, or `semi_implicit_drag`",
+            number(most)
+        )
+    } else {
+        "use `semi_implicit_drag`".to_owned()
+    };
+    let reason = |time: f64| {
+        format!(
+            "drag is held for {} s, more than twice the {} s in which it stops a grain: its velocity changes sign and grows",
+            number(interval),
+            number(time)
+        )
+    };
+    if interval >= 2.0 * longest {
+        findings.error(path, reason(longest), remedy);
+    } else {
+        findings.warn(path, reason(shortest), remedy);
+    }
+}
+
+/// Radius and material of the smallest grain.
+fn lightest(scene: &Scene) -> Option<(f64, usize)> {
+    let kinds = super::envelope::moving(scene).into_iter();
+    kinds
+        .map(|(material, radius)| (radius, material))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Drag over velocity of a grain at rest relative to the water (kg/s).
+fn hold(seepage: &Seepage, grain: &Grain, porosity: f64) -> f64 {
+    let written = &seepage.written;
+    let porosity = porosity.clamp(written.least_porosity, written.porosity_cap);
+    let bed = Bed {
+        density: written.density,
+        viscosity: written.viscosity,
+        porosity,
+        solid: 1.0 - porosity,
+        permeability: kozeny_carman(porosity, grain.diameter),
+    };
+    let law = match written.drag {
+        Drag::DiFelice => DragLaw::DiFelice,
+        Drag::Gidaspow => DragLaw::Gidaspow,
+        Drag::Dallavalle => DragLaw::Dallavalle,
+        Drag::KozenyCarman => DragLaw::KozenyCarman,
+    };
+    let measure = match written.equations {
+        Equations::Paper => 1.0,
+        Equations::Corrected => porosity,
+    };
+    measure * law.coefficient(&bed, grain, 0.0)
+}
+
+/// Porosity of the box round listed grains; of the densest packing of equal grains where they are prepared.
+fn porosity(scene: &Scene) -> f64 {
+    let dimension = scene.grid.dimension;
+    let densest = if dimension == 2 { 0.0931 } else { 0.2595 };
+    let list = match scene.grains.as_ref().map(|grains| &grains.source) {
+        Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) => list,
+        _ => return densest,
+    };
+    let edge = |axis: usize, side: f64| {
+        let ends = list
+            .iter()
+            .map(|g: &solids::Grain| side * g.position[axis] + g.radius);
+        ends.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let volume: f64 = (0..dimension)
+        .map(|a| edge(a, 1.0) + edge(a, -1.0))
+        .product();
+    let solid: f64 = list.iter().map(|g| measure(dimension, g.radius)).sum();
+    (1.0 - solid / volume).clamp(densest, 1.0)
+}

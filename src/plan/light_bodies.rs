@@ -1,0 +1,198 @@
+//! How light a free body may be beside the water that carries it.
+//!
+//! The load of a step is known only after the body has moved: a body much lighter than the water is thrown to and fro by what it has
+//! just done to the water. The number is s = ρ_s/ρ_f with the radius R in cells, for other shapes n V/A in n dimensions.
+//!
+//! *Links that bounce* resist a change of the velocity by 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f along its
+//! normal for each cell of its area: 2/3 for a disc and 5/9 for a sphere on the average. Over the mass this is a = 4/(3 R s) and
+//! 5/(3 R s) in a step. With the mean of two loads v(n+1) = v(n) - a (v(n) + v(n-1))/2 grows from a = 2 on, so that
+//!
+//! ```text
+//! s R > 2/3 for discs,   s R > 5/6 for spheres
+//! ```
+//!
+//! *Partially saturated cells*: the water inside takes the velocity of the body within a step, F(n) = -m_w [v(n) - v(n-1)], and what it
+//! takes is given back from the change of the body's last step. Together s [v(n+1) - v(n)] = [v(n) - 2 v(n-1) + v(n-2)]/2, which grows
+//! where s < 1/2; the resistance of the surface adds a part that falls with R. Where the water inside is left in, the first term alone
+//! is left, and light bodies are borne a little better.
+//!
+//! The numbers below are those of the maps (`benches/stability/free-body`): every body lighter than `fails` was thrown away, none heavier than `holds`.
+//! The steps of the solid do not matter, since the load is held through them.
+//!
+//! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells that keep their water: without it they are borne better.
+
+use super::envelope::{Margin, margin};
+use crate::case::coupling::{Coupling, PartiallySaturated, SolidOperator};
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Flow;
+use crate::scene::grid::count;
+use crate::scene::solids::Mobility;
+
+/// Density ratios of a body of some size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Bounds {
+    fails: f64,
+    holds: f64,
+}
+
+/// The bounds of a body of radius R in cells.
+fn bounds(coupling: &Coupling, flow: &Flow, dimension: usize, radius: f64) -> Bounds {
+    match coupling {
+        Coupling::BounceBack(_) if dimension == 2 => Bounds {
+            fails: 0.65 / radius,
+            holds: 0.86 / radius,
+        },
+        Coupling::BounceBack(_) => Bounds {
+            fails: 0.81 / radius,
+            holds: 1.13 / radius,
+        },
+        Coupling::PartiallySaturated(PartiallySaturated {
+            exclude_inner_fluid: false,
+            ..
+        }) => Bounds {
+            fails: 0.33,
+            holds: 0.58,
+        },
+        Coupling::PartiallySaturated(written) => {
+            match super::models::solid_operator(written, flow) {
+                SolidOperator::ViscosityMatched => Bounds {
+                    fails: (0.25 + 0.9 / radius).max(0.4),
+                    holds: (0.35 + 1.2 / radius).max(0.5),
+                },
+                _ => Bounds {
+                    fails: 0.38 + 1.0 / radius,
+                    holds: 0.55 + 1.0 / radius,
+                },
+            }
+        }
+    }
+}
+
+/// A kind of body that moves by forces.
+struct Kind {
+    material: usize,
+    /// Radius that the water sees, in cells.
+    radius: f64,
+}
+
+fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
+    let h = scene.grid.spacing;
+    let mut kinds = Vec::new();
+    let free = scene.bodies.iter().filter(|b| b.mobility == Mobility::Free);
+    for body in free.filter(|b| b.solid.is_none()) {
+        kinds.push(Kind {
+            material: body.material,
+            radius: body.radius / h,
+        });
+    }
+    if let Some(grains) = &scene.grains
+        && let Some((smallest, _)) = grains.radii
+    {
+        kinds.push(Kind {
+            material: grains.material,
+            radius: smallest * coupling.hydraulic_radius_factor() / h,
+        });
+    }
+    for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
+        let faces = 0..solid.shape.half_spaces().len();
+        let surface: f64 = faces.map(|face| solid.shape.face_area(face)).sum();
+        let radius = count(3) * solid.shape.volume() / surface / h;
+        kinds.push(Kind { material, radius });
+    }
+    kinds
+}
+
+/// Notes how light the lightest body is, and refuses or warns where such bodies were thrown away.
+pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
+    let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
+        return;
+    };
+    let judged = kinds(scene, coupling).into_iter().map(|kind| {
+        let ratio = scene.density(kind.material) / flow.density;
+        let bounds = bounds(coupling, flow, scene.grid.dimension, kind.radius);
+        (bounds.holds / ratio, ratio, bounds, kind)
+    });
+    let Some((_, ratio, bounds, kind)) = judged
+        .filter(|(used, ..)| used.is_finite())
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+    else {
+        return;
+    };
+    let name = &scene.materials[kind.material].name;
+    let path = format!("materials.{name}.density");
+    margins.push(margin(
+        "least density over that of the fluid",
+        bounds.holds,
+        ratio,
+        &path,
+    ));
+    if ratio >= bounds.holds {
+        return;
+    }
+    let mut remedy = format!(
+        "use a density of at least {} kg/m3",
+        number(bounds.holds * flow.density)
+    );
+    if matches!(coupling, Coupling::BounceBack(_)) {
+        let finer = scene.grid.spacing * ratio / bounds.holds;
+        remedy += &format!(", or a spacing of at most {} m", number(finer));
+    }
+    let reason = |word: &str, bound: f64| {
+        format!(
+            "a free body of {} cells in radius is {} times as dense as the fluid: {word} {} it is thrown to and fro by its own load",
+            number(kind.radius),
+            number(ratio),
+            number(bound)
+        )
+    };
+    if ratio < bounds.fails {
+        findings.error(&path, reason("below", bounds.fails), remedy);
+    } else {
+        findings.warn(&path, reason("below up to", bounds.holds), remedy);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::Document;
+    use crate::error::Severity;
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    /// 2 where the plan refuses for the density, 1 where it warns.
+    fn verdict(coupling: &str, density: f64) -> u8 {
+        let text = format!(
+            r#"{{
+                "domain": {{"size": [0.04, 0.04], "spacing": 1e-3}},
+                "materials": {{"body": {{"density": {density}}}}},
+                "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8}}}},
+                "bodies": [{{"name": "body", "shape": {{"disc": {{"radius": 0.005}}}}, "position": [0.02, 0.02],
+                            "motion": {{"free": {{}}}}, "material": "body"}}],
+                "coupling": {coupling}, "time": {{"end": 1}}
+            }}"#
+        );
+        let document = Document::read(&text, &[], Path::new("")).unwrap();
+        let problems = match Plan::prepare(document) {
+            Ok(plan) => plan.warnings,
+            Err(problems) => problems,
+        };
+        let found = problems.iter().find(|p| p.path == "materials.body.density");
+        found.map_or(0, |p| if p.severity == Severity::Error { 2 } else { 1 })
+    }
+
+    /// Runs of the disc of five cells turn at s = 0.136 with links and 0.49 with saturated cells.
+    #[test]
+    fn a_light_body_is_refused_and_a_heavy_one_is_not() {
+        let links = r#"{"bounce_back": {}}"#;
+        assert_eq!(
+            [100.0, 140.0, 200.0, 2000.0].map(|d| verdict(links, d)),
+            [2, 1, 0, 0]
+        );
+        let cells = r#"{"partially_saturated": {}}"#;
+        assert_eq!(
+            [300.0, 490.0, 800.0, 2000.0].map(|d| verdict(cells, d)),
+            [2, 1, 0, 0]
+        );
+    }
+}

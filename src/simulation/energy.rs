@@ -1,0 +1,26 @@
+//! Energy of motion of all that moves by forces, for `summary.json`.
+
+use crate::dem::particles::{Kind, Particles};
+use crate::dem::space::{Components, Space};
+use decomposition::{Communicator, ExactSum};
+
+/// Energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on the ranks. Collective.
+pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
+    let mut sum = ExactSum::new();
+    for k in 0..particles.owned() {
+        let (body, motion) = (&particles.body[k], &particles.motion[k]);
+        if body.kind != Kind::Free {
+            continue;
+        }
+        sum.add(0.5 * body.mass * motion.velocity.scalar(&motion.velocity));
+        sum.add(match particles.polyhedron(k) {
+            Some((shape, attitude)) => attitude.energy(&shape.inertia(body.mass / shape.volume())),
+            None => {
+                let spins = (0..S::Spin::COUNT).map(|axis| motion.spin.get(axis).powi(2));
+                0.5 * body.inertia * spins.sum::<f64>()
+            }
+        });
+    }
+    sum.all_reduce(communicator);
+    sum.value()
+}
