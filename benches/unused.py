@@ -54,13 +54,18 @@ def water(cells, steps, **more):
 
 
 def spheres(number, steps, spacing=0.01, more=None):
-    """Spheres at rest on a lattice; with a block far above them where `more` says so."""
-    list_ = [{"position": [0.01 * (i % 50 + 1), 0.01 * (i // 50 % 50 + 1), 0.01 * (i // 2500 + 1)], "radius": 0.005002} for i in range(number)]
+    """Spheres at rest on a lattice, from a file; with a block far above them where `more` says so."""
+    sample = f"{WORK}/spheres{number}.csv"
+    with open(sample, "w") as file:
+        file.write("x,y,z,radius\n")
+        for i in range(number):
+            x, y, z = i % 50 + 1, i // 50 % 50 + 1, i // 2500 + 1
+            file.write(f"{0.01 * x!r},{0.01 * y!r},{0.01 * z!r},0.005002\n")
     stiff = {"normal_stiffness": {"absolute": 1e4}}
     case = {
         "domain": {"size": [0.6, 0.6, 0.6], "spacing": spacing},
         "materials": {"sand": {"density": 2600}},
-        "grains": {"material": "sand", "initial": {"list": list_}},
+        "grains": {"material": "sand", "initial": {"file": {"path": sample}}},
         "contact": {"linear": stiff},
         "time": {"end": steps * 1e-5, "solid_time_step": 1e-5},
         "checkpoint": {"every_wall_seconds": 0},

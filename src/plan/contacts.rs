@@ -14,10 +14,11 @@
 //!
 //! Two limits are compared with the step:
 //!
-//! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it the case is refused.
-//! * that of the densest packing of the smallest grains, 6 discs or 12 spheres round each: `lambda k/m` is 6 or 8 for the normal
-//!   springs, and 24 or 40 for the shear springs when all turn the same way. Fewer partners make at most
-//!   `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared may come to it: a warning.
+//! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it without friction the case
+//!   is refused: what is hardly pressed slips, so that friction alone is no spring. With the springs of friction it is a warning.
+//! * that of a packing of the smallest grains: `lambda k/m` of the normal springs is 6 or 8 in the densest packing of discs or spheres, and that
+//!   of the shear springs 16 or 20 where all turn the same way on 4 or 6 partners, as many as a random packing has. Fewer partners make at
+//!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared may come to it: a warning.
 //!
 //! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
 
@@ -96,9 +97,9 @@ fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partner
     let mass = scene.mass(material, radius);
     let dimension = scene.grid.dimension;
     let (lattice, kissing): ([f64; 2], f64) = if dimension == 2 {
-        ([6.0, 24.0], 6.0)
+        ([6.0, 16.0], 6.0)
     } else {
-        ([8.0, 40.0], 12.0)
+        ([8.0, 20.0], 12.0)
     };
     let round = 2.0 * partners.min(kissing);
     let factors = [
@@ -200,7 +201,8 @@ pub(super) fn check(
 /// together or between unequal grains.
 const LOOK: f64 = 0.25;
 
-/// The limit of the contacts of the start, infinite where they are not known or far from it, and that of the densest packing.
+/// The limit of the contacts of the start as they slip, infinite where they are not known or far from it, and that of a packing or of
+/// the contacts as they stick.
 fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
     let partners = others(scene);
     let mut kinds = moving(scene);
@@ -221,8 +223,10 @@ fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
             GrainSource::List(_) | GrainSource::File { .. }
         )
     });
-    let network = network::Network::of(scene, contact, !prepared);
-    (network.limit(), worst)
+    let mut network = network::Network::of(scene, contact, !prepared);
+    let whole = network.limit();
+    network.let_slip();
+    (network.limit(), worst.min(whole))
 }
 
 /// What decides the solid step.

@@ -61,7 +61,12 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("analysis", &[], &["io"]),
     // Packings are grown by the engine of the grains.
     ("scene", &["case", "dem", "random", "units"], &["io"]),
-    ("plan", &["case", "scene", "units"], &[]),
+    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag.
+    (
+        "plan",
+        &["case", "coupling", "darcy", "dem", "scene", "units"],
+        &[],
+    ),
     ("case", &["units"], &[]),
     (
         "coupling",

@@ -34,6 +34,7 @@ struct Spring {
 pub(super) struct Network {
     nodes: Vec<Node>,
     springs: Vec<Spring>,
+    bonded: bool,
 }
 
 /// Translation and rotation of a node, in coordinates scaled by the roots of the masses.
@@ -48,8 +49,9 @@ impl Network {
         let mut network = Self {
             nodes: nodes(scene, listed),
             springs: Vec::new(),
+            bonded: bonds(scene, contact),
         };
-        let bonded = bonds(scene, contact);
+        let bonded = network.bonded;
         let reach = match contact.law {
             Law::ContactBond { bonding_gap, .. } if bonded => bonding_gap,
             _ => 0.0,
@@ -127,6 +129,17 @@ impl Network {
                     constants: constants(maker.contact, &meeting),
                 });
             }
+        }
+    }
+
+    /// Takes away the springs and dashpots across the normals, where no bond holds them.
+    pub(super) fn let_slip(&mut self) {
+        if self.bonded {
+            return;
+        }
+        for spring in &mut self.springs {
+            spring.constants.stiffness[1] = 0.0;
+            spring.constants.dashpots[1] = 0.0;
         }
     }
 
