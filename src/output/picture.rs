@@ -1,10 +1,12 @@
 //! Pictures of a run: water, grains and blocks at some times side by side, as one SVG file that any browser shows: `solver picture`.
 //!
 //! In the plane the speed of the water (or another field) lies behind the grains; in space grains and blocks are seen from one
-//! side without perspective, lit from the viewer's left shoulder. All panels share one scale of colours. The raster is a PNG inside
-//! the SVG, the text is text.
+//! side without perspective, lit from the viewer's left shoulder, or a section is cut, which shows the water too. All panels share one
+//! scale of colours. The raster is a PNG inside the SVG, text and streamlines are text and lines.
 
 mod faces;
+mod section;
+mod streamlines;
 
 use crate::error::Error;
 use base64::Engine as _;
@@ -13,6 +15,7 @@ use faces::{Faces, id_of};
 use io::fields::{Values, inspect, read_column};
 use io::series::Moment;
 use io::{Alone, Series};
+use section::Section;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -32,6 +35,12 @@ pub struct PictureOptions {
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
     pub view: View,
+    /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only water].
+    #[arg(long, value_name = "AXIS=METRES")]
+    pub section: Option<Section>,
+    /// Draw streamlines of the water in the plane or section.
+    #[arg(long)]
+    pub streamlines: bool,
     /// Width of a panel [pixels]; the file grows with its square.
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u16).range(64..=4096))]
     pub width: u16,
@@ -88,16 +97,17 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .map(|path| Faces::read(&path, colour.unwrap_or("velocity")))
             .transpose()?;
         let shaped = faces.as_ref().map(|faces| faces.ids.clone());
-        scenes.push(Scene {
+        let scene = Scene {
             time: moment.time,
             water: file(&fluid)
-                .map(|path| Water::read(&path, &request.field))
+                .map(|path| Water::read(&path, &request.field, request.streamlines))
                 .transpose()?,
             grains: file(&grains)
                 .map(|path| Grains::read(&path, colour, &shaped.unwrap_or_default()))
                 .transpose()?,
             faces,
-        });
+        };
+        scenes.push(scene.cut(request.section));
     }
     let text = draw(&scenes, request)?;
     let output = request
@@ -142,6 +152,24 @@ struct Scene {
     faces: Option<Faces>,
 }
 
+impl Scene {
+    /// The section asked for, or through the middle where there is but water in space.
+    fn cut(mut self, section: Option<Section>) -> Self {
+        let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
+        let alone = self.grains.is_none() && self.faces.is_none();
+        let section = section.or(deep.filter(|_| alone).map(Section::middle));
+        if let (Some(section), Some(water)) = (section, deep) {
+            self.water = section.water(water);
+            if let Some(grains) = &mut self.grains {
+                section.grains(grains);
+            }
+            // Blocks are what is solid in the water.
+            self.faces = None;
+        }
+        self
+    }
+}
+
 /// A field on cells: magnitude of what was read.
 struct Water {
     /// Cells along x, y, z.
@@ -150,11 +178,13 @@ struct Water {
     spacing: [f64; 3],
     values: Vec<f64>,
     solid: Vec<bool>,
+    /// Velocities (m/s), for streamlines.
+    flow: Option<Vec<[f64; 3]>>,
     units: String,
 }
 
 impl Water {
-    fn read(path: &Path, field: &str) -> Result<Self, Error> {
+    fn read(path: &Path, field: &str, streamlines: bool) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
         let info = inspect(path).map_err(wrong)?;
         let numbers = |name: &str| -> Option<Vec<f64>> {
@@ -175,12 +205,23 @@ impl Water {
         let solid = read_column(path, "solid")
             .map(|s| s.values.iter().map(|&v| v > 0.5).collect())
             .unwrap_or_else(|_| vec![false; values.len()]);
+        let flow = streamlines
+            .then(|| read_column(path, "velocity"))
+            .transpose()
+            .map_err(wrong)?
+            .map(|column| {
+                let width = (column.values.len() / values.len().max(1)).max(1);
+                let each = column.values.chunks_exact(width);
+                each.map(|v| std::array::from_fn(|a| v.get(a).copied().unwrap_or(0.0)))
+                    .collect()
+            });
         Ok(Self {
             cells: [x, y, z],
             origin: std::array::from_fn(|a| origin.get(a).copied().unwrap_or(0.0)),
             spacing: std::array::from_fn(|a| spacing.get(a).copied().unwrap_or(1.0)),
             values,
             solid,
+            flow,
             units: column.units.unwrap_or_default(),
         })
     }
@@ -580,9 +621,21 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         if let (Some(faces), Some(scale)) = (&scene.faces, grains) {
             faces.paint(&mut raster, &frame, |v| grain_colour(share(v, scale)));
         }
-        panels.push((scene.time, raster));
+        let lines = scene
+            .water
+            .as_ref()
+            .filter(|w| w.cells[2] == 1 && w.flow.is_some());
+        let lines = lines.map(|water| {
+            streamlines::draw(water, |at| {
+                [
+                    (water.origin[0] + at[0] * water.spacing[0] - frame.low[0]) / raster.pixel,
+                    (frame.high[1] - water.origin[1] - at[1] * water.spacing[1]) / raster.pixel,
+                ]
+            })
+        });
+        panels.push((scene.time, raster, lines));
     }
-    let Some((_, first)) = panels.first() else {
+    let Some((_, first, _)) = panels.first() else {
         return Err(Error::Io("there is nothing to draw".into()));
     };
     let (width, height, pixel) = (first.width, first.height, first.pixel);
@@ -603,7 +656,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
         total[0], total[1]
     );
-    for (k, (time, raster)) in panels.iter().enumerate() {
+    for (k, (time, raster, lines)) in panels.iter().enumerate() {
         let x = GAP + (k % columns) * (width + GAP);
         let y = (k / columns) * (height + HEAD + GAP) + HEAD;
         let data = base64::engine::general_purpose::STANDARD.encode(raster.to_png()?);
@@ -612,6 +665,9 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
             "<text x=\"{x}\" y=\"{}\">t = {time:.4} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
             y - 6
         );
+        if let Some(lines) = lines {
+            let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
+        }
     }
     let foot = rows * (height + HEAD + GAP) + 20;
     let length = round_length(real(width) * pixel);

@@ -1,0 +1,139 @@
+//! A plane cut through a scene in space: the water of the layer of cells that it crosses, and circles where it cuts grains. What comes out
+//! is a scene in the plane of its two other axes, x before y before z.
+
+use super::{Grains, Water, floor, real};
+use std::str::FromStr;
+
+/// Where to cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// 0, 1 or 2: the axis across the plane.
+    pub axis: usize,
+    /// Where the plane stands on it (m).
+    pub at: f64,
+}
+
+impl FromStr for Section {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is no plane such as y=0.08");
+        let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
+        let axis = ["x", "y", "z"].iter().position(|name| *name == axis.trim());
+        let at: f64 = at.trim().parse().map_err(|_| wrong())?;
+        match axis {
+            Some(axis) if at.is_finite() => Ok(Self { axis, at }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl Section {
+    /// The plane across y through the middle of the water.
+    pub(super) fn middle(water: &Water) -> Self {
+        Self {
+            axis: 1,
+            at: water.origin[1] + 0.5 * real(water.cells[1]) * water.spacing[1],
+        }
+    }
+
+    /// The axes to the right and up.
+    fn plane(self) -> [usize; 2] {
+        match self.axis {
+            0 => [1, 2],
+            1 => [0, 2],
+            _ => [0, 1],
+        }
+    }
+
+    /// The layer of water that the plane crosses; none where it passes by.
+    pub(super) fn water(self, water: &Water) -> Option<Water> {
+        let depth = (self.at - water.origin[self.axis]) / water.spacing[self.axis];
+        if !(0.0..=real(water.cells[self.axis])).contains(&depth) {
+            return None;
+        }
+        let layer = floor(depth).min(water.cells[self.axis] - 1);
+        let [right, up] = self.plane();
+        let place = |k: usize, l: usize| {
+            let mut cell = [0; 3];
+            cell[self.axis] = layer;
+            cell[right] = k;
+            cell[up] = l;
+            (cell[2] * water.cells[1] + cell[1]) * water.cells[0] + cell[0]
+        };
+        let (width, height) = (water.cells[right], water.cells[up]);
+        let places = || (0..height).flat_map(|l| (0..width).map(move |k| place(k, l)));
+        Some(Water {
+            cells: [width, height, 1],
+            origin: [water.origin[right], water.origin[up], 0.0],
+            spacing: [water.spacing[right], water.spacing[up], 1.0],
+            values: places().map(|n| water.values[n]).collect(),
+            solid: places().map(|n| water.solid[n]).collect(),
+            flow: water.flow.as_ref().map(|flow| {
+                let turned = |v: [f64; 3]| [v[right], v[up], v[self.axis]];
+                places().map(|n| turned(flow[n])).collect()
+            }),
+            units: water.units.clone(),
+        })
+    }
+
+    /// Circles where the plane cuts grains.
+    pub(super) fn grains(self, grains: &mut Grains) {
+        let [right, up] = self.plane();
+        let away = |p: &[f64; 3]| p[self.axis] - self.at;
+        let cut: Vec<bool> = (grains.positions.iter().zip(&grains.radii))
+            .map(|(p, r)| away(p).abs() < *r)
+            .collect();
+        grains.retain(|k| cut[k]);
+        for (p, r) in grains.positions.iter_mut().zip(&mut grains.radii) {
+            *r = (*r * *r - away(p).powi(2)).sqrt();
+            *p = [p[right], p[up], 0.0];
+        }
+        grains.flat = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_section_is_read_from_its_axis_and_place() {
+        let section = |text: &str| text.parse::<Section>();
+        assert_eq!(section("y=0.08"), Ok(Section { axis: 1, at: 0.08 }));
+        assert_eq!(section(" z = -1e-3"), Ok(Section { axis: 2, at: -1e-3 }));
+        for wrong in ["0.08", "w=1", "y=", "y=inf"] {
+            assert!(section(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_section_holds_the_layer_that_it_crosses() {
+        // Two by three by four cells; each holds 100 x + 10 y + z.
+        let mut values = Vec::new();
+        for z in 0..4 {
+            for y in 0..3 {
+                values.extend((0..2).map(|x| f64::from(100 * x + 10 * y + z)));
+            }
+        }
+        let flow = values.iter().map(|v| [*v, -1.0, 7.0]).collect();
+        let water = Water {
+            cells: [2, 3, 4],
+            origin: [0.0, 1.0, 0.0],
+            spacing: [0.5, 0.5, 0.5],
+            solid: vec![false; values.len()],
+            values,
+            flow: Some(flow),
+            units: String::new(),
+        };
+        let cut = Section { axis: 1, at: 1.7 }.water(&water).unwrap();
+        assert_eq!(cut.cells, [2, 4, 1]);
+        assert_eq!(
+            cut.values,
+            [10.0, 110.0, 11.0, 111.0, 12.0, 112.0, 13.0, 113.0]
+        );
+        assert_eq!(cut.flow.unwrap()[1], [110.0, 7.0, -1.0]);
+        assert!(Section { axis: 1, at: 0.9 }.water(&water).is_none());
+        assert_eq!(Section::middle(&water), Section { axis: 1, at: 1.75 });
+    }
+}

@@ -1,0 +1,209 @@
+//! Streamlines of a plane flow: followed both ways from seeds by the method of Runge and Kutta of fourth order, each until it leaves the
+//! water, stands still or comes close to another. Seeds are tried in rows, so that lines fill the plane evenly (Jobard and Lefer,
+//! Visualization in Scientific Computing '97, 43, by squares instead of distances).
+
+use super::{Water, floor, real};
+use std::fmt::Write as _;
+
+/// Squares that keep lines apart, along the longer edge of the plane.
+const SQUARES: f64 = 36.0;
+/// Steps of a line in each direction, half a cell each.
+const MOST_STEPS: usize = 4000;
+
+/// The velocity at a point in cells from the corner, between the middles of the cells; none in solids and outside.
+fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> {
+    let [width, height] = [water.cells[0], water.cells[1]];
+    if !(0.0..real(width)).contains(&at[0]) || !(0.0..real(height)).contains(&at[1]) {
+        return None;
+    }
+    if water.solid[floor(at[1]) * width + floor(at[0])] {
+        return None;
+    }
+    let mut sum = [0.0; 2];
+    let mut weights = 0.0;
+    let low = at.map(|x| (x - 0.5).floor());
+    for corner in 0..4 {
+        let cell = [low[0] + real(corner & 1), low[1] + real(corner >> 1)];
+        let weight: f64 = (0..2)
+            .map(|a| 1.0 - (at[a] - 0.5 - cell[a]).abs())
+            .product();
+        let [k, l] = [
+            floor(cell[0].max(0.0)).min(width - 1),
+            floor(cell[1].max(0.0)).min(height - 1),
+        ];
+        let n = l * width + k;
+        if !water.solid[n] {
+            sum[0] += weight * flow[n][0];
+            sum[1] += weight * flow[n][1];
+            weights += weight;
+        }
+    }
+    (weights > 0.0).then(|| sum.map(|v| v / weights))
+}
+
+/// The direction of the flow, as long as one.
+fn direction(water: &Water, flow: &[[f64; 3]], at: [f64; 2], still: f64) -> Option<[f64; 2]> {
+    let [u, v] = velocity(water, flow, at)?;
+    let speed = u.hypot(v);
+    (speed > still).then(|| [u / speed, v / speed])
+}
+
+/// A step of `length` cells along the flow.
+fn step(
+    water: &Water,
+    flow: &[[f64; 3]],
+    at: [f64; 2],
+    length: f64,
+    still: f64,
+) -> Option<[f64; 2]> {
+    let go =
+        |k: [f64; 2], share: f64| [at[0] + share * length * k[0], at[1] + share * length * k[1]];
+    let look = |at| direction(water, flow, at, still);
+    let a = look(at)?;
+    let b = look(go(a, 0.5))?;
+    let c = look(go(b, 0.5))?;
+    let d = look(go(c, 1.0))?;
+    let mean = std::array::from_fn(|n| (a[n] + 2.0 * (b[n] + c[n]) + d[n]) / 6.0);
+    Some(go(mean, 1.0))
+}
+
+/// Lines through the plane, in cells from its corner.
+pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
+    let Some(flow) = &water.flow else {
+        return Vec::new();
+    };
+    let fastest = flow.iter().map(|v| v[0].hypot(v[1])).fold(0.0, f64::max);
+    let still = 1e-4 * fastest;
+    let edge = (real(water.cells[0].max(water.cells[1])) / SQUARES).max(1.0);
+    let squares = [0, 1].map(|a| floor((real(water.cells[a]) / edge).ceil()).max(1));
+    let square = |at: [f64; 2]| {
+        let [k, l] = [0, 1].map(|a| floor((at[a] / edge).max(0.0)).min(squares[a] - 1));
+        l * squares[0] + k
+    };
+    // Which line goes through a square; 0 for none.
+    let mut taken = vec![0_usize; squares[0] * squares[1]];
+    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+    for seed in 0..taken.len() {
+        if taken[seed] > 0 {
+            continue;
+        }
+        let start = [
+            (real(seed % squares[0]) + 0.5) * edge,
+            (real(seed / squares[0]) + 0.5) * edge,
+        ];
+        let name = lines.len() + 1;
+        let mut line = Vec::new();
+        let mut passed = Vec::new();
+        for length in [-0.5, 0.5] {
+            let mut at = start;
+            for _ in 0..MOST_STEPS {
+                let Some(next) = step(water, flow, at, length, still) else {
+                    break;
+                };
+                let there = square(next);
+                if taken[there] > 0 {
+                    break;
+                }
+                passed.push(there);
+                // Once round: a closed line.
+                let home = (next[0] - start[0]).hypot(next[1] - start[1]);
+                if line.len() > 12 && home < 0.4 {
+                    break;
+                }
+                line.push(next);
+                at = next;
+            }
+            if length < 0.0 {
+                line.reverse();
+                line.push(start);
+            }
+        }
+        if line.len() > floor(2.0 * edge).max(4) {
+            for square in passed {
+                taken[square] = name;
+            }
+            taken[seed] = name;
+            lines.push(line);
+        }
+    }
+    lines
+}
+
+/// The lines as SVG, with an arrow in the middle of each. `place` takes cells to the picture.
+pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> String {
+    let mut svg = String::from("<g fill=\"none\" stroke=\"#222\" stroke-width=\"0.8\">\n");
+    for line in lines(water) {
+        svg.push_str("<polyline points=\"");
+        // A point a cell is as smooth as the field.
+        for point in line.iter().step_by(2).chain(line.last()) {
+            let [x, y] = place(*point);
+            let _ = write!(svg, "{x:.1},{y:.1} ");
+        }
+        svg.push_str("\"/>\n");
+        let middle = line.len() / 2;
+        if let (Some(&a), Some(&b)) = (line.get(middle.saturating_sub(1)), line.get(middle)) {
+            let ([x0, y0], [x, y]) = (place(a), place(b));
+            let turn = (y - y0).atan2(x - x0).to_degrees();
+            let _ = writeln!(
+                svg,
+                "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},{y:.1}) rotate({turn:.0})\"/>"
+            );
+        }
+    }
+    svg.push_str("</g>\n");
+    svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Water of 48 x 32 cells that moves as `flow` says of the middle of each.
+    fn water(flow: impl Fn(f64, f64) -> [f64; 3], solid: impl Fn(f64, f64) -> bool) -> Water {
+        let middles = || (0..32).flat_map(|l| (0..48).map(move |k| (real(k) + 0.5, real(l) + 0.5)));
+        Water {
+            cells: [48, 32, 1],
+            origin: [0.0; 3],
+            spacing: [1.0; 3],
+            values: vec![0.0; 48 * 32],
+            solid: middles().map(|(x, y)| solid(x, y)).collect(),
+            flow: Some(middles().map(|(x, y)| flow(x, y)).collect()),
+            units: String::new(),
+        }
+    }
+
+    /// Water that turns as a solid goes round in circles, and the field between the middles is exact there.
+    #[test]
+    fn lines_of_a_vortex_are_circles() {
+        let vortex = water(|x, y| [16.0 - y, x - 24.0, 0.0], |_, _| false);
+        let flow = vortex.flow.clone().unwrap();
+        let mut at = [34.0, 16.0];
+        for _ in 0..400 {
+            at = step(&vortex, &flow, at, 0.5, 1e-9).unwrap();
+        }
+        let radius = (at[0] - 24.0_f64).hypot(at[1] - 16.0);
+        assert!((radius - 10.0).abs() < 1e-4, "{radius}");
+        for line in lines(&vortex) {
+            let radii = line.iter().map(|p| (p[0] - 24.0).hypot(p[1] - 16.0));
+            let (low, high) = radii.fold((f64::MAX, 0.0_f64), |(l, h), r| (l.min(r), h.max(r)));
+            assert!(high - low < 1e-2 || high > 15.0, "{low} to {high}");
+        }
+    }
+
+    #[test]
+    fn lines_end_at_solids_and_leave_none_of_the_water_empty() {
+        let wall = |x: f64, _: f64| x > 30.0;
+        let stream = water(|_, _| [1.0, 0.0, 0.0], wall);
+        let all = lines(&stream);
+        assert!(all.len() > 15, "{}", all.len());
+        for line in &all {
+            assert!(line.iter().all(|p| p[0] < 30.0 && p[0] > 0.0));
+            let rows = line.iter().map(|p| p[1]);
+            let (low, high) = rows.fold((f64::MAX, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
+            assert!(high - low < 1e-9);
+        }
+        let picture = draw(&stream, |p| p);
+        assert_eq!(picture.matches("<polyline").count(), all.len());
+        assert!(lines(&water(|_, _| [0.0; 3], |_, _| false)).is_empty());
+    }
+}
