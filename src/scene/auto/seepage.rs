@@ -319,16 +319,16 @@ mod tests {
         let stress = 0.6 * 1650.0 * 9.81 * 0.1 + 500.0;
         let bed = Bed::of(&scene).unwrap();
         assert!((bed.stress / stress - 1.0).abs() < 1e-9, "{}", bed.stress);
-        let stiffness = stress * 0.004 / 0.000886;
+        let stiffness = stress * 0.004 / 0.0000473;
         assert!((softest(&scene).unwrap() / stiffness - 1.0).abs() < 1e-9);
-        let time = 0.55 * (0.002 * 0.6 * 2650.0 * 0.1 / stress).sqrt();
+        let time = 0.5 * (0.002 * 0.6 * 2650.0 * 0.1 / stress).sqrt();
         let chosen = scene
             .seepage
             .as_ref()
             .and_then(|s| s.coupling_time)
             .unwrap();
         assert!((chosen / time - 1.0).abs() < 1e-9, "{chosen}");
-        assert_eq!(scene.chosen.promised, Some(2.0 * (0.0280 + 0.0100)));
+        assert_eq!(scene.chosen.promised, Some(2.0 * (0.0190 + 0.0160)));
     }
 
     #[test]
@@ -338,9 +338,9 @@ mod tests {
                 r#"contact={{"linear":{{"normal_stiffness":{{"absolute":{k}}},"normal_damping_ratio":0.3}}}}"#
             )
         };
-        let stiff = scene(&[&law(1e6)]);
-        assert!((softest(&stiff).unwrap() / 1e6 - 1.0).abs() < 1e-9);
-        assert_eq!(stiff.chosen.promised, Some(2.0 * (0.0129 + 0.0100)));
+        let stiff = scene(&[&law(1e7)]);
+        assert!((softest(&stiff).unwrap() / 1e7 - 1.0).abs() < 1e-9);
+        assert_eq!(stiff.chosen.promised, Some(2.0 * (0.0056 + 0.0160)));
         assert_eq!(scene(&[&law(10.0)]).chosen.promised, None);
         let often = scene(&["fluid.darcy.coupling_interval=7"]);
         let seepage = often.seepage.as_ref().unwrap();
