@@ -223,7 +223,7 @@ fn clock(scene: &Scene, findings: &mut Findings) -> Option<Clock> {
         let steps = scene
             .seepage
             .as_ref()
-            .map_or(1, |seepage| seepage.written.coupling_interval);
+            .map_or(1, |seepage| seepage.coupling_interval(dt));
         (dt * f64::from(steps), steps)
     };
     let total = time.end / time_step;

@@ -25,7 +25,6 @@ use crate::case::contact::Contact;
 use crate::case::coupling::{Coupling, Scheme, SolidOperator};
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
-use crate::case::solids::Shape;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
 use crate::case::{Case, check};
 use crate::dem::polyhedron::Solid;
@@ -307,8 +306,7 @@ fn agree(case: &Case, findings: &mut Findings) {
             .bodies
             .iter()
             .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
-    let shaped = |shape: &Shape| !matches!(shape, Shape::Disc { .. } | Shape::Sphere { .. });
-    let polyhedra = case.blocks.is_some() || case.bodies.iter().any(|b| shaped(&b.shape));
+    let polyhedra = case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round());
     of_covered_cells(case, findings);
     if polyhedra {
         of_polyhedra(case, findings);

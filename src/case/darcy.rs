@@ -53,10 +53,10 @@ pub struct Darcy {
     /// Whether a grain that follows the water faster than the coupling interval feels the drag at its end.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
-    /// Steps of the grains between two couplings (C-16).
-    #[serde(default = "default_interval")]
+    /// Steps of the grains between two couplings (C-16). Without it as many as the `accuracy` allows, and 100 where none is asked for.
+    #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]
-    pub coupling_interval: u32,
+    pub coupling_interval: Option<u32>,
     /// Largest imbalance of a cell at which the pressure is accepted, relative to that at uniform pressure.
     #[serde(default = "default_tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.01))]
@@ -73,10 +73,6 @@ fn default_cap() -> f64 {
 
 fn default_least() -> f64 {
     0.1
-}
-
-fn default_interval() -> u32 {
-    100
 }
 
 fn default_tolerance() -> f64 {

@@ -135,6 +135,14 @@ pub enum Shape {
     Mesh(Mesh),
 }
 
+impl Shape {
+    /// Whether it is a disc or a sphere.
+    #[must_use]
+    pub fn round(&self) -> bool {
+        matches!(self, Self::Disc { .. } | Self::Sphere { .. })
+    }
+}
+
 /// How a body moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]

@@ -2,9 +2,7 @@
 
 use super::Clock;
 use crate::case::contact::BlockModel;
-use crate::case::coupling::{
-    Coupling, PartiallySaturated, Scheme, SolidFraction, SolidOperator, Weighting,
-};
+use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
 use crate::case::darcy::Resistance;
 use crate::case::fluid::{Collision, Precision, Turbulence};
 use crate::scene::Scene;
@@ -72,7 +70,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "Darcy seepage".into(),
             format!(
                 "asked for; {} x {} x {} cells, coupled every {} solid steps",
-                seepage.cells[0], seepage.cells[1], seepage.cells[2], written.coupling_interval
+                seepage.cells[0], seepage.cells[1], seepage.cells[2], clock.solid_steps_per_step
             ),
         );
         choose(
@@ -234,21 +232,6 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     list
 }
 
-/// From this relaxation time on, without eddies, flow is slow enough for the matched operator: its cells resist by viscosity alone.
-const SLOW: f64 = 0.52;
-
-/// What solids do to the cells that they cover: as written, or by the relaxation time.
-#[must_use]
-pub fn solid_operator(written: &PartiallySaturated, flow: &Flow) -> SolidOperator {
-    written.solid_operator.unwrap_or({
-        if flow.collision.two_times() && flow.turbulence.is_none() && flow.relaxation_time >= SLOW {
-            SolidOperator::ViscosityMatched
-        } else {
-            SolidOperator::NonEquilibriumBounceBack
-        }
-    })
-}
-
 /// The coupling in words.
 fn name(coupling: &Coupling, flow: &Flow) -> String {
     let written = match coupling {
@@ -260,7 +243,7 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
         }
         Coupling::PartiallySaturated(written) => written,
     };
-    let chosen = solid_operator(written, flow);
+    let chosen = flow.solid_operator(written);
     let operator = match chosen {
         SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
         SolidOperator::Superposition => "superposition",

@@ -6,13 +6,15 @@
 //!    domain is a whole number of cells ([`spacing`]).
 //! 3. With the scene made, the time step and the operator, from its speeds ([`step`]); a fast flow may ask for finer cells, and the
 //!    scene is made once more.
-//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]).
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]); in seepage it and the coupling interval from what loads the
+//!    bed ([`seepage`]).
 //!
 //! Spacing, time step and what belongs to them are chosen only where a case names an `accuracy` or leaves out spacing or time step; all
 //! other cases mean what they always meant.
 
 pub(crate) mod features;
 pub mod measured;
+mod seepage;
 pub(crate) mod solids;
 pub(crate) mod spacing;
 pub(crate) mod step;
@@ -121,7 +123,12 @@ pub(crate) fn settle(
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);
     }
+    let target = asked(written).map(Accuracy::target);
     if case.contact.is_none() {
-        solids::choose_contact(scene, case, names, findings);
+        solids::choose_contact(scene, case, names, target, findings);
+    }
+    if let (Some(target), Some(_)) = (target, &scene.seepage) {
+        scene.chosen.accuracy = asked(written);
+        seepage::choose(scene, target, findings);
     }
 }

@@ -5,6 +5,7 @@ use super::findings::{Findings, number};
 use super::grid::{Grid, count, whole};
 use crate::case::Case;
 use crate::case::boundary::{Condition as Written, Fluctuations, VelocityProfile as Profile};
+use crate::case::coupling::{PartiallySaturated, SolidOperator};
 use crate::case::fluid::{
     self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence, TurbulenceChoice,
 };
@@ -15,6 +16,8 @@ use std::path::{Path, PathBuf};
 
 /// Where the lattice Boltzmann part of a case stands.
 pub(crate) const PATH: &str = "fluid.lattice_boltzmann";
+/// From this relaxation time on, without eddies, flow is slow enough for the matched operator: its cells resist by viscosity alone.
+const SLOW: f64 = 0.52;
 
 /// A resolved lattice Boltzmann fluid, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -218,6 +221,18 @@ pub enum VelocityProfile {
 }
 
 impl Flow {
+    /// What solids do to the cells that they cover: as written, or by the relaxation time.
+    #[must_use]
+    pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
+        let slow =
+            self.collision.two_times() && self.turbulence.is_none() && self.relaxation_time >= SLOW;
+        written.solid_operator.unwrap_or(if slow {
+            SolidOperator::ViscosityMatched
+        } else {
+            SolidOperator::NonEquilibriumBounceBack
+        })
+    }
+
     /// The scales of the lattice.
     #[must_use]
     pub fn units(&self, grid: &Grid) -> LatticeUnits {

@@ -13,12 +13,17 @@ use serde::Serialize;
 
 /// Where the seepage stands in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
+/// Steps of the grains between two couplings where nothing is said, and the most of them.
+const USUAL_INTERVAL: u32 = 100;
+const MOST_INTERVAL: u32 = 1_000_000;
 
 /// A resolved seepage, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Seepage {
     /// The choices as written.
     pub written: Darcy,
+    /// Longest time between two couplings for the accuracy asked for [s]; none where the case states the interval or asks for none.
+    pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
     /// Its lower corner [m].
@@ -67,6 +72,7 @@ impl Seepage {
         let planes = planes(written, grid, findings);
         let mut scene = Self {
             written: written.clone(),
+            coupling_time: None,
             cells,
             origin,
             spacing,
@@ -82,6 +88,31 @@ impl Seepage {
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
+    }
+
+    /// Steps of the grains, each of this time [s], between two couplings.
+    #[must_use]
+    pub fn coupling_interval(&self, solid_time_step: f64) -> u32 {
+        let chosen = self.coupling_time.map_or(USUAL_INTERVAL, |time| {
+            let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
+            u32::try_from(steps).unwrap_or(MOST_INTERVAL)
+        });
+        self.written.coupling_interval.unwrap_or(chosen)
+    }
+
+    /// Centre of a patch [m].
+    #[must_use]
+    pub fn centre(&self, patch: &Patch) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            let at = if a != patch.face.axis() {
+                0.5 * (count(patch.from[a]) + count(patch.to[a]))
+            } else if patch.face.is_max() {
+                count(self.cells[a])
+            } else {
+                0.0
+            };
+            self.origin[a] + at * self.spacing[a]
+        })
     }
 
     /// The smallest edge of a cell [m].

@@ -15,7 +15,6 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::Scheme;
 use crate::lbm::saturation::{Method as Saturation, Reflection, Weighting};
 use crate::plan::Plan;
-use crate::plan::models::solid_operator;
 use crate::units::LatticeUnits;
 
 /// Force per volume of a solid [N/m3] that the lattice does not know of.
@@ -68,7 +67,7 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
     };
     let flow = plan.scene.flow.as_ref()?;
     Some(Saturation {
-        reflection: match solid_operator(written, flow) {
+        reflection: match flow.solid_operator(written) {
             SolidOperator::NonEquilibriumBounceBack => Reflection::NonEquilibrium,
             SolidOperator::Superposition => Reflection::Superposition,
             SolidOperator::BounceBackAboutSolid => Reflection::AboutSolid,

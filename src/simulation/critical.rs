@@ -13,7 +13,6 @@ use crate::case::Document;
 use crate::case::darcy::SeepageCondition;
 use crate::error::{Error, Problem, Severity};
 use crate::plan::Plan;
-use crate::scene::grid::count;
 use crate::scene::observe::{Action, Region};
 use crate::scene::seepage::{Patch, Seepage};
 use decomposition::Communicator;
@@ -178,21 +177,6 @@ impl Inlet {
         let gravity = plan.scene.gravity;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let density = seepage.written.density;
-        let centre = |patch: &Patch| -> [f64; 3] {
-            std::array::from_fn(|a| {
-                let cells = count;
-                let at = if a == patch.face.axis() {
-                    if patch.face.is_max() {
-                        cells(seepage.cells[a])
-                    } else {
-                        0.0
-                    }
-                } else {
-                    0.5 * (cells(patch.from[a]) + cells(patch.to[a]))
-                };
-                seepage.origin[a] + at * seepage.spacing[a]
-            })
-        };
         let elevation = |at: [f64; 3]| -> f64 {
             if strength > 0.0 {
                 -(0..3).map(|a| at[a] * gravity[a]).sum::<f64>() / strength
@@ -204,7 +188,7 @@ impl Inlet {
         let per_pascal = 1.0 / (density * if strength > 0.0 { strength } else { 9.80665 });
         let head = |patch: &Patch| match patch.condition {
             SeepageCondition::Pressure { value } => {
-                Some(value * per_pascal + elevation(centre(patch)))
+                Some(value * per_pascal + elevation(seepage.centre(patch)))
             }
             SeepageCondition::Head { value } => Some(value),
             _ => None,
@@ -229,7 +213,7 @@ impl Inlet {
             SeepageCondition::Pressure { .. } => (
                 "pressure.value",
                 "Pa",
-                Some([per_pascal, elevation(centre(patch))]),
+                Some([per_pascal, elevation(seepage.centre(patch))]),
             ),
             SeepageCondition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
             SeepageCondition::Flux { .. } => ("flux.value", "m/s", None),
@@ -248,7 +232,7 @@ impl Inlet {
             path: format!("fluid.darcy.boundaries[{n}].condition.{field}"),
             quantity,
             head: own,
-            outlet: lowest(seepage, n, head, centre),
+            outlet: lowest(seepage, n, head),
             liquid: density,
             solid: plan
                 .scene
@@ -270,16 +254,15 @@ fn lowest(
     seepage: &Seepage,
     inlet: usize,
     head: impl Fn(&Patch) -> Option<f64>,
-    centre: impl Fn(&Patch) -> [f64; 3],
 ) -> Option<[f64; 2]> {
-    let from = centre(&seepage.patches[inlet]);
+    let from = seepage.centre(&seepage.patches[inlet]);
     let others = seepage
         .patches
         .iter()
         .enumerate()
         .filter(|(n, _)| *n != inlet);
     let outlets = others.filter_map(|(_, patch)| {
-        let to = centre(patch);
+        let to = seepage.centre(patch);
         let squared: f64 = (0..3).map(|a| (to[a] - from[a]).powi(2)).sum();
         head(patch).map(|head| [head, squared.sqrt()])
     });

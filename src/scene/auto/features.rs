@@ -3,12 +3,13 @@
 use super::coupling_of;
 use crate::case::Case;
 use crate::case::boundary::{Boundary, Condition};
-use crate::case::coupling::{Coupling, Scheme};
+use crate::case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
 use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
 use crate::case::geometry::Face;
 use crate::case::grains::{Grading, GrainSource};
 use crate::case::observe::Action;
 use crate::case::solids::Shape;
+use crate::scene::flow::Flow;
 use crate::scene::sample;
 
 /// Something that the water must resolve.
@@ -22,18 +23,35 @@ pub(crate) struct Feature {
     pub(crate) obstacle: &'static str,
 }
 
-/// The coupling as it stands in the table.
-fn obstacle(coupling: &Coupling) -> &'static str {
+/// The coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
+fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
     match coupling {
+        Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
+        Coupling::BounceBack(_) if !round => "blocks: half-way links",
         Coupling::PartiallySaturated(_) => "partially saturated cells",
         Coupling::BounceBack(links) if links.scheme == Scheme::HalfWay => "half-way links",
         Coupling::BounceBack(_) => "interpolated links",
     }
 }
 
+fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
+    if cells.weighting == Weighting::Fraction {
+        return "blocks: weighted by fraction";
+    }
+    let operator = flow.map_or(cells.solid_operator, |flow| {
+        Some(flow.solid_operator(cells))
+    });
+    match operator {
+        None | Some(SolidOperator::ViscosityMatched) => "blocks: viscosity matched",
+        Some(SolidOperator::BounceBackAboutSolid) => "blocks: bounce-back about the solid",
+        Some(SolidOperator::NonEquilibriumBounceBack) => "blocks: non-equilibrium bounce-back",
+        Some(SolidOperator::Superposition) => "blocks: superposition",
+    }
+}
+
 /// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
-pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann) -> Vec<Feature> {
-    let mut list = solids(case);
+pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
+    let mut list = solids(case, flow);
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
             what,
@@ -84,23 +102,22 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann) -> Vec<Feature> {
 }
 
 /// Diameters of bodies and grains.
-fn solids(case: &Case) -> Vec<Feature> {
+fn solids(case: &Case, flow: Option<&Flow>) -> Vec<Feature> {
     let Some(coupling) = coupling_of(case) else {
         return Vec::new();
     };
     let factor = coupling.hydraulic_radius_factor();
-    let obstacle = obstacle(&coupling);
     let bodies = case.bodies.iter().filter_map(|body| {
         width(&body.shape).map(|size| Feature {
             what: format!("width of `{}`", body.name),
             size,
-            obstacle,
+            obstacle: obstacle(&coupling, flow, body.shape.round()),
         })
     });
     let grains = smallest_grain(case).map(|diameter| Feature {
         what: "diameter of the smallest grain".into(),
         size: diameter * factor,
-        obstacle,
+        obstacle: obstacle(&coupling, flow, true),
     });
     bodies.chain(grains).collect()
 }

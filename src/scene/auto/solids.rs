@@ -1,12 +1,12 @@
 //! How solids and water act on each other, and what holds solids apart, where the case does not say.
 
-use super::step;
+use super::{seepage, step};
 use crate::case::Case;
 use crate::case::contact::{
     BlockModel, BlockStiffness, Blocks, Contact, HertzMindlin, Linear, Scaled,
 };
 use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
-use crate::case::solids::{Motion, Shape};
+use crate::case::solids::Motion;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, fastest_approach};
 use crate::scene::findings::{Findings, number};
@@ -19,13 +19,9 @@ const FRICTION_DEGREES: f64 = 30.0;
 const DAMPING: f64 = 0.2;
 const RESTITUTION: f64 = 0.5;
 
-fn round(shape: &Shape) -> bool {
-    matches!(shape, Shape::Disc { .. } | Shape::Sphere { .. })
-}
-
 /// The coupling for the shapes of a case, and why.
 pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
-    if case.blocks.is_some() || case.bodies.iter().any(|body| !round(&body.shape)) {
+    if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
@@ -51,7 +47,7 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
         .grains
         .as_ref()
         .is_some_and(|grains| grains.bond_at_start);
-    let faces = case.blocks.is_some() || case.bodies.iter().any(|body| !round(&body.shape));
+    let faces = case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round());
     moving && !faces && !bonded
 }
 
@@ -71,6 +67,7 @@ pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
     names: &[String],
+    target: Option<f64>,
     findings: &mut Findings,
 ) {
     let free = scene
@@ -79,7 +76,7 @@ pub(crate) fn choose_contact(
         .any(|body| body.mobility == Mobility::Free);
     let moves = free || scene.grains.is_some() || scene.blocks.is_some();
     let (law, text) = if move_without_law(case) {
-        of_spheres(scene, case)
+        of_spheres(scene, case, target)
     } else if !moves && scene.polyhedra().next().is_some() {
         let law = Blocks {
             normal_stiffness: BlockStiffness::PerArea(1.0),
@@ -114,7 +111,7 @@ pub(crate) fn choose_contact(
 }
 
 /// The law of discs and spheres, and why.
-fn of_spheres(scene: &Scene, case: &Case) -> (Contact, String) {
+fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
     let elastic =
         |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
     if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
@@ -128,7 +125,7 @@ fn of_spheres(scene: &Scene, case: &Case) -> (Contact, String) {
         });
         (law, String::from("all materials have their moduli"))
     } else {
-        let (stiffness, speed) = stiffness(scene, case);
+        let (stiffness, text) = stiffness(scene, case, target);
         let law = Contact::Linear(Linear {
             normal_stiffness: Scaled::Absolute(stiffness),
             shear_to_normal_stiffness: 0.4,
@@ -140,38 +137,48 @@ fn of_spheres(scene: &Scene, case: &Case) -> (Contact, String) {
             local_damping: 0.0,
             pairs: Vec::new(),
         });
-        let text = format!(
-            "{} N/m: overlaps of at most {} % of a diameter at {} m/s and at rest",
-            number(stiffness),
-            number(100.0 * OVERLAP),
-            number(speed)
-        );
         (law, text)
     }
 }
 
-/// The spring [N/m] that stops what moves at the largest speed [m/s], and carries what lies above it, within the overlap.
-fn stiffness(scene: &Scene, case: &Case) -> (f64, f64) {
+/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in seepage that of
+/// the rows measured. And why.
+fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let in_water = scene
         .flow
         .as_ref()
         .and_then(|flow| step::fastest(scene, flow));
     let speed = in_water.map_or_else(|| fastest_approach(case), |speed| speed.value);
+    let moving = moving(scene);
+    let impact = |part: f64| {
+        let needed =
+            |&(diameter, mass, _): &(f64, f64, bool)| mass * (speed / (part * diameter)).powi(2);
+        moving.iter().map(needed).fold(0.0, f64::max)
+    };
+    if let Some(chosen) = target.and_then(|target| seepage::stiffness(scene, target, impact)) {
+        return chosen;
+    }
     let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let axis = (0..scene.grid.dimension)
         .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
     let height = axis.map_or(0.0, |axis| scene.grid.size[axis]);
-    let needed = |(diameter, mass, alone): (f64, f64, bool)| {
-        let overlap = OVERLAP * diameter;
+    let weight = |&(diameter, mass, alone): &(f64, f64, bool)| {
         let layers = if alone {
             1.0
         } else {
             (height / diameter).max(1.0)
         };
-        (mass * speed * speed / (overlap * overlap)).max(mass * gravity * layers / overlap)
+        mass * gravity * layers / (OVERLAP * diameter)
     };
-    let stiffest = moving(scene).into_iter().map(needed).fold(0.0, f64::max);
-    (if stiffest > 0.0 { stiffest } else { 1.0 }, speed)
+    let stiffest = moving.iter().map(weight).fold(impact(OVERLAP), f64::max);
+    let stiffest = if stiffest > 0.0 { stiffest } else { 1.0 };
+    let text = format!(
+        "{} N/m: overlaps of at most {} % of a diameter at {} m/s and at rest",
+        number(stiffest),
+        number(100.0 * OVERLAP),
+        number(speed)
+    );
+    (stiffest, text)
 }
 
 /// Diameter [m], mass [kg] and whether it is a body by itself, of everything that moves freely.

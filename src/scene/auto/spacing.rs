@@ -7,6 +7,7 @@ use crate::case::Case;
 use crate::case::fluid::{Fluid, LatticeBoltzmann};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Flow;
 use crate::scene::grid::{Grid, count, whole};
 
 /// A spacing and why; no reason where it is stated.
@@ -54,7 +55,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     }
     let (wanted, reason) = match features::lattice(case) {
         Some(lbm) => {
-            let need = needs(case, lbm, None);
+            let need = needs(case, lbm, None, None);
             need.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?
         }
         None => without_lattice(case, findings)?,
@@ -68,7 +69,9 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;
     let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
-    let mut wanted = needs(case, lbm, Some(speed)).into_iter().reduce(finest)?;
+    let mut wanted = needs(case, lbm, Some(flow), Some(speed))
+        .into_iter()
+        .reduce(finest)?;
     if scene.grid.dimension == 2
         && lbm.turbulence.is_none()
         && let Some(h) = step::stable_spacing(flow, speed, asked(case)?.target())
@@ -88,7 +91,12 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
 }
 
 /// What every feature asks for: the spacing [m] and a sentence.
-fn needs(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(f64, String)> {
+fn needs(
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    flow: Option<&Flow>,
+    speed: Option<f64>,
+) -> Vec<(f64, String)> {
     let Some(accuracy) = asked(case) else {
         return Vec::new();
     };
@@ -106,7 +114,10 @@ fn needs(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(f64, S
         );
         Some((feature.size / cells, reason))
     };
-    features::of(case, lbm).iter().filter_map(need).collect()
+    features::of(case, lbm, flow)
+        .iter()
+        .filter_map(need)
+        .collect()
 }
 
 /// Grains decide where there is no lattice.
@@ -207,7 +218,7 @@ pub(crate) fn judge(
         let cells = feature.size / grid.spacing;
         measured::covering(grid.dimension, feature.obstacle, reynolds, cells)
     };
-    let features = features::of(case, lbm);
+    let features = features::of(case, lbm, scene.flow.as_ref());
     let rows: Vec<(Option<Row>, &Feature)> = features.iter().map(|f| (of(f), f)).collect();
     let error = |row: &Option<Row>| row.map_or(f64::INFINITY, |row| row.error);
     let worst = rows

@@ -174,7 +174,7 @@ fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
 }
 
 /// Times between samples and outputs [s].
-fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
+pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     let output = &scene.output;
     let fields = output.fluid.iter().map(|output| output.every);
     let grains = output.grains.iter().map(|output| output.every);

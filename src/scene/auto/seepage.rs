@@ -1,0 +1,350 @@
+//! Seepage between grains: how stiff contacts are and how often water and grains are coupled, where the case does not say.
+//!
+//! Two numbers without unit carry over from bed to bed. The grains at its foot bear at most the submerged bed above and the pressure
+//! that drives the water through it,
+//!
+//! ```text
+//! sigma = c (rho_s - rho) g H + dp,   c = 0.6
+//! overlap = sigma d/k                 part of a diameter by which a contact gives way under sigma d² (2-D: sigma/k, sigma d)
+//! interval = t/(d/a)^½                time between two couplings over that in which a grain without neighbours, under
+//!                                     a = sigma/(c rho_s H), moves half a diameter
+//! ```
+//!
+//! A bed that gives way closes its pores; a load that is kept too long drives grains on after they have moved. What the flow is then off
+//! stands in `measured_seepage.csv`: the largest error of two beds, one that the water nearly lifts and one that it presses down,
+//! at that and every smaller overlap or interval measured. Both errors add up; twice their sum is promised. Porosity is counted
+//! exactly: other ways were no cheaper at equal error.
+
+use super::step;
+use crate::case::darcy::SeepageCondition;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::count;
+use crate::scene::seepage::{Patch, Seepage};
+use crate::scene::solids::Grains;
+
+const TABLE: &str = include_str!("measured_seepage.csv");
+/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since another bed
+/// is another problem than that of the rows.
+const OF_CONTACTS: f64 = 0.3;
+const OF_INTERVAL: f64 = 0.2;
+/// Part of a bed that is solid, at most; of the order that spheres take in a random packing.
+const SOLID: f64 = 0.6;
+/// Deepest overlap of an impact, as a part of the diameter: what falls in comes to rest before the run.
+const IMPACT: f64 = 0.1;
+
+/// A measured row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Row {
+    /// `overlap` or `interval`.
+    what: &'static str,
+    /// Up to this number.
+    value: f64,
+    /// Largest relative error of the flow.
+    error: f64,
+    /// Where it was measured, and against what.
+    place: &'static str,
+}
+
+impl Row {
+    fn read(line: &'static str) -> Option<Self> {
+        let mut columns = line.splitn(4, ',').map(str::trim);
+        Some(Self {
+            what: columns.next()?,
+            value: columns.next()?.parse().ok()?,
+            error: columns.next()?.parse().ok()?,
+            place: columns.next()?,
+        })
+    }
+
+    fn name(&self) -> String {
+        let error = number(100.0 * self.error);
+        format!("`{} {}: {error} %`", self.what, number(self.value))
+    }
+}
+
+fn rows(what: &str) -> impl Iterator<Item = Row> {
+    let all = TABLE.lines().skip(1).filter_map(Row::read);
+    all.filter(move |row| row.what == what)
+}
+
+/// The largest number whose error is within a bound, which is the cheapest; where none is, the best.
+fn needed(what: &str, bound: f64) -> Option<Row> {
+    let good = rows(what).filter(|row| row.error <= bound);
+    good.max_by(|a, b| a.value.total_cmp(&b.value))
+        .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
+}
+
+/// The row that says what this number is worth; none beyond all rows.
+fn covering(what: &str, value: f64) -> Option<Row> {
+    rows(what)
+        .filter(|row| value <= row.value * (1.0 + 1e-9))
+        .min_by(|a, b| a.value.total_cmp(&b.value))
+}
+
+/// What loads a bed.
+struct Bed {
+    /// Smallest and largest diameter [m].
+    diameters: (f64, f64),
+    /// Force on the largest grain, of the largest stress [N].
+    force: f64,
+    /// Largest stress on the grains [Pa].
+    stress: f64,
+    /// Acceleration of a grain that nothing holds [m/s2].
+    acceleration: f64,
+}
+
+impl Bed {
+    fn of(scene: &Scene) -> Option<Self> {
+        let seepage = scene.seepage.as_ref()?;
+        let grains: &Grains = scene.grains.as_ref()?;
+        let (low, high) = grains.radii?;
+        let density = scene.density(grains.material);
+        let size = |g: [f64; 3]| g.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let gravity = size(scene.gravity);
+        let height = height(scene, seepage);
+        let buoyant = (density - seepage.written.density).max(0.0);
+        let stress = SOLID * buoyant * gravity * height + pressure_drop(scene, seepage, gravity);
+        let acceleration = stress / (SOLID * density * height);
+        let usable = stress > 0.0 && low > 0.0 && acceleration.is_finite();
+        let section = (2.0 * high).powi(if scene.grid.dimension == 2 { 1 } else { 2 });
+        usable.then_some(Self {
+            diameters: (2.0 * low, 2.0 * high),
+            force: stress * section,
+            stress,
+            acceleration,
+        })
+    }
+
+    /// The spring [N/m] that gives way by this part of the largest diameter.
+    fn stiffness(&self, overlap: f64) -> f64 {
+        self.force / (overlap * self.diameters.1)
+    }
+
+    /// What the time between two couplings is counted in [s].
+    fn time(&self) -> f64 {
+        (self.diameters.0 / self.acceleration).sqrt()
+    }
+}
+
+/// Height of the water's grid along gravity; its longest edge without gravity [m].
+fn height(scene: &Scene, seepage: &Seepage) -> f64 {
+    let edge = |a: usize| count(seepage.cells[a]) * seepage.spacing[a];
+    let gravity = |a: usize| scene.gravity[a].abs();
+    let axes = 0..scene.grid.dimension;
+    let axis = axes.max_by(|&a, &b| {
+        let order = gravity(a).total_cmp(&gravity(b));
+        order.then(edge(a).total_cmp(&edge(b)))
+    });
+    axis.map_or(0.0, edge)
+}
+
+/// Largest difference between imposed pressures beyond those of water at rest [Pa].
+fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
+    let density = seepage.written.density;
+    let excess = |patch: &Patch| match patch.condition {
+        SeepageCondition::Pressure { value } => {
+            let place = seepage.centre(patch);
+            let below: f64 = (0..3).map(|a| scene.gravity[a] * place[a]).sum();
+            Some(value - density * below)
+        }
+        SeepageCondition::Head { value } => Some(density * gravity * value),
+        _ => None,
+    };
+    let imposed = || seepage.patches.iter().filter_map(excess);
+    let high = imposed().fold(f64::NEG_INFINITY, f64::max);
+    let low = imposed().fold(f64::INFINITY, f64::min);
+    (high - low).max(0.0)
+}
+
+/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
+/// a part of its diameter.
+pub(super) fn stiffness(
+    scene: &Scene,
+    target: f64,
+    impact: impl Fn(f64) -> f64,
+) -> Option<(f64, String)> {
+    let bed = Bed::of(scene)?;
+    let row = needed("overlap", OF_CONTACTS * target)?;
+    let value = bed.stiffness(row.value).max(impact(IMPACT));
+    let text = format!(
+        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % where grains fall in",
+        number(value),
+        number(100.0 * row.value),
+        number(bed.stress),
+        number(100.0 * IMPACT)
+    );
+    Some((value, text))
+}
+
+/// Chooses the time between two couplings, and says what it and the contacts are worth.
+pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
+    let Some(bed) = Bed::of(scene) else { return };
+    let shortest = step::intervals(scene).fold(f64::INFINITY, f64::min);
+    let Some(seepage) = scene.seepage.as_mut() else {
+        return;
+    };
+    if seepage.written.coupling_interval.is_some() {
+        let text = "the case states its coupling interval: nothing is said of its error";
+        scene.chosen.note("accuracy", text);
+        return;
+    }
+    let Some(interval) = needed("interval", OF_INTERVAL * target) else {
+        return;
+    };
+    let time = interval.value * bed.time();
+    seepage.coupling_time = Some(time.min(shortest));
+    let text = format!(
+        "at most {} s between two, {} of the time in which a free grain moves half a diameter",
+        number(time),
+        number(interval.value)
+    );
+    scene.chosen.note("coupling interval", text);
+    judge(scene, &bed, interval, target, findings);
+}
+
+/// What the interval chosen and the contacts, chosen or stated, promise together.
+fn judge(scene: &mut Scene, bed: &Bed, interval: Row, target: f64, findings: &mut Findings) {
+    let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
+        return;
+    };
+    let Some(contacts) = covering("overlap", overlap) else {
+        findings.warn(
+            "accuracy",
+            format!(
+                "contacts overlap by {} % of a diameter under {} Pa, more than in any row measured: nothing is promised",
+                number(100.0 * overlap),
+                number(bed.stress)
+            ),
+            "use stiffer contacts, or leave the law of contact out",
+        );
+        return;
+    };
+    let promised = 2.0 * (contacts.error + interval.error);
+    scene.chosen.promised = Some(promised);
+    let text = format!(
+        "the flow rests on {} and {} ({}); twice their sum is promised",
+        contacts.name(),
+        interval.name(),
+        contacts.place
+    );
+    scene.chosen.note("accuracy", text);
+    if promised > target {
+        findings.warn(
+            "accuracy",
+            format!(
+                "{} % is asked for, but the rows measured promise {} %",
+                number(100.0 * target),
+                number(100.0 * promised)
+            ),
+            "use stiffer contacts where they are stated, or ask for less",
+        );
+    }
+}
+
+/// The spring of the largest grain [N/m], from its time 2 (m/k)^½.
+fn softest(scene: &Scene) -> Option<f64> {
+    let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
+    let radius = grains.radii?.1;
+    let mass = scene.mass(grains.material, radius);
+    let time = contact.time_limits(grains.material, radius, mass).spring;
+    Some(4.0 * mass / (time * time))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_of_the_table_is_a_row_and_errors_grow() {
+        assert_eq!(
+            rows("overlap").count() + rows("interval").count() + 1,
+            TABLE.lines().count()
+        );
+        for what in ["overlap", "interval"] {
+            let all: Vec<Row> = rows(what).collect();
+            let grows = |w: &[Row]| w[0].value < w[1].value && w[0].error <= w[1].error;
+            assert!(all.windows(2).all(grows), "{what}");
+            assert!(
+                all.iter()
+                    .all(|row| row.error > 0.0 && !row.place.is_empty())
+            );
+        }
+    }
+
+    #[test]
+    fn a_smaller_target_is_never_softer_nor_coupled_more_rarely() {
+        for what in ["overlap", "interval"] {
+            let value = |bound| needed(what, bound).unwrap().value;
+            assert!(
+                value(0.03) >= value(0.015) && value(0.015) >= value(0.001),
+                "{what}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_no_row_covers_is_not_promised() {
+        let softest = rows("overlap").last().unwrap();
+        assert!(covering("overlap", 0.99 * softest.value).is_some());
+        assert!(covering("overlap", 1.01 * softest.value).is_none());
+    }
+
+    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19 / 159) m/s2.
+    const COLUMN: &str = r#"{
+        "accuracy": "draft",
+        "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},
+        "gravity": [0, 0, -9.81],
+        "materials": {"sand": {"density": 2650}},
+        "fluid": {"darcy": {"density": 1000, "viscosity": 0.001, "boundaries": [
+            {"name": "in", "face": "z_min", "condition": {"pressure": {"value": 1481}}},
+            {"name": "out", "face": "z_max", "condition": {"pressure": {"value": 0}}}]}},
+        "grains": {"material": "sand", "initial": {"list": [
+            {"position": [0.005, 0.005, 0.003], "radius": 0.002},
+            {"position": [0.015, 0.015, 0.003], "radius": 0.001}]}},
+        "box_walls": ["z_min"], "box_wall_material": "sand",
+        "time": {"end": 0.1}
+    }"#;
+
+    fn scene(set: &[&str]) -> Scene {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document =
+            crate::case::Document::read(COLUMN, &set, std::path::Path::new(".")).unwrap();
+        Scene::resolve(&document.case).unwrap().0
+    }
+
+    #[test]
+    fn stiffness_and_interval_follow_from_the_load_of_the_bed() {
+        let scene = scene(&[]);
+        let stress = 0.6 * 1650.0 * 9.81 * 0.1 + 500.0;
+        let bed = Bed::of(&scene).unwrap();
+        assert!((bed.stress / stress - 1.0).abs() < 1e-9, "{}", bed.stress);
+        let stiffness = stress * 0.004 / 0.0000473;
+        assert!((softest(&scene).unwrap() / stiffness - 1.0).abs() < 1e-9);
+        let time = 0.5 * (0.002 * 0.6 * 2650.0 * 0.1 / stress).sqrt();
+        let chosen = scene
+            .seepage
+            .as_ref()
+            .and_then(|s| s.coupling_time)
+            .unwrap();
+        assert!((chosen / time - 1.0).abs() < 1e-9, "{chosen}");
+        assert_eq!(scene.chosen.promised, Some(2.0 * (0.0190 + 0.0160)));
+    }
+
+    #[test]
+    fn what_is_stated_is_kept_and_judged() {
+        let law = |k: f64| {
+            format!(
+                r#"contact={{"linear":{{"normal_stiffness":{{"absolute":{k}}},"normal_damping_ratio":0.3}}}}"#
+            )
+        };
+        let stiff = scene(&[&law(1e7)]);
+        assert!((softest(&stiff).unwrap() / 1e7 - 1.0).abs() < 1e-9);
+        assert_eq!(stiff.chosen.promised, Some(2.0 * (0.0056 + 0.0160)));
+        assert_eq!(scene(&[&law(10.0)]).chosen.promised, None);
+        let often = scene(&["fluid.darcy.coupling_interval=7"]);
+        let seepage = often.seepage.as_ref().unwrap();
+        assert_eq!(seepage.coupling_interval(1e-6), 7);
+        assert_eq!(often.chosen.promised, None);
+    }
+}
