@@ -54,18 +54,16 @@ fn bounds(coupling: &Coupling, flow: &Flow, dimension: usize, radius: f64) -> Bo
             fails: 0.33,
             holds: 0.58,
         },
-        Coupling::PartiallySaturated(written) => {
-            match super::models::solid_operator(written, flow) {
-                SolidOperator::ViscosityMatched => Bounds {
-                    fails: (0.25 + 0.9 / radius).max(0.4),
-                    holds: (0.35 + 1.2 / radius).max(0.5),
-                },
-                _ => Bounds {
-                    fails: 0.38 + 1.0 / radius,
-                    holds: 0.55 + 1.0 / radius,
-                },
-            }
-        }
+        Coupling::PartiallySaturated(written) => match flow.solid_operator(written) {
+            SolidOperator::ViscosityMatched => Bounds {
+                fails: (0.25 + 0.9 / radius).max(0.4),
+                holds: (0.35 + 1.2 / radius).max(0.5),
+            },
+            _ => Bounds {
+                fails: 0.38 + 1.0 / radius,
+                holds: 0.55 + 1.0 / radius,
+            },
+        },
     }
 }
 
