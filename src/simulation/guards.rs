@@ -222,7 +222,7 @@ fn totals<Sp: Space, S: Stored>(
     })
 }
 
-/// The largest speed of the slab and the first cell whose numbers fail, by global index.
+/// The largest speed of the water of the slab and the first cell whose numbers fail, by global index.
 fn search<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     limit: f64,
@@ -235,8 +235,13 @@ fn search<Sp: Space, S: Stored>(
     for (at, cell) in fluid.populations().interior() {
         let (drho, u) = fluid.state(cell);
         let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
-        if speed <= limit && drho.is_finite() {
-            fastest = fastest.max(speed);
+        // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
+        let covered = fluid.cover().is_some_and(|c| c.fraction(cell) >= 0.5);
+        let rock = covered || !flow.counts(at);
+        if drho.is_finite() && (speed <= limit || rock && speed.is_finite()) {
+            if !rock {
+                fastest = fastest.max(speed);
+            }
             continue;
         }
         let global: [usize; 3] = std::array::from_fn(|a| at[a] + start[a]);

@@ -5,6 +5,7 @@
 
 use crate::ranks::{Done, Study, alone, run};
 use solver::case::Document;
+use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
@@ -682,23 +683,28 @@ fn pores_that_are_all_and_nothing() {
     all_end_as_they_must(&pores());
 }
 
-/// What the plan warns of before the run shows it.
+/// What the plan refuses or warns of before the run shows it.
 #[test]
-fn light_and_thin_solids_are_warned_of() {
-    let warned = |set: &[&str], path: &str, words: &str| {
+fn light_and_thin_solids_are_told_of() {
+    let said = |set: &[&str], path: &str, words: &str| {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let document = Document::read(SETTLING, &set, Path::new("")).unwrap();
-        let plan = Plan::prepare(document).unwrap();
-        let mut warnings = plan.warnings.iter();
-        warnings.any(|w| w.path == path && w.to_string().contains(words))
+        let found = match Plan::prepare(document) {
+            Ok(plan) => plan.warnings,
+            Err(problems) => problems,
+        };
+        let of = |p: &&Problem| p.path == path && p.to_string().contains(words);
+        found.iter().find(of).map(|p| p.severity)
     };
     let light = |density: &str| format!("materials.rock.density={density}");
     let free = "materials.rock.density";
-    assert!(warned(&[&light("700")], free, "0.7 times as dense"));
-    assert!(!warned(&[&light("900")], free, "times as dense"));
-    assert!(!warned(&[&light("700"), LINKS], free, "times as dense"));
+    let (refused, warns) = (Some(Severity::Error), Some(Severity::Warning));
+    assert_eq!(said(&[&light("700")], free, "0.7 times as dense"), refused);
+    assert_eq!(said(&[&light("800")], free, "0.8 times as dense"), warns);
+    assert_eq!(said(&[&light("900")], free, "times as dense"), None);
+    assert_eq!(said(&[&light("700"), LINKS], free, "times as dense"), None);
     let edges = "bodies[0].shape.cuboid.edges=[0.006, 0.005, 0.0015]";
     let shape = "bodies[0].shape";
-    assert!(warned(&block(&[edges]), shape, "1.5 cells thick"));
-    assert!(!warned(&block(&[]), shape, "cells thick"));
+    assert_eq!(said(&block(&[edges]), shape, "1.5 cells thick"), warns);
+    assert_eq!(said(&block(&[]), shape, "cells thick"), None);
 }
