@@ -207,12 +207,24 @@ fn totals<Sp: Space, S: Stored>(
 ) -> [f64; 4] {
     let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
     let populations = flow.fluid().populations();
-    for (at, cell) in populations.interior() {
-        let (drho, momentum) = populations.moments(cell);
-        sums[0].add(drho);
-        if flow.counts(at) {
-            for a in 0..3 {
-                sums[a + 1].add(momentum[a]);
+    let (cells, [slow, middle, fast]) = (populations.cells(), populations.order());
+    let mut drho = vec![0.0; cells[fast]];
+    let mut momentum = std::array::from_fn(|_| Vec::new());
+    for i in 0..cells[slow] {
+        for j in 0..cells[middle] {
+            let mut at = [0; 3];
+            at[slow] = i;
+            at[middle] = j;
+            let first = populations.cell(at.map(usize::cast_signed));
+            populations.row_moments(first, &mut drho, &mut momentum);
+            for k in 0..cells[fast] {
+                at[fast] = k;
+                sums[0].add(drho[k]);
+                if flow.counts(at) {
+                    for a in 0..3 {
+                        sums[a + 1].add(momentum[a][k]);
+                    }
+                }
             }
         }
     }
