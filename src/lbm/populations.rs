@@ -278,16 +278,17 @@ impl<S: Stored> Populations<S> {
         self.sums(|i| self.incoming(cell, i))
     }
 
-    /// The same of a row of cells along the fastest axis from `cell` on, to the bit, in the order in which they lie in memory.
-    pub fn row_moments(&self, cell: usize, drho: &mut [f64], momentum: &mut [Vec<f64>; 3]) {
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
+    /// in memory: density deviation, then the three momenta.
+    pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
         let numbers = self.numbers();
-        drho.fill(0.0);
-        for m in momentum.iter_mut() {
+        for m in moments.iter_mut() {
             m.clear();
-            m.resize(drho.len(), 0.0);
+            m.resize(length, 0.0);
         }
+        let [drho, momentum @ ..] = moments;
         for (i, c) in self.velocities.c.iter().enumerate() {
-            let row = &numbers[self.incoming(cell, i)..][..drho.len()];
+            let row = &numbers[self.incoming(cell, i)..][..length];
             for (sum, g) in drho.iter_mut().zip(row) {
                 *sum += g.to_f64();
             }
@@ -410,15 +411,14 @@ mod tests {
             }
             for _ in 0..2 {
                 let fast = lattice.order()[2];
-                let (mut drho, mut momentum) =
-                    (vec![7.0; lattice.cells()[fast]], Default::default());
+                let mut row = [(); 4].map(|()| vec![7.0; 2]);
                 for (at, cell) in lattice.interior() {
                     if at[fast] == 0 {
-                        lattice.row_moments(cell, &mut drho, &mut momentum);
+                        lattice.row_moments(cell, lattice.cells()[fast], &mut row);
                     }
                     let (one, m) = lattice.moments(cell);
-                    assert_eq!(drho[at[fast]].to_bits(), one.to_bits());
-                    assert_eq!([0, 1, 2].map(|a| momentum[a][at[fast]]), m);
+                    assert_eq!(row[0][at[fast]].to_bits(), one.to_bits());
+                    assert_eq!([1, 2, 3].map(|a| row[a][at[fast]]), m);
                 }
                 lattice.flip();
             }
