@@ -101,12 +101,22 @@ scripts() {
   done
 }
 
+# Waits for the network, not for a core: made while the rest is built.
+make_venv >"$work/venv.log" 2>&1 &
+venv=$!
+python_environment() {
+  wait "$venv" || {
+    cat "$work/venv.log"
+    return 1
+  }
+}
+
 gate "scripts parse" scripts
 gate "study loop" timeout 60 bash tests/study_loop.sh
 gate "cargo fmt" cargo fmt --all --check
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
 rust_tests
-gate "python environment" make_venv
+gate "python environment" python_environment
 gate "schema accepts the examples" timeout 60 "$target/venv/bin/python" tests/schema.py "$target/debug/solver"
 gate "small run on 2 ranks" small_run
 gate "small run of blocks on 2 ranks" blocks_run

@@ -2,7 +2,7 @@
 //! rank is left waiting.
 
 use crate::case_broken::{TABLE, broken, expected};
-use crate::ranks::{Study, alone, run, start, start_impatient};
+use crate::ranks::{Study, beside_others, run, start, start_impatient};
 use std::time::Duration;
 
 /// Broken cases that are refused before MPI starts, of every kind.
@@ -23,7 +23,7 @@ const NAMES: [&str; 12] = [
 
 #[test]
 fn broken_cases_are_refused_by_one_voice() {
-    let _alone = alone();
+    let _beside = beside_others();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("case.json");
     for (n, name) in NAMES.into_iter().enumerate() {
@@ -74,7 +74,7 @@ fn broken_cases_are_refused_by_one_voice() {
 
 #[test]
 fn slabs_for_another_number_of_ranks_are_refused() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("couette", &[("domain.slab_bounds", "[3, 7]")]);
     let done = run(2, &study.arguments("run", 1, &[])).expect(3);
     let line = done.stderr.lines().find(|line| {
@@ -86,7 +86,7 @@ fn slabs_for_another_number_of_ranks_are_refused() {
 
 #[test]
 fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("couette", &[]);
     study.run("run", 1, 1, &["time.end=0.01"]);
     let done = study.restart("run", 2, &[]).expect(5);
@@ -135,7 +135,7 @@ fn fails(study: &Study, words: &[&str]) {
 
 #[test]
 fn a_flow_that_diverges_is_named_by_its_cell() {
-    let _alone = alone();
+    let _beside = beside_others();
     // A lid at a Reynolds number of 600 000 on a hundred cells, at a relaxation time of almost 1/2.
     let study = Study::of(
         "cavity",
@@ -158,7 +158,7 @@ fn a_flow_that_diverges_is_named_by_its_cell() {
 
 #[test]
 fn a_lost_grain_is_named() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("collision", &[("time.end", "1"), ("output", "{}")]);
     fails(&study, &["grain ", "outside the box"]);
 }
@@ -166,7 +166,7 @@ fn a_lost_grain_is_named() {
 /// Cases that only the run can refuse: each ends with 4 and the name of what went wrong.
 #[test]
 fn soil_that_cannot_be_is_named() {
-    let _alone = alone();
+    let _beside = beside_others();
     let weak = ("fluid.darcy.max_iterations", "1");
     fails(&Study::of("seepage", &[weak]), &["did not converge"]);
     // Water of no viscosity to speak of: conductivities beyond all numbers.

@@ -8,7 +8,8 @@ use solver::plan::Plan;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// JSON pointers of everything in the tree but the root.
+/// JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the rest are like
+/// them.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -18,6 +19,7 @@ fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
         Value::Array(list) => list
             .iter()
             .enumerate()
+            .filter(|(n, _)| *n < 3 || n + 1 == list.len())
             .map(|(n, v)| (n.to_string(), v))
             .collect(),
         _ => return,

@@ -1,7 +1,7 @@
 //! Ground that collapses over two seepage points: hole, arch and sinkhole are found in a run of the program, and every table and
 //! figure has the same bits on any number of ranks and after a restart.
 
-use crate::ranks::{Study, alone};
+use crate::ranks::{Study, beside_others};
 
 /// Diameter of the grains [m].
 const D: f64 = 1e-3;
@@ -96,7 +96,7 @@ fn table(study: &Study, run: &str, name: &str) -> Vec<Vec<String>> {
 
 #[test]
 fn blocks_leave_a_bonded_ground_and_the_record_is_the_same_on_any_ranks() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = study(Some("1e-6"));
     let done = study.run("one", 1, 1, &[]);
     let summary = study.summary("one");
@@ -129,7 +129,7 @@ fn blocks_leave_a_bonded_ground_and_the_record_is_the_same_on_any_ranks() {
 
 #[test]
 fn sand_leaves_as_single_grains() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = study(None);
     study.run("sand", 2, 1, &["time.end=0.02"]);
     let rows = table(&study, "sand", "clusters.csv");
@@ -156,7 +156,7 @@ fn sand_leaves_as_single_grains() {
 /// A large grain rolls from a crest into a hollow and off its column, 2.4 mm long; no grain leaves.
 #[test]
 fn a_grain_that_rolls_off_its_column_is_no_sinkhole() {
-    let _alone = alone();
+    let _beside = beside_others();
     let perched = format!("0.00242,0.0015,{},{}\n", 7.4 * D, 1.4 * D);
     let study = study_of(None, &(columns() + &perched));
     let closed = |n: usize| format!("regions[{n}].action.remove.when=\"centre\"");

@@ -3,7 +3,7 @@
 //! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what pushes the
 //! water, no flow through what is full, and the exact flow where there is one.
 
-use crate::ranks::{Done, Study, alone, run};
+use crate::ranks::{Done, Study, beside_others, run};
 use solver::case::Document;
 use solver::error::{Problem, Severity};
 use solver::plan::Plan;
@@ -649,7 +649,7 @@ fn judge(row: &Row) {
 }
 
 fn all_end_as_they_must(rows: &[Row]) {
-    let _alone = alone();
+    let _beside = beside_others();
     rows.iter().for_each(judge);
 }
 

@@ -1,19 +1,24 @@
-//! Whole runs: the real binary under the real `mpirun`, one job at a time and always under a timeout.
+//! Whole runs: the real binary under the real `mpirun`, always under a timeout.
 
 use serde_json::Value;
 use std::fs::File;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
-/// One job at a time: ranks ask for messages without rest, and a machine of two cores bears no second job beside.
-static ONE_JOB: Mutex<()> = Mutex::new(());
+/// Jobs that are watched while they run have the machine to themselves; all others run beside each other.
+static MACHINE: RwLock<()> = RwLock::new(());
 
 /// Waits until no other test runs a job.
-pub(crate) fn alone() -> MutexGuard<'static, ()> {
-    ONE_JOB.lock().unwrap_or_else(PoisonError::into_inner)
+pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
+    MACHINE.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Waits until no job runs that needs the machine for itself.
+pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
+    MACHINE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The binary under test.
@@ -91,7 +96,7 @@ pub(crate) struct Running {
     logs: tempfile::TempDir,
 }
 
-/// Starts the program; hold [`alone`] meanwhile. The output goes to files, so that no pipe held open by a rank can delay
+/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by a rank can delay
 /// the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), arguments)

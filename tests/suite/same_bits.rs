@@ -1,11 +1,11 @@
 //! The same bits on any number of ranks and threads, for any split, and across restarts on other numbers of ranks: the
 //! hash of the state, every table byte for byte, every number of every field.
 
-use crate::ranks::{Study, alone};
+use crate::ranks::{Study, beside_others};
 
 #[test]
 fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::eroding(&[]);
     study.run("straight", 1, 1, &[]);
     // The run is one in which everything happens.
@@ -29,7 +29,7 @@ fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
 
 #[test]
 fn restarts_on_other_ranks_equal_the_straight_run() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::eroding(&[("checkpoint.every", "0.006")]);
     study.run("straight", 1, 1, &[]);
     // Each part goes on past its last checkpoint; what it wrote after that is written again.
@@ -49,7 +49,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
 
 #[test]
 fn single_precision_at_rest_too() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::eroding(&[
         ("fluid.lattice_boltzmann.storage", "f32"),
         ("time.end", "0.012"),
@@ -65,7 +65,7 @@ fn single_precision_at_rest_too() {
 
 #[test]
 fn fluid_without_grains() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("taylor-green", &[("time.end", "0.2")]);
     study.run("straight", 1, 1, &[]);
     study.run("three", 3, 2, &[]);
@@ -77,7 +77,7 @@ fn fluid_without_grains() {
 /// Eddies in 3-D: the velocity of the step before is part of the state.
 #[test]
 fn turbulence_on_any_ranks_and_over_a_restart() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of(
         "taylor-green",
         &[
@@ -118,7 +118,7 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
 /// Synthetic turbulence enters, is carried out, and is averaged: sums over time are part of the state.
 #[test]
 fn averages_of_a_gusty_stream() {
-    let _alone = alone();
+    let _beside = beside_others();
     let boundaries = r#"[
         {"name": "in", "face": "x_min", "condition": {"velocity": {
             "profile": {"parabolic": {"peak": 0.2}},
@@ -161,7 +161,7 @@ fn averages_of_a_gusty_stream() {
 
 #[test]
 fn grains_without_fluid() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("collision", &[("checkpoint.every", "0.009")]);
     study.run("straight", 1, 2, &[]);
     study.run("three", 3, 1, &[]);
@@ -174,7 +174,7 @@ fn grains_without_fluid() {
 /// A jointed slab on soft springs, a named block beside it: shapes, attitudes and the memory of faces go with the blocks.
 #[test]
 fn blocks_without_fluid() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of(
         "avalanche",
         &[
@@ -203,7 +203,7 @@ fn blocks_without_fluid() {
 
 #[test]
 fn a_body_wider_than_a_slab_in_a_stream() {
-    let _alone = alone();
+    let _beside = beside_others();
     // The cylinder covers planes 15 to 24 along x and 15 to 24 along y.
     let study = Study::of("cylinder", &[("time.end", "0.1")]);
     study.run("straight", 1, 1, &[]);
@@ -220,7 +220,7 @@ fn a_body_wider_than_a_slab_in_a_stream() {
 /// outlet. Slabs of two planes are thinner than the block.
 #[test]
 fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::new(SCOUR);
     study.run("straight", 1, 1, &[]);
     assert!(study.rows("straight", "probe_plucked.csv") >= 10);
@@ -256,7 +256,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
 /// The same with links that bounce.
 #[test]
 fn blocks_with_bouncing_links_on_any_ranks() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study =
         Study::new(&SCOUR.replace(r#"{"partially_saturated": {}}"#, r#"{"bounce_back": {}}"#));
     study.run("straight", 1, 1, &[]);

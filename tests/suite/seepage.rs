@@ -1,11 +1,11 @@
 //! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after a
 //! restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run with its name.
 
-use crate::ranks::{Study, alone, run};
+use crate::ranks::{Study, beside_others, run};
 
 #[test]
 fn the_same_bits_on_any_ranks_and_splits() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("seepage", &[("time.end", "0.002")]);
     study.run("straight", 1, 1, &[]);
     let one = study.summary("straight");
@@ -26,7 +26,7 @@ fn the_same_bits_on_any_ranks_and_splits() {
 
 #[test]
 fn a_restart_on_other_ranks_gives_the_same_bits() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of("seepage", &[]);
     study.run("straight", 1, 1, &[]);
     study.run("parts", 2, 1, &["time.end=0.004"]);
@@ -37,7 +37,7 @@ fn a_restart_on_other_ranks_gives_the_same_bits() {
 /// Rows 4 of the fissure: bonds, polygons, a gate that opens, grains taken out below, water through all of it.
 #[test]
 fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = Study::of(
         "rain",
         &[
@@ -80,7 +80,7 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
 
 #[test]
 fn a_pocket_is_named() {
-    let _alone = alone();
+    let _beside = beside_others();
     // Two planes meet above the opening: the cell below their edge has water in front of either, but of both none.
     let study = Study::of(
         "seepage",
@@ -108,7 +108,7 @@ fn a_pocket_is_named() {
 /// C-19: the search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) to 5 %.
 #[test]
 fn the_search_finds_the_gradient_that_lifts_a_bed() {
-    let _alone = alone();
+    let _beside = beside_others();
     let case = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("jobs/verification/critical-gradient/case.json");
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,10 @@
 #[path = "../../examples/verify/suite.rs"]
 pub(crate) mod suite;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/verification")
@@ -15,11 +18,26 @@ fn root() -> PathBuf {
 pub(crate) fn short_forms(root: &Path) -> (usize, usize) {
     let work = tempfile::tempdir().unwrap();
     let solver = Path::new(env!("CARGO_BIN_EXE_solver"));
+    let folders = suite::cases(root).unwrap();
+    let next = AtomicUsize::new(0);
+    let checked = Mutex::new(BTreeMap::new());
+    // One rank each, so as many at once as two cores bear.
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let n = next.fetch_add(1, Ordering::Relaxed)
+                    && let Some(folder) = folders.get(n)
+                {
+                    let outcomes = suite::check(folder, "short", solver, work.path());
+                    checked.lock().unwrap().insert(n, outcomes);
+                }
+            });
+        }
+    });
     let mut report = Vec::new();
-    let (mut cases, mut quantities, mut bad) = (0, 0, 0);
-    for folder in suite::cases(root).unwrap() {
-        cases += 1;
-        match suite::check(&folder, "short", solver, work.path()) {
+    let (mut quantities, mut bad) = (0, 0);
+    for outcomes in checked.into_inner().unwrap().into_values() {
+        match outcomes {
             Ok(outcomes) => {
                 for outcome in outcomes {
                     quantities += 1;
@@ -35,7 +53,7 @@ pub(crate) fn short_forms(root: &Path) -> (usize, usize) {
     }
     println!("{}", report.join("\n"));
     assert_eq!(bad, 0, "\n{}", report.join("\n"));
-    (cases, quantities)
+    (folders.len(), quantities)
 }
 
 #[test]

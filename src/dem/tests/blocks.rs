@@ -623,8 +623,10 @@ fn ranks_and_threads_do_not_show_in_a_pile() {
             // An empty slab in between, and slabs thinner than the giant.
             (0, &[0, 10, 10, 14, 24], 2),
         ];
-        for split in splits {
-            let many = run(pile, split, None, (STEPS, STEPS));
+        // Box walls change nothing in how slabs are cut: the closed pile meets the thin and the empty ones.
+        let first = if pile.periodic { 0 } else { 2 };
+        for split in &splits[first..] {
+            let many = run(pile, *split, None, (STEPS, STEPS));
             assert!(many.migrated || split.1.len() == 2, "none changes ranks");
             assert!(one.bits() == many.bits(), "{split:?}");
         }
