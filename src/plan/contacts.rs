@@ -153,6 +153,7 @@ pub(super) fn check(
         return;
     };
     let dt = clock.solid_time_step;
+    openings(scene, contact, findings);
     let (sure, worst) = if matches!(contact.law, Law::Blocks { .. }) {
         blocks::limits(scene, contact)
     } else {
@@ -194,6 +195,66 @@ pub(super) fn check(
             ),
             remedy(scene, clock, worst),
         );
+    }
+}
+
+/// Opening of a bond over the diameter of the smallest grain from which on a third grain fits between the two.
+const A_GRAIN_BETWEEN: f64 = 1.0;
+/// The same from which on the bond is longer than the contact that it stands for.
+const LONG: f64 = 0.1;
+
+/// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too soft for it makes
+/// bonds across other grains, and lists without end.
+fn openings(scene: &Scene, contact: &ContactTable, findings: &mut Findings) {
+    let Law::ContactBond { bonding_gap, .. } = contact.law else {
+        return;
+    };
+    let kinds = moving(scene);
+    let smallest = 2.0 * kinds.iter().map(|k| k.1).fold(f64::INFINITY, f64::min);
+    let mut widest = (0.0_f64, 0.0, 0.0);
+    for &(material, radius) in &kinds {
+        for other in 0..contact.materials {
+            if material >= contact.materials {
+                continue;
+            }
+            let pair = contact.pair(material, other);
+            let stiffness = pair.normal_stiffness.at(2.0 * radius);
+            let opening = bonding_gap + pair.strengths[0] / stiffness;
+            if opening > widest.0 {
+                widest = (opening, pair.strengths[0], stiffness);
+            }
+        }
+    }
+    let (opening, strength, stiffness) = widest;
+    let path = "contact.contact_bond.tensile_strength";
+    let reason = |than: String| {
+        format!(
+            "a bond of {} N on a spring of {} N/m opens by {} m before it breaks, {than}",
+            number(strength),
+            number(stiffness),
+            number(opening)
+        )
+    };
+    let room = |part: f64| (part * smallest - bonding_gap).max(0.0);
+    let remedy = |part: f64| {
+        if room(part) <= 0.0 {
+            return format!("use a bonding gap below {} m", number(part * smallest));
+        }
+        format!(
+            "use at most {} N, or a normal stiffness of at least {} N/m",
+            number(stiffness * room(part)),
+            number(strength / room(part))
+        )
+    };
+    if opening > A_GRAIN_BETWEEN * smallest {
+        let than = format!(
+            "more than the smallest grain, {} m: it would hold across other grains",
+            number(smallest)
+        );
+        findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
+    } else if opening > LONG * smallest {
+        let than = format!("a large part of the smallest grain, {} m", number(smallest));
+        findings.warn(path, reason(than), remedy(LONG));
     }
 }
 

@@ -1201,6 +1201,12 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "fluid.darcy.resistance",
     ),
     (
+        "bonds that hold across grains",
+        "rain",
+        Set(&["contact.contact_bond.tensile_strength=1e6"]),
+        "contact.contact_bond.tensile_strength",
+    ),
+    (
         "a coupling that never comes",
         "seepage",
         Set(&["fluid.darcy.coupling_interval=0"]),
