@@ -593,6 +593,19 @@ impl<S: Stored> Fluid<S> {
         (drho, u)
     }
 
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then the three
+    /// velocities.
+    pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
+        self.populations.row_moments(cell, length, states);
+        let half = self.half_force();
+        let [drho, velocity @ ..] = states;
+        for (u, half) in velocity.iter_mut().zip(half) {
+            for (u, drho) in u.iter_mut().zip(&*drho) {
+                *u = (*u + half) / (1.0 + drho);
+            }
+        }
+    }
+
     /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with turbulence
     /// that of eddies smaller than a cell too.
     #[must_use]

@@ -256,6 +256,20 @@ impl<S: Stored> Populations<S> {
         })
     }
 
+    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its first cell.
+    pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
+        let [s, m, _] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).map(move |j| {
+                let mut at = [0; 3];
+                at[s] = i;
+                at[m] = j;
+                (at, self.cell(at.map(usize::cast_signed)))
+            })
+        })
+    }
+
     pub(crate) fn flip(&mut self) {
         self.parity = match self.parity {
             Parity::Home => Parity::Reversed,
@@ -412,14 +426,18 @@ mod tests {
             for _ in 0..2 {
                 let fast = lattice.order()[2];
                 let mut row = [(); 4].map(|()| vec![7.0; 2]);
+                let mut rows = lattice.rows();
                 for (at, cell) in lattice.interior() {
                     if at[fast] == 0 {
+                        assert_eq!(rows.next(), Some((at, cell)));
                         lattice.row_moments(cell, lattice.cells()[fast], &mut row);
                     }
                     let (one, m) = lattice.moments(cell);
                     assert_eq!(row[0][at[fast]].to_bits(), one.to_bits());
                     assert_eq!([1, 2, 3].map(|a| row[a][at[fast]]), m);
                 }
+                assert!(rows.next().is_none());
+                drop(rows);
                 lattice.flip();
             }
         }
