@@ -18,10 +18,10 @@ import statistics
 import time
 
 import numpy as np
-from lbmpy import LBMConfig, LBMOptimisation, LBStencil, Method, Stencil, create_lb_ast
+from lbmpy import LBMConfig, LBMOptimisation, LBStencil, Method, Stencil, create_lb_ast, create_lb_update_rule
 from lbmpy.advanced_streaming.utility import Timestep
 from lbmpy.enums import ForceModel, SubgridScaleModel
-from pystencils import CreateKernelConfig, Field, Target
+from pystencils import Assignment, CreateKernelConfig, Field, Target, create_kernel, tcast
 
 METHODS = {"srt": Method.SRT, "mrt_raw": Method.MRT_RAW, "central": Method.CENTRAL_MOMENT, "cumulant": Method.CUMULANT}
 
@@ -52,6 +52,17 @@ def allocate(cells, count, number, keep):
     flat[:] = 0
     strides = [size * int(np.prod(shape[:k])) for k in range(len(cells))] + [stride]
     return np.lib.stride_tricks.as_strided(flat, tuple(n + 2 for n in cells) + (count,), tuple(strides))
+
+
+def in_double(rule):
+    """The same rule for a field of floats: each number is widened where it is read and narrowed where it is written."""
+
+    def widened(assignment):
+        wide = {access: tcast(access, "float64") for access in assignment.rhs.atoms(Field.Access)}
+        rhs = assignment.rhs.xreplace(wide)
+        return Assignment(assignment.lhs, tcast(rhs, "float32") if isinstance(assignment.lhs, Field.Access) else rhs)
+
+    return rule.copy([widened(a) for a in rule.main_assignments], [widened(a) for a in rule.subexpressions])
 
 
 def main():
@@ -88,8 +99,12 @@ def main():
     for parity in (Timestep.EVEN, Timestep.ODD):
         method = LBMConfig(stencil=stencil, method=METHODS[a.method], compressible=a.method in ("central", "cumulant"), streaming_pattern="aa",
                            timestep=parity, zero_centered=True, **options)
-        ast = create_lb_ast(lbm_config=method, lbm_optimisation=LBMOptimisation(symbolic_field=field), config=config)
-        kernels.append(ast.compile())
+        options_of_field = LBMOptimisation(symbolic_field=field)
+        if a.precision == "mixed":
+            rule = in_double(create_lb_update_rule(lbm_config=method, lbm_optimisation=options_of_field, config=config))
+            kernels.append(create_kernel(rule, config=config).compile())
+        else:
+            kernels.append(create_lb_ast(lbm_config=method, lbm_optimisation=options_of_field, config=config).compile())
     noise = np.random.default_rng(0)
     for q in range(stencil.Q):
         populations[..., q] = 1e-5 * noise.standard_normal(populations.shape[:-1])
