@@ -820,6 +820,17 @@ mod tests {
             for _ in 0..3000 {
                 fluid.advance();
             }
+            // Rows have the state of their cells, the half of the force included.
+            let fast = fluid.populations().order()[2];
+            let length = fluid.populations().cells()[fast];
+            let mut row = Default::default();
+            for (_, first) in fluid.populations().rows() {
+                fluid.row_states(first, length, &mut row);
+                for k in 0..length {
+                    let (drho, [u, v, w]) = fluid.state(first + k);
+                    assert_eq!([0, 1, 2, 3].map(|n| row[n][k]), [drho, u, v, w]);
+                }
+            }
             for y in 0..n {
                 let cell = fluid.populations().cell([0, y.cast_signed(), 0]);
                 let (drho, u) = fluid.state(cell);

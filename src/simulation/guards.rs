@@ -201,8 +201,8 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
         .cast_signed()
 }
 
-/// Mass of the lattice, momentum of the fluid outside bodies, in quanta as what crosses faces: no order of cells changes a sum,
-/// and rounding each cell to 2^-56 takes a tenth of the time of sums without any rounding.
+/// Mass of the lattice, momentum of the fluid outside bodies, each cell in quanta as what crosses faces is: no order of cells, and so
+/// no number of ranks, changes a sum.
 fn totals<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     communicator: &Communicator,

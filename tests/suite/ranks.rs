@@ -96,8 +96,8 @@ pub(crate) struct Running {
     logs: tempfile::TempDir,
 }
 
-/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by a rank can delay
-/// the end.
+/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by
+/// a rank can delay the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), arguments)
 }
