@@ -39,12 +39,13 @@ parallel_hdf5() {
   fi
 }
 
-# libclang reads the headers of MPI when the bindings are made.
+# libclang reads the headers of MPI when the bindings are made. Its C++ sibling libclang-cpp, which other packages bring, is
+# no help.
 have_libclang() {
   [ -n "${LIBCLANG_PATH:-}" ] ||
-    compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null ||
-    compgen -G '/usr/lib*/libclang.so*' >/dev/null ||
-    compgen -G '/usr/lib/*-linux-gnu/libclang*.so*' >/dev/null
+    compgen -G '/usr/lib/llvm-*/lib/libclang[.-][s0-9]*' >/dev/null ||
+    compgen -G '/usr/lib*/libclang[.-][s0-9]*' >/dev/null ||
+    compgen -G '/usr/lib/*-linux-gnu/libclang[.-][s0-9]*' >/dev/null
 }
 
 # Root needs no help; others need sudo.
