@@ -12,7 +12,7 @@
 use super::body_map::{BodyMap, Grid, Rules};
 use super::lattice::LatticeFlow;
 use super::loads::{about_centre, to_grain};
-use super::{Flow, FluidView};
+use super::{Flow, FluidView, PlaneStates};
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
@@ -189,6 +189,12 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
         let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
         self.fluid.state(position)
+    }
+    fn plane_states(&self, z: usize, to: &mut PlaneStates) {
+        let [nx, ny, _] = self.fluid.populations().cells();
+        to.resize(nx * ny);
+        let (density, velocity) = (&mut to.density, &mut to.velocity);
+        self.fluid.plane_states(z, density, velocity, &mut to.row);
     }
     fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
         let position = self.fluid.populations().cell(cell.map(usize::cast_signed));

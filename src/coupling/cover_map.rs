@@ -3,8 +3,8 @@
 //! A body that has not moved by a bit since it was mapped costs one comparison. One that has is walked row by row: the cells inside
 //! are known from where the row enters and leaves it, only those at its surface are measured ([`super::solid_fraction`]), and only
 //! cells whose fraction changed are told to the lattice ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions
-//! alone, the same after a restart and on any ranks: geometry is done in the frame of a body's raw position, and a slab holds
-//! the cells of its own.
+//! alone, the same after a restart and on any ranks: geometry is done in the frame of a body's raw position. A slab holds its own cells
+//! and the ghost cells round them: what leaves a full cell depends on what covers the next one.
 
 use super::body_map::Grid;
 use super::solid_fraction::{Form, Method, Plane, Scratch, faces};
@@ -20,7 +20,7 @@ use std::collections::HashMap;
 /// Who is mapped: id, and which image.
 type Name = (u64, [i32; 3]);
 
-/// A covered cell: its position in the lattice, and how much of it.
+/// A covered cell: its position in the lattice, and how much of it; of a ghost cell the negative.
 type Cell = (u32, f32);
 
 /// One body, or one image of a body, near this slab.
@@ -283,7 +283,7 @@ fn frame(grid: &Grid, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
 }
 
 impl Rows {
-    /// Lists the cells of the slab that a body fills, by rising position.
+    /// Lists the cells of the slab and its ghost cells that a body fills, by rising position.
     fn walk(
         &self,
         form: &Form<'_>,
@@ -294,12 +294,15 @@ impl Rows {
         found: &mut Vec<Cell>,
     ) {
         found.clear();
+        if self.cells.contains(&0) {
+            return;
+        }
         let (centre, radius) = form.bounds();
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for a in 0..3 {
             if a < dimension {
-                low[a] = (floor(centre[a] - radius) - 1 + frame[a]).max(0);
-                high[a] = (floor(centre[a] + radius) + 2 + frame[a]).min(self.cells[a]);
+                low[a] = (floor(centre[a] - radius) - 1 + frame[a]).max(-1);
+                high[a] = (floor(centre[a] + radius) + 2 + frame[a]).min(self.cells[a] + 1);
             } else {
                 high[a] = 1;
             }
@@ -318,9 +321,12 @@ impl Rows {
                 }
                 let first = (floor(row.outer[0]) + frame[fast]).max(low[fast]);
                 let last = (floor(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
-                let start = self.origin
-                    + self.strides[slow] * usize::try_from(i).unwrap_or(0)
-                    + self.strides[middle] * usize::try_from(j).unwrap_or(0);
+                let beyond =
+                    !(0..self.cells[slow]).contains(&i) || !(0..self.cells[middle]).contains(&j);
+                let start = self
+                    .origin
+                    .wrapping_add_signed(self.strides[slow].cast_signed() * i as isize)
+                    .wrapping_add_signed(self.strides[middle].cast_signed() * j as isize);
                 for k in first..last {
                     cell[fast] = k;
                     let lower = corner(cell, frame);
@@ -333,7 +339,9 @@ impl Rows {
                         rounded(form.fraction(method, lower, scratch))
                     };
                     if fraction > 0.0 {
-                        found.push((index(start) + k.cast_unsigned(), fraction));
+                        let position = index(start.wrapping_add_signed(k as isize));
+                        let ghost = beyond || !(0..self.cells[fast]).contains(&k);
+                        found.push((position, if ghost { -fraction } else { fraction }));
                     }
                 }
             }

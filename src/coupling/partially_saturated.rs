@@ -19,7 +19,7 @@ use super::cover_map::{CoverMap, rigid};
 use super::lattice::LatticeFlow;
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
-use super::{Flow, FluidView};
+use super::{Flow, FluidView, PlaneStates};
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
@@ -220,6 +220,12 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
         let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
         self.fluid.state(position)
+    }
+    fn plane_states(&self, z: usize, to: &mut PlaneStates) {
+        let [nx, ny, _] = self.fluid.populations().cells();
+        to.resize(nx * ny);
+        let (density, velocity) = (&mut to.density, &mut to.velocity);
+        self.fluid.plane_states(z, density, velocity, &mut to.row);
     }
     fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
         let position = self.fluid.populations().cell(cell.map(usize::cast_signed));

@@ -330,6 +330,18 @@ impl Boundaries {
         all
     }
 
+    /// Positions of the ghost cells that links to walls at rest lead to; some of them more than once.
+    pub fn behind_walls_at_rest<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+    ) -> impl Iterator<Item = usize> {
+        let first = |i: usize| populations.slot(0, i);
+        self.walls
+            .iter()
+            .filter(|wall| matches!(self.patches[wall.patch].condition, Condition::NoSlip))
+            .map(move |wall| wall.link.far as usize - first(wall.direction))
+    }
+
     /// Factor of the velocity of a patch at a step: that of its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {

@@ -380,10 +380,13 @@ impl<S: Stored> Fluid<S> {
         };
         let threads = rayon::current_num_threads();
         let tau = setup.relaxation_time;
-        let cover = setup
-            .saturation
-            .map(|method| Cover::new(&populations, method, tau, setup.operator.odd(), threads));
         let boundaries = Boundaries::new(&populations, &frame, setup.patches);
+        let cover = setup.saturation.map(|method| {
+            let odd = setup.operator.odd();
+            let mut cover = Cover::new(&populations, method, tau, odd, threads);
+            cover.wall_off(boundaries.behind_walls_at_rest(&populations));
+            cover
+        });
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
@@ -602,6 +605,33 @@ impl<S: Stored> Fluid<S> {
         for (u, half) in velocity.iter_mut().zip(half) {
             for (u, drho) in u.iter_mut().zip(&*drho) {
                 *u = (*u + half) / (1.0 + drho);
+            }
+        }
+    }
+
+    /// The same of the interior cells of a plane across z: `density` and `velocity` in the order [y][x], `row` for work.
+    pub fn plane_states(
+        &self,
+        z: usize,
+        density: &mut [f64],
+        velocity: &mut [[f64; 3]],
+        row: &mut [Vec<f64>; 4],
+    ) {
+        let cells = self.populations.cells();
+        // Rows run along x or y: the fastest axis is the first that is not cut.
+        let along = self.populations.order()[2];
+        let across = 1 - along;
+        let stride = [1, cells[0]];
+        for k in 0..cells[across] {
+            let mut first = [0, 0, z.cast_signed()];
+            first[across] = k.cast_signed();
+            self.row_states(self.populations.cell(first), cells[along], row);
+            let [rho, u, v, w] = &*row;
+            let mut place = k * stride[across];
+            for ((rho, u), (v, w)) in rho.iter().zip(u).zip(v.iter().zip(w)) {
+                density[place] = *rho;
+                velocity[place] = [*u, *v, *w];
+                place += stride[along];
             }
         }
     }

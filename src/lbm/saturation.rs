@@ -31,7 +31,8 @@
 //!
 //! **Several bodies in a cell** (B-26): B(ε) is taken of the sum of their fractions, at most 1, and shared in proportion, so that two
 //! blocks that fill a cell together close it. The cell moves with the mean of their velocities weighted by their shares; each
-//! receives its own part of the force, and the parts add up to what the water gave.
+//! receives its own part of the force, and the parts add up to what the water gave. The force is that at the mean velocity: at each one's
+//! own, two bodies with parts a and b would exchange a b ρ (u_a - u_b) a step, a drag between them that no water gives.
 //!
 //! **Deep inside** a body, where no water is beside a cell, its populations are set to the equilibrium at the solid's velocity. Nothing there
 //! damps what the surface sends in: without it bodies that slide on each other stir the water inside until it carries momentum
@@ -40,10 +41,7 @@
 //! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
 //! would swing for ever, and at high Reynolds numbers grow.
 //!
-//! **Bodies that slide on each other**, or on a wall of the domain, drag each other by what their full cells exchange although no water is
-//! between them: a face of 0.01 m² at 0.2 m/s in cells of 1 cm felt 55 to 70 N where the water gave 1 N (superposition: 3 to 5 N, matched:
-//! 400 to 700 N). Half a cell of water between them takes it away: let the plane that blocks touch stand that much above what the
-//! lattice has for a floor.
+//! **Bodies in contact**, and a body on a wall of the domain, exchange pressure but no drag through full cells ([`contact`]).
 //!
 //! Beside the populations a cell holds ε (f32) and its body: 8 bytes. The loop asks once for a vector of cells whether any is
 //! covered; the rest of this file runs only where one is.
@@ -129,6 +127,8 @@ const LEAK: f64 = 1.0 / 64.0;
 
 /// No body.
 const NONE: u32 = u32::MAX;
+/// A ghost cell behind a wall at rest.
+const STILL: u32 = u32::MAX - 1;
 /// Cells of several bodies are numbered from here.
 const SHARED: u32 = 1 << 31;
 /// Most lanes that a level has.
@@ -215,7 +215,7 @@ pub struct Cover {
     odd: Odd,
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// ε by position of a cell.
+    /// ε by position of a cell; of a ghost cell its negative.
     fraction: Vec<f32>,
     /// Slot of its body, or [`SHARED`] and a place in `shared`.
     owner: Vec<u32>,
@@ -224,6 +224,8 @@ pub struct Cover {
     unused: Vec<u32>,
     solids: Vec<Solid>,
     sums: Vec<Sums>,
+    /// From a cell to its neighbours.
+    offsets: [isize; 27],
 }
 
 impl Cover {
@@ -237,6 +239,10 @@ impl Cover {
         workers: usize,
     ) -> Self {
         let positions = populations.cell_positions();
+        let mut offsets = [0; 27];
+        for i in 0..populations.velocities().q() {
+            offsets[i] = populations.offset(i);
+        }
         Self {
             method,
             time: relaxation_time - 0.5,
@@ -248,6 +254,15 @@ impl Cover {
             unused: Vec::new(),
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
+            offsets,
+        }
+    }
+
+    /// A wall at rest fills these ghost cells.
+    pub fn wall_off(&mut self, ghosts: impl Iterator<Item = usize>) {
+        for position in ghosts {
+            self.fraction[position] = -1.0;
+            self.owner[position] = STILL;
         }
     }
 
@@ -269,11 +284,21 @@ impl Cover {
         }
     }
 
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out.
+    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         let owner = self.owner[position];
+        if owner == STILL {
+            return;
+        }
+        let held = self.fraction[position];
+        let sign = if held < 0.0 || fraction < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let fraction = fraction.abs();
         if owner == NONE || owner == slot {
-            self.fraction[position] = fraction;
+            self.fraction[position] = sign * fraction;
             self.owner[position] = if fraction > 0.0 { slot } else { NONE };
             return;
         }
@@ -283,7 +308,7 @@ impl Cover {
             }
             let first = Share {
                 slot: owner,
-                fraction: self.fraction[position].min(1.0),
+                fraction: held.abs().min(1.0),
             };
             let place = self.unused.pop().unwrap_or_else(|| {
                 self.shared.push(Vec::new());
@@ -308,9 +333,9 @@ impl Cover {
             shares.clear();
             self.unused.push(place);
             self.owner[position] = only.slot;
-            self.fraction[position] = only.fraction;
+            self.fraction[position] = sign * only.fraction;
         } else {
-            self.fraction[position] = rounded(total(shares).min(1.0));
+            self.fraction[position] = sign * rounded(total(shares).min(1.0));
         }
     }
 
@@ -318,6 +343,12 @@ impl Cover {
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(self.fraction[position].min(1.0))
+    }
+
+    /// The fraction as it is held: [`DEEP`] deep inside a body, negative in a ghost cell.
+    #[cfg(test)]
+    pub(crate) fn held(&self, position: usize) -> f32 {
+        self.fraction[position]
     }
 
     /// Id of the body that fills most of a cell, if solids fill half of it.
@@ -411,6 +442,7 @@ impl Cover {
             time: self.time,
             odd: self.odd,
             order: self.order,
+            offsets: self.offsets,
         }
     }
 }
@@ -465,6 +497,7 @@ pub(crate) struct View {
     time: f64,
     odd: Odd,
     order: [usize; 3],
+    offsets: [isize; 27],
 }
 
 /// Which cells a pass is at.
@@ -493,6 +526,7 @@ impl View {
         time: 0.0,
         odd: Odd::AsEven,
         order: [0; 3],
+        offsets: [0; 27],
     };
 
     /// Whether any of `N::WIDTH` cells is covered.
@@ -501,12 +535,12 @@ impl View {
     /// `cell` must be the position of an interior cell with room for whole vectors after it.
     #[inline(always)]
     pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
-        let mut any = 0;
+        let mut any = false;
         for lane in 0..N::WIDTH {
             // SAFETY: promised by the caller.
-            any |= unsafe { self.fraction.add(cell + lane).read() }.to_bits();
+            any |= unsafe { self.fraction.add(cell + lane).read() } > 0.0;
         }
-        any != 0
+        any
     }
 
     /// Turns the outgoing populations `g` of cells that collided as water, with velocity `u`, into those of partially
@@ -525,13 +559,18 @@ impl View {
         omega: N,
     ) -> [N; 3]
     where
-        f32: Memory<N>,
         f64: Memory<N>,
     {
         let zero = N::splat(0.0);
         let one = N::splat(1.0);
-        // SAFETY: promised by the caller.
-        let fraction = unsafe { <f32 as Memory<N>>::load(self.fraction.add(place.cell)) };
+        // The lanes beyond the last cell of a row are ghosts.
+        let mut fraction = [0.0; WIDEST];
+        for (lane, part) in fraction.iter_mut().enumerate().take(N::WIDTH) {
+            // SAFETY: promised by the caller.
+            *part = f64::from(unsafe { self.fraction.add(place.cell + lane).read() }.max(0.0));
+        }
+        // SAFETY: an array of at least the lanes' width.
+        let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
         // Zero deep inside.
         let shallow = fraction - N::splat(f64::from(DEEP));
         let mut velocity = [[0.0; WIDEST]; 3];
@@ -593,13 +632,17 @@ impl View {
         }
         for lane in 0..N::WIDTH {
             if share[lane] > 0.0 {
-                let r = [rest[0][lane], rest[1][lane], rest[2][lane]];
-                // SAFETY: promised by the caller.
-                unsafe {
-                    self.act::<L, Q>(place, lane, share[lane], scale[lane], r);
+                let mut force = [0.0; 3];
+                for a in 0..L::DIMENSION {
+                    let lost = scale[lane] * velocity[a][lane] + rest[a][lane];
+                    force[a] = -share[lane] * lost;
                 }
+                // SAFETY: promised by the caller.
+                unsafe { self.act::<L, Q>(place, lane, force) };
             }
         }
+        // SAFETY: promised by the caller.
+        unsafe { self.touch::<L, N, Q>(place, &cell, g) };
         let mut mixed = u;
         unroll!(axes a < 3 => {
             mixed[a] = cell.fraction.mul_add(cell.us[a] - u[a], u[a]);
@@ -760,14 +803,12 @@ impl View {
         cell
     }
 
-    /// The bodies of a covered cell: one with all of it, or several with their parts.
+    /// The bodies of a covered cell from its owner: one with all of it, or several with their parts.
     ///
     /// # Safety
-    /// As for [`Self::covers`], of a covered cell.
+    /// `owner` must be that of a cell that bodies cover.
     #[inline(always)]
-    unsafe fn shares(&self, cell: usize) -> (u32, &[Share]) {
-        // SAFETY: promised by the caller.
-        let owner = unsafe { self.owner.add(cell).read() };
+    unsafe fn shares(&self, owner: u32) -> (u32, &[Share]) {
         if owner & SHARED == 0 {
             (owner, &[])
         } else {
@@ -796,7 +837,7 @@ impl View {
             }
             let at = self.coordinates(place, lane);
             // SAFETY: the cell is covered.
-            let (owner, shares) = unsafe { self.shares(cell) };
+            let (owner, shares) = unsafe { self.shares(self.owner.add(cell).read()) };
             let mut mean = [0.0; 3];
             if shares.is_empty() {
                 // SAFETY: slots were made by `Cover::make_room`.
@@ -837,7 +878,7 @@ impl View {
         }
     }
 
-    /// Adds the force of a cell to its bodies: -B (scale u_s + rest), by their parts.
+    /// Adds the force of a cell to its bodies, by their parts.
     ///
     /// # Safety
     /// As for [`Self::mix`], of a covered cell.
@@ -846,30 +887,20 @@ impl View {
         &self,
         place: Place,
         lane: usize,
-        weight: f64,
-        scale: f64,
-        rest: [f64; 3],
+        force: [f64; 3],
     ) {
         let at = self.coordinates(place, lane);
         // SAFETY: promised by the caller; each worker has sums of its own.
         let ((owner, shares), sums) = unsafe {
             (
-                self.shares(place.cell + lane),
+                self.shares(self.owner.add(place.cell + lane).read()),
                 &mut *self.sums.add(place.worker),
             )
         };
-        let mut give = |slot: u32, weight: f64| {
+        let mut give = |slot: u32, part: f64| {
             // SAFETY: slots were made by `Cover::make_room`.
-            let (v, raw) = unsafe {
-                (
-                    self.velocity::<L, Q>(slot, at),
-                    (*self.solids.add(slot as usize)).raw(at),
-                )
-            };
-            let mut force = [0.0; 3];
-            for a in 0..L::DIMENSION {
-                force[a] = -weight * (scale * v[a] + rest[a]);
-            }
+            let raw = unsafe { (*self.solids.add(slot as usize)).raw(at) };
+            let force = force.map(|f| part * f);
             if L::DIMENSION == 2 {
                 sums.add::<2>(slot, raw, force);
             } else {
@@ -877,11 +908,11 @@ impl View {
             }
         };
         if shares.is_empty() {
-            give(owner, weight);
+            give(owner, 1.0);
         } else {
             let all = total(shares);
             for share in shares {
-                give(share.slot, weight * (f64::from(share.fraction) / all));
+                give(share.slot, f64::from(share.fraction) / all);
             }
         }
     }
@@ -936,5 +967,6 @@ pub fn cells(weight: i128) -> f64 {
     from_quanta(weight)
 }
 
+mod contact;
 #[cfg(test)]
 mod tests;

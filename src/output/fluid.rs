@@ -6,7 +6,7 @@
 use super::planes::Velocities;
 use crate::case::fluid::Precision;
 use crate::case::observe::FieldName;
-use crate::coupling::FluidView;
+use crate::coupling::{FluidView, PlaneStates};
 use crate::error::Error;
 use crate::scene::grid::Grid;
 use decomposition::Domain;
@@ -84,6 +84,7 @@ pub(crate) struct Buffers<T> {
     solid: Vec<u8>,
     body: Vec<i32>,
     velocities: Velocities,
+    states: PlaneStates,
 }
 
 impl<T: Number> Buffers<T> {
@@ -93,6 +94,7 @@ impl<T: Number> Buffers<T> {
             solid: Vec::new(),
             body: Vec::new(),
             velocities: Velocities::default(),
+            states: PlaneStates::default(),
         }
     }
 
@@ -104,40 +106,58 @@ impl<T: Number> Buffers<T> {
         }
         self.solid.clear();
         self.body.clear();
-        for (field, to) in &mut self.fields {
+        for (_, to) in &mut self.fields {
             to.clear();
-            for z in 0..cells[2] {
-                for y in 0..cells[1] {
-                    for x in 0..cells[0] {
-                        let cell = [x, y, z];
-                        match field {
-                            FieldName::Velocity => {
-                                let (_, velocity) = fluid.state(cell);
-                                to.extend(velocity.map(|u| T::of(units.velocity_to_si(u))));
-                            }
-                            FieldName::Pressure => {
-                                let (deviation, _) = fluid.state(cell);
-                                to.push(T::of(units.density_deviation_to_pressure(deviation)));
-                            }
-                            FieldName::Density => {
-                                let (deviation, _) = fluid.state(cell);
-                                to.push(T::of(units.density_deviation_to_density(deviation)));
-                            }
-                            FieldName::Vorticity => {
-                                let w = self.velocities.vorticity(cell, grid.periodic);
-                                let w = w.map(|w| T::of(units.rate_to_si(w)));
-                                to.extend_from_slice(&w[if grid.dimension == 3 { 0 } else { 2 }..]);
-                            }
-                            FieldName::EddyViscosity => {
-                                to.push(T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell))));
-                            }
-                            FieldName::Solid => {
-                                let body = fluid.body_at(cell);
-                                self.solid.push(u8::from(body.is_some()));
-                                self.body.push(
-                                    body.map_or(-1, |id| i32::try_from(id).unwrap_or(i32::MAX)),
-                                );
-                            }
+        }
+        let of_states = |field: &FieldName| {
+            matches!(
+                field,
+                FieldName::Velocity | FieldName::Pressure | FieldName::Density
+            )
+        };
+        let states_wanted = self.fields.iter().any(|(field, _)| of_states(field));
+        for z in 0..cells[2] {
+            if states_wanted {
+                fluid.plane_states(z, &mut self.states);
+            }
+            let (density, velocity) = (&self.states.density, &self.states.velocity);
+            let plane = (0..cells[1]).flat_map(|y| (0..cells[0]).map(move |x| [x, y, z]));
+            for (field, to) in &mut self.fields {
+                match field {
+                    FieldName::Velocity => to.extend(
+                        velocity
+                            .iter()
+                            .flat_map(|u| u.map(|u| T::of(units.velocity_to_si(u)))),
+                    ),
+                    FieldName::Pressure => to.extend(
+                        density
+                            .iter()
+                            .map(|rho| T::of(units.density_deviation_to_pressure(*rho))),
+                    ),
+                    FieldName::Density => to.extend(
+                        density
+                            .iter()
+                            .map(|rho| T::of(units.density_deviation_to_density(*rho))),
+                    ),
+                    FieldName::Vorticity => {
+                        let first = if grid.dimension == 3 { 0 } else { 2 };
+                        for cell in plane.clone() {
+                            let w = self.velocities.vorticity(cell, grid.periodic);
+                            let w = w.map(|w| T::of(units.rate_to_si(w)));
+                            to.extend_from_slice(&w[first..]);
+                        }
+                    }
+                    FieldName::EddyViscosity => to.extend(
+                        plane
+                            .clone()
+                            .map(|cell| T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell)))),
+                    ),
+                    FieldName::Solid => {
+                        for cell in plane.clone() {
+                            let body = fluid.body_at(cell);
+                            self.solid.push(u8::from(body.is_some()));
+                            self.body
+                                .push(body.map_or(-1, |id| i32::try_from(id).unwrap_or(i32::MAX)));
                         }
                     }
                 }

@@ -1,6 +1,6 @@
 //! Velocities of a slab and of the planes next to it, for derivatives across the cuts between ranks.
 
-use crate::coupling::FluidView;
+use crate::coupling::{FluidView, PlaneStates};
 use crate::error::Error;
 use decomposition::{Domain, exchange};
 
@@ -12,6 +12,7 @@ pub(crate) struct Velocities {
     axis: usize,
     below: Option<Vec<[f64; 3]>>,
     above: Option<Vec<[f64; 3]>>,
+    states: PlaneStates,
 }
 
 impl Velocities {
@@ -21,11 +22,8 @@ impl Velocities {
         self.axis = domain.axis().index();
         self.own.clear();
         for z in 0..self.cells[2] {
-            for y in 0..self.cells[1] {
-                for x in 0..self.cells[0] {
-                    self.own.push(fluid.state([x, y, z]).1);
-                }
-            }
+            fluid.plane_states(z, &mut self.states);
+            self.own.extend_from_slice(&self.states.velocity);
         }
         let (lower, upper) = (domain.lower_neighbour(), domain.upper_neighbour());
         let mut messages = Vec::new();

@@ -14,9 +14,13 @@ fn populations(split: usize) -> Populations<f64> {
 }
 
 fn map(populations: &Populations<f64>) -> (CoverMap, Cover) {
+    map_of(populations, [0; 3])
+}
+
+fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover) {
     let grid = Grid {
         cells: CELLS,
-        start: [0; 3],
+        start,
         periodic: [true; 3],
         origin: [0.0; 3],
         spacing: 0.1,
@@ -80,5 +84,72 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
         let gone = Particles::<Volume>::new();
         map.follow(&gone, &mut cover, 1.0, 1.0);
         assert!(solid(&populations, &cover) == 0.0);
+    }
+}
+
+/// What covers a ghost cell is what covers that cell of the next slab, negative, wherever the slabs are cut.
+#[test]
+fn ghost_cells_are_covered_as_in_the_next_slab() {
+    let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
+    let mut particles = Particles::<Volume>::new();
+    particles
+        .set_shapes(Arc::from(vec![shape.clone()]))
+        .unwrap();
+    particles.insert(
+        Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
+        at(0.71, 0.82, 0.55),
+    );
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
+    let block = Body::of_block(2, &shape, 1000.0, 0);
+    particles
+        .add_block(block, at(1.13, 0.77, 0.64), 0, turn)
+        .unwrap();
+    for split in 0..3 {
+        let cut = CELLS[split] / 2 + 1;
+        let slab = |start: usize, planes: usize| {
+            let (mut cells, mut from) = (CELLS, [0; 3]);
+            cells[split] = planes;
+            from[split] = start;
+            let populations =
+                Populations::<f64>::new(Velocities::of::<D3Q19, 19>(), cells, split).unwrap();
+            let (mut map, mut cover) = map_of(&populations, from);
+            map.follow(&particles, &mut cover, 1.0, 1.0);
+            (populations, cover)
+        };
+        let (lower, upper) = (slab(0, cut), slab(cut, CELLS[split] - cut));
+        let mut covered = 0;
+        let [p, q] = [0, 1, 2]
+            .into_iter()
+            .filter(|&a| a != split)
+            .collect::<Vec<_>>()[..]
+        else {
+            panic!("two other axes")
+        };
+        for i in 0..CELLS[p] {
+            for j in 0..CELLS[q] {
+                let cell = |slab: &(Populations<f64>, Cover), k: usize, up: bool| {
+                    let mut at = [0; 3];
+                    at[p] = i.cast_signed();
+                    at[q] = j.cast_signed();
+                    at[split] = if up {
+                        k.cast_signed()
+                    } else {
+                        k.cast_signed() - 1
+                    };
+                    slab.1.held(slab.0.cell(at))
+                };
+                let pairs = [
+                    (cell(&lower, cut, true), cell(&upper, 0, true)),
+                    (cell(&upper, 0, false), cell(&lower, cut, false)),
+                ];
+                for (ghost, there) in pairs {
+                    assert!(
+                        ghost.to_bits() == (-there).to_bits() || (ghost == 0.0 && there == 0.0)
+                    );
+                    covered += u32::from(there > 0.0);
+                }
+            }
+        }
+        assert!(covered > 20, "{split}: {covered}");
     }
 }
