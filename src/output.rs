@@ -61,7 +61,7 @@ struct Output<T> {
 /// Fields of whichever fluid there is.
 #[derive(Debug)]
 enum FluidFields {
-    Lattice(Fields),
+    Lattice(Box<Fields>),
     Seepage(SeepageFields),
 }
 
@@ -101,7 +101,7 @@ impl Outputs {
                 let fields = if plan.scene.seepage.is_some() {
                     FluidFields::Seepage(SeepageFields::new(&output.fields, output.precision))
                 } else {
-                    FluidFields::Lattice(Fields::new(&output.fields, output.precision))
+                    FluidFields::Lattice(Box::new(Fields::new(&output.fields, output.precision)))
                 };
                 let every = every(output.every);
                 Some(Output::open(

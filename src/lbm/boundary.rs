@@ -113,7 +113,7 @@ pub fn holder(patches: &[Patch], axis: usize, upper: bool, position: [f64; 3]) -
 /// All boundary links of one slab, grouped by rule, ready to be applied without a choice in the loop.
 pub struct Boundaries {
     patches: Vec<Patch>,
-    walls: Vec<wall::WallLink>,
+    walls: wall::Walls,
     pressures: Vec<pressure::PressureCell>,
     pressure_links: Vec<pressure::PressureLink>,
     mirrors: Vec<free_slip::Mirror>,
@@ -180,7 +180,7 @@ impl Boundaries {
     ) -> Self {
         let mut all = Self {
             patches,
-            walls: Vec::new(),
+            walls: wall::Walls::default(),
             pressures: Vec::new(),
             pressure_links: Vec::new(),
             mirrors: Vec::new(),
@@ -188,6 +188,7 @@ impl Boundaries {
             convective: convective::Convective::default(),
             inlets: Vec::new(),
         };
+        let mut walls = Vec::new();
         for axis in 0..3 {
             // Last resort, weakest in the search below because later patches win.
             for upper in [false, true] {
@@ -251,7 +252,7 @@ impl Boundaries {
                 let weight = velocities.w[i];
                 match &all.patches[patch].condition {
                     Condition::NoSlip => {
-                        all.walls.push(wall::WallLink {
+                        walls.push(wall::WallLink {
                             link,
                             patch,
                             direction: i,
@@ -275,7 +276,7 @@ impl Boundaries {
                             all.inlets[n].add(at, strength, link, weight, c);
                         }
                         let term = wall::term(weight, c, u);
-                        all.walls.push(wall::WallLink {
+                        walls.push(wall::WallLink {
                             link,
                             patch,
                             direction: i,
@@ -327,6 +328,7 @@ impl Boundaries {
                     .push(pressure::PressureCell { cell, first, count });
             }
         }
+        all.walls = wall::Walls::new(walls);
         all
     }
 
@@ -337,7 +339,7 @@ impl Boundaries {
     ) -> impl Iterator<Item = usize> {
         let first = |i: usize| populations.slot(0, i);
         self.walls
-            .iter()
+            .links()
             .filter(|wall| matches!(self.patches[wall.patch].condition, Condition::NoSlip))
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
@@ -379,11 +381,8 @@ impl Boundaries {
         outflow::apply(&self.outflows, populations);
         self.convective.apply(populations);
         free_slip::apply(&self.mirrors, populations);
-        wall::apply(
-            &self.walls,
-            |patch| factor(&self.patches, patch, step),
-            populations,
-        );
+        let speed = |patch: usize| factor(&self.patches, patch, step);
+        self.walls.apply(speed, populations);
         for inlet in &mut self.inlets {
             inlet.apply(populations, step, factor(&self.patches, inlet.patch, step));
         }
@@ -418,7 +417,7 @@ impl Boundaries {
             }
             flux.mass += leaves - enters;
         };
-        for w in &self.walls {
+        for w in self.walls.links() {
             let back = velocities.opposite[w.direction];
             add(
                 w.patch,

@@ -18,6 +18,14 @@ use std::ops::Range;
 const LINES_AHEAD: usize = 4;
 /// Bytes of a cache line.
 const LINE: usize = 64;
+/// Bytes from the cells at work to those that are asked for.
+const AHEAD: usize = LINES_AHEAD * LINE;
+
+/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the address is
+/// at hand then. Else they are asked for once a line.
+const fn ahead_of_each<S, N: super::lanes::Lanes, const Q: usize>() -> bool {
+    Q > 9 && (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
+}
 
 /// What happens to a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
@@ -181,6 +189,9 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
 {
     #[inline(always)]
     fn incoming(&self, i: usize) -> N {
+        if const { ahead_of_each::<S, N, Q>() } {
+            prefetch(self.at[i].wrapping_add(self.k + AHEAD / size_of::<S>()));
+        }
         // SAFETY: promised to `new`.
         unsafe { S::load(self.at[i].add(self.k)) }
     }
@@ -251,11 +262,13 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     rates = collision.local(omega);
                 }
                 if Q > 9 && k.is_multiple_of(LINE / size_of::<S>()) {
-                    unroll!(populations i < Q => {
-                        prefetch(at[i].wrapping_add(k + LINES_AHEAD * LINE / size_of::<S>()));
-                    });
+                    if !const { ahead_of_each::<S, N, Q>() } {
+                        unroll!(populations i < Q => {
+                            prefetch(at[i].wrapping_add(k + AHEAD / size_of::<S>()));
+                        });
+                    }
                     if T::ACTIVE && eddies.present() {
-                        velocity.prefetch(cell + k, LINES_AHEAD * LINE / size_of::<S>());
+                        velocity.prefetch(cell + k, AHEAD / size_of::<S>());
                     }
                 }
                 // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
