@@ -200,6 +200,12 @@ impl BodyMap {
         &self.links
     }
 
+    /// Whether no body is mapped.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
     /// Motion of each entry in lattice units, as last refreshed.
     #[must_use]
     pub fn motion(&self) -> &[Rigid] {

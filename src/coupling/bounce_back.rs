@@ -237,10 +237,17 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         self.map.body_at(cell).is_none()
     }
 
+    fn all_count(&self) -> bool {
+        self.map.is_empty()
+    }
+
     fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
-        let mut cells = 0_u64;
-        for (at, _) in self.fluid.populations().interior() {
-            cells += u64::from(self.map.body_at(at).is_none());
+        let [nx, ny, nz] = self.fluid.populations().cells();
+        let mut cells = (nx * ny * nz) as u64;
+        if !self.all_count() {
+            let interior = self.fluid.populations().interior();
+            let open = interior.filter(|(at, _)| self.map.body_at(*at).is_none());
+            cells = open.count() as u64;
         }
         let cells = number(communicator.all_reduce_sum_u64(cells));
         self.fluid.last_force().map(|f| f * cells)

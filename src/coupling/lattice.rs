@@ -25,6 +25,9 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Whether the momentum of a cell belongs to the water in its balance with the bodies.
     fn counts(&self, cell: [usize; 3]) -> bool;
 
+    /// Whether all cells of the slab count: then nobody need ask for each.
+    fn all_count(&self) -> bool;
+
     /// The body force on all the water in the last step (lattice units). Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3];
 }

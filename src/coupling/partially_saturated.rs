@@ -269,6 +269,10 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         true
     }
 
+    fn all_count(&self) -> bool {
+        true
+    }
+
     /// A covered cell feels the force by 1 - B.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
         let populations = self.fluid.populations();

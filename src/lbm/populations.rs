@@ -295,24 +295,19 @@ impl<S: Stored> Populations<S> {
     /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
     /// in memory: density deviation, then the three momenta.
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
-        let numbers = self.numbers();
         for m in moments.iter_mut() {
             m.clear();
             m.resize(length, 0.0);
         }
-        let [drho, momentum @ ..] = moments;
-        for (i, c) in self.velocities.c.iter().enumerate() {
-            let row = &numbers[self.incoming(cell, i)..][..length];
-            for (sum, g) in drho.iter_mut().zip(row) {
-                *sum += g.to_f64();
-            }
-            for (m, &c) in momentum.iter_mut().zip(c).filter(|(_, c)| **c != 0) {
-                let c = f64::from(c);
-                for (sum, g) in m.iter_mut().zip(row) {
-                    *sum += c * g.to_f64();
-                }
-            }
+        let numbers = self.numbers();
+        let row = |i: usize| &numbers[self.incoming(cell, i)..][..length];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has it.
+            unsafe { add_rows_avx2(&self.velocities.c, row, moments) };
+            return;
         }
+        add_rows(&self.velocities.c, row, moments);
     }
 
     /// The same from the outgoing populations: momentum after the collision.
@@ -335,6 +330,38 @@ impl<S: Stored> Populations<S> {
         }
         (drho, m)
     }
+}
+
+/// Adds the rows of all populations to density deviation and momenta.
+#[inline(always)]
+fn add_rows<'a, S: Stored>(
+    velocities: &[[i8; 3]],
+    row: impl Fn(usize) -> &'a [S],
+    [drho, momentum @ ..]: &mut [Vec<f64>; 4],
+) {
+    for (i, c) in velocities.iter().enumerate() {
+        let row = row(i);
+        for (sum, g) in drho.iter_mut().zip(row) {
+            *sum += g.to_f64();
+        }
+        for (m, &c) in momentum.iter_mut().zip(c).filter(|(_, c)| **c != 0) {
+            let c = f64::from(c);
+            for (sum, g) in m.iter_mut().zip(row) {
+                *sum += c * g.to_f64();
+            }
+        }
+    }
+}
+
+/// The same, four lanes at a time.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_rows_avx2<'a, S: Stored>(
+    velocities: &[[i8; 3]],
+    row: impl Fn(usize) -> &'a [S],
+    moments: &mut [Vec<f64>; 4],
+) {
+    add_rows(velocities, row, moments);
 }
 
 #[expect(

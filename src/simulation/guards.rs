@@ -212,14 +212,14 @@ fn totals<Sp: Space, S: Stored>(
     let populations = flow.fluid().populations();
     let fast = populations.order()[2];
     let length = populations.cells()[fast];
+    let all_count = flow.all_count();
     for (mut at, first) in populations.rows() {
         populations.row_moments(first, length, row);
-        for k in 0..length {
-            at[fast] = k;
-            sums[0] += i128::from(quanta(row[0][k]));
-            if flow.counts(at) {
-                for a in 1..4 {
-                    sums[a] += i128::from(quanta(row[a][k]));
+        for (a, row) in row.iter().enumerate() {
+            for (k, value) in row.iter().enumerate() {
+                at[fast] = k;
+                if a == 0 || all_count || flow.counts(at) {
+                    sums[a] += i128::from(quanta(*value));
                 }
             }
         }
@@ -239,6 +239,7 @@ fn search<Sp: Space, S: Stored>(
     let fast = populations.order()[2];
     let length = populations.cells()[fast];
     let (all, start) = (fluid.domain_cells(), fluid.start());
+    let all_count = flow.all_count();
     let mut fastest = 0.0_f64;
     let mut bad: Option<(u64, String)> = None;
     for (mut at, first) in populations.rows() {
@@ -250,7 +251,7 @@ fn search<Sp: Space, S: Stored>(
             let speed = (u * u + v * v + w * w).sqrt();
             // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
             let covered = fluid.cover().is_some_and(|c| c.fraction(cell) >= 0.5);
-            let rock = covered || !flow.counts(at);
+            let rock = covered || !all_count && !flow.counts(at);
             if drho.is_finite() && (speed <= limit || rock && speed.is_finite()) {
                 if !rock {
                     fastest = fastest.max(speed);

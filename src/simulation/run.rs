@@ -490,8 +490,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         };
         let mut sum = decomposition::ExactSum::new();
         let populations = flow.fluid().populations();
-        for (_, cell) in populations.interior() {
-            sum.add(populations.moments(cell).0);
+        let length = populations.cells()[populations.order()[2]];
+        let mut row = <[Vec<f64>; 4]>::default();
+        for (_, cell) in populations.rows() {
+            populations.row_moments(cell, length, &mut row);
+            for mass in &row[0] {
+                sum.add(*mass);
+            }
         }
         sum.all_reduce(self.simulation.now.domain.communicator());
         sum.value()
