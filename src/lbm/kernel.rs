@@ -204,7 +204,7 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
 
 /// Asks for a cache line; any address will do.
 #[inline(always)]
-pub(super) fn prefetch<S>(line: *const S) {
+pub(in crate::lbm) fn prefetch<S>(line: *const S) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

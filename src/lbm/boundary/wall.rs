@@ -6,8 +6,12 @@
 //! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
 //! array to array and next to no memory.
 
+use crate::lbm::kernel::prefetch;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Parity, Populations};
+
+/// Links ahead whose numbers are asked for where they do not stand together.
+const LINES_AHEAD: usize = 16;
 
 /// One link that ends at a wall.
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +125,10 @@ impl Run {
         let (count, stride) = (self.count as usize, self.stride as usize);
         if stride > 1 || from.abs_diff(to) < count {
             for k in 0..count {
+                // Each number lies in a line of its own.
+                let later = (k + LINES_AHEAD) * stride;
+                prefetch(numbers.as_ptr().wrapping_add(from + later));
+                prefetch(numbers.as_ptr().wrapping_add(to + later));
                 let value = numbers[from + k * stride].to_f64() - term;
                 numbers[to + k * stride] = S::from_f64(value);
             }
