@@ -581,8 +581,8 @@ impl<S: Stored> Fluid<S> {
     #[must_use]
     pub fn looks_sound(&self) -> bool {
         let populations = &self.populations;
-        let positions = populations.slot(0, 0)..populations.slot(0, 1);
-        populations.numbers()[positions]
+        let rest = populations.slot(0, 0)..populations.slot(populations.cell_positions(), 0);
+        populations.numbers()[rest]
             .iter()
             .all(|g| g.to_f64().abs() < 1.0)
     }

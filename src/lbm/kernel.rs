@@ -7,7 +7,7 @@
 use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
-use super::populations::Populations;
+use super::populations::{ACROSS, Populations};
 use super::saturation::{self, Place, Solids};
 use super::turbulence::{Eddies, View};
 use std::marker::PhantomData;
@@ -164,23 +164,87 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, planes) }
 }
 
-/// Some cells of a row on the lattice.
+/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from there to where
+/// c_x is 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
-    at: &'a [*mut S; Q],
-    k: usize,
+    at: &'a [*mut S; 9],
+    along: [isize; 2],
     lattice: PhantomData<L>,
 }
 
-impl<'a, L, S, const Q: usize> Row<'a, L, S, Q> {
+/// The velocities of a set by their places in memory.
+struct Places<L, const Q: usize>(PhantomData<L>);
+
+impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
+    /// The place of (c_y, c_z) of each population in [`ACROSS`].
+    const ACROSS: [usize; Q] = {
+        let mut places = [0; Q];
+        let mut i = 0;
+        while i < Q {
+            let c = L::C[i];
+            let mut n = 0;
+            while ACROSS[n][0] != c[1] || ACROSS[n][1] != c[2] {
+                n += 1;
+            }
+            places[i] = n;
+            i += 1;
+        }
+        places
+    };
+    /// The population with c_x = 0 for each of [`ACROSS`]; that at rest, where the set has none.
+    const FIRST: [usize; 9] = {
+        let mut first = [0; 9];
+        let mut i = 0;
+        while i < Q {
+            if L::C[i][0] == 0 {
+                first[Self::ACROSS[i]] = i;
+            }
+            i += 1;
+        }
+        first
+    };
+    /// The populations along x and against it.
+    const ALONG: [usize; 2] = {
+        let mut along = [0; 2];
+        let mut i = 0;
+        while i < Q {
+            if Self::ACROSS[i] == 0 && L::C[i][0] != 0 {
+                along[if L::C[i][0] > 0 { 0 } else { 1 }] = i;
+            }
+            i += 1;
+        }
+        along
+    };
+}
+
+impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
     /// # Safety
-    /// From each of `at` on, `k` and a vector more must be numbers that nobody else reads or writes.
+    /// From each of `at` and those beside them on, a vector must be numbers that nobody else reads or writes.
     #[inline(always)]
-    unsafe fn new(at: &'a [*mut S; Q], k: usize) -> Self {
+    unsafe fn new(at: &'a [*mut S; 9], along: [isize; 2]) -> Self {
         Self {
             at,
-            k,
+            along,
             lattice: PhantomData,
         }
+    }
+
+    /// Where population i is read.
+    #[inline(always)]
+    fn address(&self, i: usize) -> *mut S {
+        let c = L::C[i];
+        let base = self.at[Places::<L, Q>::ACROSS[i]];
+        match c[0] {
+            0 => base,
+            1 => base.wrapping_offset(self.along[0]),
+            _ => base.wrapping_offset(self.along[1]),
+        }
+    }
+
+    /// Asks for the numbers that are needed some vectors later.
+    #[inline(always)]
+    fn prefetch(&self, i: usize) {
+        prefetch(self.address(i).wrapping_add(AHEAD / size_of::<S>()));
     }
 }
 
@@ -190,16 +254,37 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
     #[inline(always)]
     fn incoming(&self, i: usize) -> N {
         if const { ahead_of_each::<S, N, Q>() } {
-            prefetch(self.at[i].wrapping_add(self.k + AHEAD / size_of::<S>()));
+            self.prefetch(i);
         }
         // SAFETY: promised to `new`.
-        unsafe { S::load(self.at[i].add(self.k)) }
+        unsafe { S::load(self.address(i)) }
     }
     #[inline(always)]
     fn leave(&mut self, i: usize, outgoing: N) {
         // SAFETY: promised to `new`.
-        unsafe { S::store(self.at[L::OPPOSITE[i]].add(self.k), outgoing) }
+        unsafe { S::store(self.address(L::OPPOSITE[i]), outgoing) }
     }
+}
+
+/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of nine before the loop, and
+/// fetch most of them from the stack in every turn.
+#[inline(always)]
+fn opaque(along: &mut [isize; 2]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let [a, b] = along;
+        // SAFETY: no instruction at all.
+        unsafe {
+            std::arch::asm!(
+                "/* {} {} */",
+                inout(reg) * a,
+                inout(reg) * b,
+                options(nomem, nostack, preserves_flags)
+            );
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = along;
 }
 
 /// Asks for a cache line; any address will do.
@@ -243,18 +328,28 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     let cover = shared.cover;
     let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
     let mut rates = collision.uniform::<N>();
+    let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| shared.first[i]);
+    let along = [
+        ahead.wrapping_sub(shared.first[0]).cast_signed(),
+        behind.wrapping_sub(shared.first[0]).cast_signed(),
+    ];
     for plane in planes {
         for row in 0..shared.rows {
             let start = plane * shared.plane + row * shared.row;
-            let mut at = [std::ptr::null_mut::<S>(); Q];
-            unroll!(populations i < Q => {
-                // SAFETY: `first` are positions inside the array for the first row, and the row lies in the slab.
-                at[i] = unsafe { shared.base.add(shared.first[i] + start) };
+            // The addresses move with the cells, so that each number is an address and at most one distance away.
+            let mut at = [std::ptr::null_mut::<S>(); 9];
+            unroll!(nine n < 9 => {
+                let first = shared.first[Places::<L, Q>::FIRST[n]];
+                at[n] = shared.base.wrapping_add(first + start);
             });
             // Population 0 is at its cell, so that its position is that of the cell in other arrays too.
             let cell = shared.first[0] + start;
             let mut k = 0;
             while k < shared.cells {
+                let mut along = along;
+                opaque(&mut along);
+                // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
                 if T::ACTIVE && eddies.present() {
                     // SAFETY: an interior cell.
                     let gradient = unsafe { velocity.gradient::<N>(cell + k) };
@@ -264,15 +359,13 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 if Q > 9 && k.is_multiple_of(LINE / size_of::<S>()) {
                     if !const { ahead_of_each::<S, N, Q>() } {
                         unroll!(populations i < Q => {
-                            prefetch(at[i].wrapping_add(k + AHEAD / size_of::<S>()));
+                            site.prefetch(i);
                         });
                     }
                     if T::ACTIVE && eddies.present() {
                         velocity.prefetch(cell + k, AHEAD / size_of::<S>());
                     }
                 }
-                // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
-                let mut site = unsafe { Row::<L, S, Q>::new(&at, k) };
                 // SAFETY: an interior cell.
                 let u = if P::ACTIVE && unsafe { cover.covers::<N>(cell + k) } {
                     let mut before = [N::splat(0.0); Q];
@@ -300,6 +393,9 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     unsafe { velocity.leave(cell + k, u) };
                 }
                 k += N::WIDTH;
+                unroll!(nine n < 9 => {
+                    at[n] = at[n].wrapping_add(N::WIDTH);
+                });
             }
         }
     }

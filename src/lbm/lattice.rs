@@ -192,10 +192,13 @@ impl Velocities {
 }
 
 /// Repeats a block with a constant index below a limit, written out at compile time: a loop that the compiler leaves
-/// rolled keeps the populations in memory instead of registers. `axes`, `pairs` and `populations` name what is counted.
+/// rolled keeps the populations in memory instead of registers. `axes`, `nine`, `pairs` and `populations` name what is counted.
 macro_rules! unroll {
     (axes $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2] $i $n; $body)
+    };
+    (nine $i:ident < $n:expr => $body:block) => {
+        unroll!(@each [0 1 2 3 4 5 6 7 8] $i $n; $body)
     };
     (pairs $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2 3 4 5 6 7 8 9 10 11 12] $i $n; $body)
