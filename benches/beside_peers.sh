@@ -301,16 +301,18 @@ ours_3d() {
 }
 raw_3d() { raw=$(lbmpy_3d --method mrt_raw "${peer_model[@]}"); }
 central_3d() { central=$(lbmpy_3d --method central "${peer_model[@]}"); }
+many_3d() { many=$(lbmpy_3d --method mrt_raw --rates many "${peer_model[@]}"); }
 # row_3d ROW QUANTITY BAR AIM: the model of the caller beside the faster of the peer's two, or its central moments alone where
 # there are eddies, which its raw moments do not come with.
 row_3d() {
-  local pair ours raw central peer others=(raw_3d central_3d)
+  local pair ours raw central many peer others=(raw_3d central_3d many_3d)
   [ "${#model[@]}" -le 2 ] || others=(central_3d)
   for ((pair = 1; pair <= pairs; pair++)); do
     raw=0
     by_turns "$pair" ours_3d "${others[@]}"
     peer=$(printf '%s\n' "$raw" "$central" | sort -g | tail -n 1)
     [ "${#others[@]}" -eq 1 ] || record "$1" "$2: beside central moments" MLUPS "$ours" "$central" "lbmpy 2.0 AA, bare kernel, central moments" rate - -
+    [ "${#others[@]}" -eq 1 ] || record "$1" "$2: beside raw moments with as many rates" MLUPS "$ours" "$many" "lbmpy 2.0 AA, bare kernel, a rate for each moment" rate - -
     record "$1" "$2" MLUPS "$ours" "$peer" "lbmpy 2.0 AA, bare kernel" rate "$3" "$4"
   done
 }

@@ -5,6 +5,7 @@
 //! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
 
 pub mod convective;
+mod covered;
 pub mod free_slip;
 pub mod outflow;
 pub mod pressure;
@@ -95,6 +96,17 @@ pub struct Patch {
 }
 
 impl Patch {
+    /// Whether water goes through the face at a point, in cells.
+    fn lets_through(&self, position: [f64; 3]) -> bool {
+        match &self.condition {
+            Condition::NoSlip | Condition::FreeSlip => false,
+            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..) => {
+                profile(position)[self.axis] != 0.0
+            }
+            Condition::Pressure(_) | Condition::Outflow | Condition::Convective(_) => true,
+        }
+    }
+
     fn holds(&self, position: [f64; 3]) -> bool {
         (0..3).all(|a| {
             a == self.axis || (self.range[a][0] <= position[a] && position[a] < self.range[a][1])
@@ -120,6 +132,7 @@ pub struct Boundaries {
     outflows: Vec<outflow::OutflowLink>,
     convective: convective::Convective,
     inlets: Vec<turbulent::Inlet>,
+    open: covered::OpenCells,
 }
 
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
@@ -171,12 +184,13 @@ fn factor(patches: &[Patch], patch: usize, step: f64) -> f64 {
 }
 
 impl Boundaries {
-    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls.
+    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         frame: &Frame,
         patches: Vec<Patch>,
+        coverable: bool,
     ) -> Self {
         let mut all = Self {
             patches,
@@ -187,6 +201,7 @@ impl Boundaries {
             outflows: Vec::new(),
             convective: convective::Convective::default(),
             inlets: Vec::new(),
+            open: covered::OpenCells::default(),
         };
         let mut walls = Vec::new();
         for axis in 0..3 {
@@ -250,6 +265,9 @@ impl Boundaries {
                     .unwrap_or(defaults);
                 let link = populations.link(cell, i);
                 let weight = velocities.w[i];
+                if coverable && all.patches[patch].lets_through(middle) {
+                    all.open.add(cell, link);
+                }
                 match &all.patches[patch].condition {
                     Condition::NoSlip => {
                         walls.push(wall::WallLink {
@@ -386,6 +404,15 @@ impl Boundaries {
         for inlet in &mut self.inlets {
             inlet.apply(populations, step, factor(&self.patches, inlet.patch, step));
         }
+    }
+
+    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell.
+    pub fn close_covered<S: Stored>(
+        &self,
+        fraction: impl Fn(usize) -> f64,
+        populations: &mut Populations<S>,
+    ) {
+        self.open.close(fraction, populations);
     }
 
     /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over

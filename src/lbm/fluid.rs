@@ -380,7 +380,12 @@ impl<S: Stored> Fluid<S> {
         };
         let threads = rayon::current_num_threads();
         let tau = setup.relaxation_time;
-        let boundaries = Boundaries::new(&populations, &frame, setup.patches);
+        let boundaries = Boundaries::new(
+            &populations,
+            &frame,
+            setup.patches,
+            setup.saturation.is_some(),
+        );
         let cover = setup.saturation.map(|method| {
             let odd = setup.operator.odd();
             let mut cover = Cover::new(&populations, method, tau, odd, threads);
@@ -485,6 +490,11 @@ impl<S: Stored> Fluid<S> {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = self.step as f64;
         self.boundaries.apply(&mut self.populations, time, half);
+        if let Some(cover) = &self.cover {
+            let fraction = |cell: usize| cover.fraction(cell);
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
         self.complete_velocities();
     }
 

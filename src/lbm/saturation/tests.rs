@@ -2,6 +2,7 @@ use super::super::collision::mrt::Rates;
 use super::super::fluid::{Fluid, Force, Operator, Set, Setup};
 use super::super::turbulence::Model;
 use super::*;
+use crate::lbm::boundary::{Condition, Patch, Ramp};
 use decomposition::{Axis, Domain};
 
 const METHODS: [Method; 4] = [
@@ -311,6 +312,84 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
             let u = fluid.state(cell).1[0];
             let exact = 0.01 * (20.0 - (y as f64 + 0.5)) / 8.0;
             assert!((u / exact - 1.0).abs() < 0.04, "{method:?} {y} {u} {exact}");
+        }
+    }
+}
+
+/// A stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: what comes in is the velocity times the open
+/// part of the inlet, and goes out over the rock; the water inside the rock stands still.
+#[test]
+fn inlets_and_outlets_before_rock_are_closed() {
+    let (cells, bed, speed) = ([16_usize, 12, 1], 5_usize, 0.02);
+    let everywhere = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+    let patch = |name: &str, axis, upper, condition| Patch {
+        name: name.into(),
+        axis,
+        upper,
+        range: everywhere,
+        condition,
+    };
+    for method in METHODS {
+        let mut s = setup(
+            Set::D2Q9,
+            Operator::Trt { magic: 3.0 / 16.0 },
+            0.8,
+            cells,
+            method,
+        );
+        s.force = Force::None;
+        s.periodic = [false, false, true];
+        let stream = Condition::Velocity(Box::new(move |_| [speed, 0.0, 0.0]), Ramp::constant(1.0));
+        s.patches = vec![
+            patch("in", 0, false, stream),
+            patch("out", 0, true, Condition::Pressure(Ramp::constant(0.0))),
+            patch("lid", 1, true, Condition::FreeSlip),
+        ];
+        let mut fluid = serial(Axis::X, s);
+        let position = |fluid: &Fluid<f64>, x: usize, y: usize| {
+            fluid.populations().cell([x, y, 0].map(usize::cast_signed))
+        };
+        let rock: Vec<_> = (0..cells[0])
+            .flat_map(|x| (0..bed).map(move |y| (x, y)))
+            .map(|(x, y)| (position(&fluid, x, y), y + 1 < bed))
+            .collect();
+        let cover = fluid.cover_mut().unwrap();
+        cover.make_room(1);
+        cover.set(0, Solid::default());
+        for &(position, deep) in &rock {
+            cover.cover(position, 0, if deep { DEEP } else { 1.0 });
+        }
+        for _ in 0..4000 {
+            loads(&mut fluid);
+            fluid.advance();
+        }
+        let open = speed * (cells[1] - bed) as f64;
+        let names: Vec<String> = fluid.boundaries().names().map(str::to_owned).collect();
+        let fluxes = fluid.fluxes();
+        let mass =
+            |name: &str| from_quanta(fluxes[names.iter().position(|n| n == name).unwrap()].mass);
+        assert!(
+            (mass("in") / -open - 1.0).abs() < 1e-6,
+            "{method:?} {}",
+            mass("in")
+        );
+        assert!(
+            (mass("out") / open - 1.0).abs() < 1e-3,
+            "{method:?} {}",
+            mass("out")
+        );
+        for x in 0..cells[0] {
+            let through: f64 = (bed..cells[1])
+                .map(|y| fluid.populations().moments(position(&fluid, x, y)).1[0])
+                .sum();
+            assert!(
+                (through / open - 1.0).abs() < 0.02,
+                "{method:?} {x} {through} {open}"
+            );
+        }
+        for &(position, deep) in &rock {
+            let u = fluid.state(position).1;
+            assert!(!deep || u[0].hypot(u[1]) < 0.02 * speed, "{method:?} {u:?}");
         }
     }
 }
