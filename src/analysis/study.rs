@@ -1024,6 +1024,7 @@ mod tests {
                     radius: 1e-4,
                     x: 1.68e-2,
                     y: 2e-3,
+                    z: 0.0,
                 });
                 grains += 1;
                 clock += draws.exponential(1.0);

@@ -187,6 +187,7 @@ impl Removal {
                         radius: f64::from_bits(radius),
                         x: f64::from_bits(x),
                         y: f64::from_bits(y),
+                        z: f64::from_bits(z),
                     },
                 });
             }

@@ -429,6 +429,7 @@ mod tests {
             radius: 0.0,
             x: 0.0,
             y: 0.0,
+            z: 0.0,
         };
         assert_relative_eq!(mean_jump(&[grain(1.0), grain(3.0)], &[]).unwrap(), 2.5);
         assert_eq!(mean_jump(&[], &[]), None);

@@ -166,14 +166,16 @@ pub struct RemovedGrain {
     time: f64 = "time [s]",
     /// The grain.
     id: u64 = "id",
-    /// Its mass, kg/m.
-    mass: f64 = "mass [kg/m]",
+    /// Its mass, kg; in 2-D kg/m.
+    mass: f64 = "mass [kg; 2-D kg/m]",
     /// Its radius, m.
     radius: f64 = "radius [m]",
     /// Where it was, m.
     x: f64 = "x [m]",
     /// Where it was, m.
     y: f64 = "y [m]",
+    /// Where it was, m; 0 in 2-D.
+    z: f64 = "z [m]",
 }
 }
 
@@ -446,19 +448,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("removed.csv");
         let header = RemovedGrain::header();
-        fs::write(&path, format!("{header}\n1,0.5,7,oops,1e-4,0,0\n")).unwrap();
+        fs::write(&path, format!("{header}\n1,0.5,7,oops,1e-4,0,0,0\n")).unwrap();
         let error = read_rows::<RemovedGrain>(&path, |row| row.id)
             .unwrap_err()
             .to_string();
         assert!(
-            error.contains("line 2") && error.contains("mass [kg/m]"),
+            error.contains("line 2") && error.contains("mass [kg; 2-D kg/m]"),
             "{error}"
         );
         fs::write(&path, format!("{header}\n1,0.5\n")).unwrap();
         let error = read_rows::<RemovedGrain>(&path, |row| row.id)
             .unwrap_err()
             .to_string();
-        assert!(error.contains("2 columns, expected 7"), "{error}");
+        assert!(error.contains("2 columns, expected 8"), "{error}");
         fs::write(&path, "a,b\n").unwrap();
         let error = read_rows::<RemovedGrain>(&path, |row| row.id)
             .unwrap_err()

@@ -277,6 +277,7 @@ fn departed(step: u64, id: u64, region: usize) -> Departed {
             radius: 1e-4,
             x: 3.9e-3,
             y: 8e-4,
+            z: 0.0,
         },
     }
 }
