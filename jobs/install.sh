@@ -39,13 +39,20 @@ parallel_hdf5() {
   fi
 }
 
-# libclang reads the headers of MPI when the bindings are made. Its C++ sibling libclang-cpp, which other packages bring, is
-# no help.
+# libclang reads the headers of MPI when the bindings are made.
 have_libclang() {
-  [ -n "${LIBCLANG_PATH:-}" ] ||
-    compgen -G '/usr/lib/llvm-*/lib/libclang[.-][s0-9]*' >/dev/null ||
-    compgen -G '/usr/lib*/libclang[.-][s0-9]*' >/dev/null ||
-    compgen -G '/usr/lib/*-linux-gnu/libclang[.-][s0-9]*' >/dev/null
+  [ -n "${LIBCLANG_PATH:-}" ] || holds_libclang /usr/lib/llvm-*/lib /usr/lib* /usr/lib/*-linux-gnu
+}
+
+# Whether one of these folders has a libclang. Its C++ sibling libclang-cpp, which other packages bring, is no help.
+holds_libclang() {
+  local folder
+  for folder in "$@"; do
+    if compgen -G "$folder/libclang.so*" >/dev/null || compgen -G "$folder/libclang-[0-9]*.so*" >/dev/null; then
+      return
+    fi
+  done
+  return 1
 }
 
 # Root needs no help; others need sudo.

@@ -111,7 +111,21 @@ python_environment() {
   }
 }
 
+# The installer finds a libclang, whatever its version, and takes no other library for one.
+libclang() {
+  local folder=$work/libclang name
+  mkdir -p "$folder/none" "$folder/cpp"
+  touch "$folder/cpp/libclang-cpp.so.14"
+  ! holds_libclang "$folder/none" "$folder/cpp" || return 1
+  for name in libclang.so libclang.so.1 libclang-14.so.14.0.6 libclang-14.so.1; do
+    mkdir -p "$folder/$name"
+    touch "$folder/$name/$name"
+    holds_libclang "$folder/cpp" "$folder/$name" || return 1
+  done
+}
+
 gate "scripts parse" scripts
+gate "libclang is told from its kin" libclang
 gate "study loop" timeout 60 bash tests/study_loop.sh
 gate "cargo fmt" cargo fmt --all --check
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
