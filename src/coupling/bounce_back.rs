@@ -10,7 +10,7 @@
 //! cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, Grid, Rules};
-use super::lattice::LatticeFlow;
+use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::{Flow, FluidView, PlaneStates};
 use crate::dem::particles::Particles;
@@ -177,41 +177,10 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
-    fn units(&self) -> &LatticeUnits {
-        &self.units
-    }
-    fn cells(&self) -> [usize; 3] {
-        self.fluid.populations().cells()
-    }
-    fn start(&self) -> [usize; 3] {
-        self.fluid.start()
-    }
-    fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.state(position)
-    }
-    fn plane_states(&self, z: usize, to: &mut PlaneStates) {
-        let [nx, ny, _] = self.fluid.populations().cells();
-        to.resize(nx * ny);
-        let (density, velocity) = (&mut to.density, &mut to.velocity);
-        self.fluid.plane_states(z, density, velocity, &mut to.row);
-    }
-    fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.stress(position)
-    }
-    fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.eddy_viscosity(position)
-    }
+    view_of_lattice!();
+
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         self.map.body_at(cell)
-    }
-    fn patches(&self) -> Vec<String> {
-        self.fluid.boundaries().names().map(str::to_owned).collect()
-    }
-    fn fluxes(&self) -> Vec<Flux> {
-        self.fluid.fluxes()
     }
 }
 

@@ -31,3 +31,45 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// The body force on all the water in the last step (lattice units). Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3];
 }
+
+/// What a view of a lattice answers whatever the coupling: all but who holds a cell. For an `impl FluidView` of a type with `fluid` and
+/// `units`.
+macro_rules! view_of_lattice {
+    () => {
+        fn units(&self) -> &LatticeUnits {
+            &self.units
+        }
+        fn cells(&self) -> [usize; 3] {
+            self.fluid.populations().cells()
+        }
+        fn start(&self) -> [usize; 3] {
+            self.fluid.start()
+        }
+        fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+            self.fluid
+                .state(self.fluid.populations().interior_cell(cell))
+        }
+        fn plane_states(&self, z: usize, to: &mut PlaneStates) {
+            let [nx, ny, _] = self.fluid.populations().cells();
+            to.resize(nx * ny);
+            let (density, velocity) = (&mut to.density, &mut to.velocity);
+            self.fluid.plane_states(z, density, velocity, &mut to.row);
+        }
+        fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
+            self.fluid
+                .stress(self.fluid.populations().interior_cell(cell))
+        }
+        fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
+            let cell = self.fluid.populations().interior_cell(cell);
+            self.fluid.eddy_viscosity(cell)
+        }
+        fn patches(&self) -> Vec<String> {
+            let names = self.fluid.boundaries().names();
+            names.map(str::to_owned).collect()
+        }
+        fn fluxes(&self) -> Vec<Flux> {
+            self.fluid.fluxes()
+        }
+    };
+}
+pub(super) use view_of_lattice;

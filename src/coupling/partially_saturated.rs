@@ -16,7 +16,7 @@
 
 use super::body_map::Grid;
 use super::cover_map::{CoverMap, rigid};
-use super::lattice::LatticeFlow;
+use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::{Flow, FluidView, PlaneStates};
@@ -208,42 +208,11 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
-    fn units(&self) -> &LatticeUnits {
-        &self.units
-    }
-    fn cells(&self) -> [usize; 3] {
-        self.fluid.populations().cells()
-    }
-    fn start(&self) -> [usize; 3] {
-        self.fluid.start()
-    }
-    fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.state(position)
-    }
-    fn plane_states(&self, z: usize, to: &mut PlaneStates) {
-        let [nx, ny, _] = self.fluid.populations().cells();
-        to.resize(nx * ny);
-        let (density, velocity) = (&mut to.density, &mut to.velocity);
-        self.fluid.plane_states(z, density, velocity, &mut to.row);
-    }
-    fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.stress(position)
-    }
-    fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
-        self.fluid.eddy_viscosity(position)
-    }
+    view_of_lattice!();
+
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
-        let position = self.fluid.populations().cell(cell.map(usize::cast_signed));
+        let position = self.fluid.populations().interior_cell(cell);
         self.fluid.cover()?.body_at(position)
-    }
-    fn patches(&self) -> Vec<String> {
-        self.fluid.boundaries().names().map(str::to_owned).collect()
-    }
-    fn fluxes(&self) -> Vec<Flux> {
-        self.fluid.fluxes()
     }
 }
 

@@ -182,6 +182,12 @@ impl<S: Stored> Populations<S> {
             .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
     }
 
+    /// The same of a cell that is no ghost.
+    #[must_use]
+    pub fn interior_cell(&self, at: [usize; 3]) -> usize {
+        self.cell(at.map(usize::cast_signed))
+    }
+
     /// Distance in positions from a cell to its neighbour along direction `i`.
     #[inline(always)]
     #[must_use]
