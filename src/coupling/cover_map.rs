@@ -100,6 +100,10 @@ fn int(n: usize) -> i32 {
     i32::try_from(n).unwrap_or(i32::MAX)
 }
 
+fn whole(n: i32) -> usize {
+    usize::try_from(n).unwrap_or(0)
+}
+
 fn index(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
@@ -307,6 +311,19 @@ impl Rows {
                 high[a] = 1;
             }
         }
+        if (0..3).any(|a| low[a] >= high[a]) {
+            return;
+        }
+        // Of a ball all cells of its box at once.
+        let ball = match (form, method) {
+            (Form::Ball { centre, radius }, Method::Exact) => {
+                let cells = std::array::from_fn(|a| whole(high[a] - low[a]));
+                let first = std::array::from_fn(|a| low[a] - frame[a]);
+                scratch.ball.fill(*centre, *radius, first, cells);
+                true
+            }
+            _ => false,
+        };
         let [slow, middle, fast] = self.order;
         let mut cell = [0; 3];
         for i in low[slow]..high[slow] {
@@ -335,6 +352,9 @@ impl Rows {
                         DEEP
                     } else if x >= row.inner[0] && x + 1.0 <= row.inner[1] {
                         1.0
+                    } else if ball {
+                        let place = std::array::from_fn(|a| whole(cell[a] - low[a]));
+                        rounded(scratch.ball.fraction(place))
                     } else {
                         rounded(form.fraction(method, lower, scratch))
                     };

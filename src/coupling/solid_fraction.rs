@@ -13,6 +13,10 @@
 //!
 //! All lengths are in cells, in the raw frame of the body.
 
+mod ball;
+
+pub use ball::BallTable;
+
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
 use nalgebra::{Matrix3, Vector3};
@@ -117,6 +121,8 @@ pub struct Scratch {
     cuts: Vec<Plane>,
     polygon: Vec<Vector3<f64>>,
     clipped: Vec<Vector3<f64>>,
+    /// Of the ball that is mapped.
+    pub(crate) ball: BallTable,
 }
 
 impl Form<'_> {
@@ -353,6 +359,7 @@ fn cut_often(scratch: &mut Scratch) -> f64 {
         cuts,
         polygon,
         clipped,
+        ..
     } = scratch;
     let mut volume = 0.0;
     // Faces of the cube.

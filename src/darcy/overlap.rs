@@ -18,7 +18,7 @@
 use std::f64::consts::PI;
 
 /// The ball beyond two planes at right angles, on one side of a third through its centre.
-fn edge(a: f64, b: f64) -> f64 {
+pub(crate) fn edge(a: f64, b: f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
     if squared <= 0.0 {
         return 0.0;
@@ -28,13 +28,30 @@ fn edge(a: f64, b: f64) -> f64 {
     ((s.atan2(a * b) + a * b * s) * (2.0 / 3.0) - p(a) * s.atan2(b) - p(b) * s.atan2(a)) * 0.5
 }
 
+/// Quarter of the cap of a unit ball beyond a plane at a distance a.
+pub(crate) fn cap(a: f64) -> f64 {
+    PI / 12.0 * (1.0 - a) * (1.0 - a) * (2.0 + a)
+}
+
 /// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
 fn octant(a: f64, b: f64, c: f64) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
         return a * b * c;
     }
-    let cap = |a: f64| PI / 12.0 * (1.0 - a) * (1.0 - a) * (2.0 + a);
-    PI / 6.0 - cap(a) - cap(b) - cap(c) + edge(a, b) + edge(b, c) + edge(c, a)
+    octant_of(
+        [a, b, c],
+        [cap(a), cap(b), cap(c)],
+        [edge(a, b), edge(b, c), edge(c, a)],
+    )
+}
+
+/// The same from its parts: caps at a, b, c, edges of (a, b), (b, c), (c, a).
+#[inline(always)]
+pub(crate) fn octant_of([a, b, c]: [f64; 3], caps: [f64; 3], edges: [f64; 3]) -> f64 {
+    if a * a + b * b + c * c <= 1.0 {
+        return a * b * c;
+    }
+    PI / 6.0 - caps[0] - caps[1] - caps[2] + edges[0] + edges[1] + edges[2]
 }
 
 /// Unit disc over [0, a] x [0, b], arguments in 0 … 1.
