@@ -84,14 +84,16 @@ impl View {
         for i in 1..Q {
             let there = here.wrapping_add_signed(self.offsets[i]);
             // SAFETY: the neighbour of an interior cell is a cell of the slab or a ghost.
-            let (fraction, other) = unsafe {
-                (
-                    self.fraction.add(there).read(),
-                    self.owner.add(there).read(),
-                )
+            let other = unsafe { self.owner.add(there).read() };
+            // Most are the same body, or water.
+            if other == NONE || (other == owner && owner & SHARED == 0) {
+                continue;
+            }
+            // SAFETY: as above, and both are covered.
+            let skip = unsafe {
+                self.fraction.add(there).read().abs() < FULL || self.same_body(owner, other)
             };
-            // SAFETY: as above, of covered cells.
-            if fraction.abs() < FULL || unsafe { self.same_body(owner, other) } {
+            if skip {
                 continue;
             }
             touches = true;
