@@ -49,26 +49,32 @@ fn at(x: f64, y: f64, z: f64) -> Motion<Volume> {
     }
 }
 
+/// A ball and a turned block beside it, with the block's shape.
+fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
+    let mut particles = Particles::<Volume>::new();
+    let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
+    particles
+        .set_shapes(Arc::from(vec![shape.clone()]))
+        .unwrap();
+    particles.insert(
+        Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
+        at(0.71, 0.82, 0.55),
+    );
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
+    let block = Body::of_block(2, &shape, 1000.0, 0);
+    particles
+        .add_block(block, at(x, 0.77, 0.64), 0, turn)
+        .unwrap();
+    (particles, shape)
+}
+
 /// The cover of a body is its volume wherever it stands, for every order of the axes, and nothing is left where it was.
 #[test]
 fn the_cover_follows_and_adds_up_to_the_volume() {
     for split in 0..3 {
         let populations = populations(split);
         let (mut map, mut cover) = map(&populations);
-        let mut particles = Particles::<Volume>::new();
-        let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
-        particles
-            .set_shapes(Arc::from(vec![shape.clone()]))
-            .unwrap();
-        particles.insert(
-            Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
-            at(0.71, 0.82, 0.55),
-        );
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
-        let block = Body::of_block(2, &shape, 1000.0, 0);
-        particles
-            .add_block(block, at(1.43, 0.77, 0.64), 0, turn)
-            .unwrap();
+        let (mut particles, shape) = ball_and_block(1.43);
         let exact = (4.0 / 3.0 * std::f64::consts::PI * 0.37_f64.powi(3) + shape.volume()) * 1e3;
         for _ in 0..40 {
             map.follow(&particles, &mut cover, 1.0, 1.0);
@@ -90,20 +96,7 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
 /// What covers a ghost cell is what covers that cell of the next slab, negative, wherever the slabs are cut.
 #[test]
 fn ghost_cells_are_covered_as_in_the_next_slab() {
-    let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
-    let mut particles = Particles::<Volume>::new();
-    particles
-        .set_shapes(Arc::from(vec![shape.clone()]))
-        .unwrap();
-    particles.insert(
-        Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
-        at(0.71, 0.82, 0.55),
-    );
-    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
-    let block = Body::of_block(2, &shape, 1000.0, 0);
-    particles
-        .add_block(block, at(1.13, 0.77, 0.64), 0, turn)
-        .unwrap();
+    let (particles, _) = ball_and_block(1.13);
     for split in 0..3 {
         let cut = CELLS[split] / 2 + 1;
         let slab = |start: usize, planes: usize| {
