@@ -20,9 +20,9 @@
 //! to 64 bytes but not to 4 KiB and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
 //! third of the speed. Memory comes from `mmap` with huge pages advised before the first touch.
 //!
-//! The place of an array is a sum of two parts, one of c_x and one of (c_y, c_z), so that after either pass the numbers that a cell reads and writes lie
-//! at nine addresses and two distances from them: few enough for the registers of the processor, where 27 addresses are not.
-//! D3Q19 leaves four places empty, which are never touched and so cost no memory.
+//! The place of an array is a sum of two parts, one of c_x and one of (c_y, c_z), so that after either pass the numbers that a
+//! cell reads and writes lie at nine addresses and two distances from them: few enough for the registers of the processor, where 27
+//! addresses are not. D3Q19 leaves four places empty, which are never touched and so cost no memory.
 
 use super::lanes::Stored;
 use super::lattice::Velocities;

@@ -41,7 +41,7 @@
 //! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
 //! would swing for ever, and at high Reynolds numbers grow.
 //!
-//! **Bodies in contact**, and a body on a wall of the domain, exchange pressure but no drag through full cells ([`contact`]).
+//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells ([`contact`]).
 //!
 //! Beside the populations a cell holds ε (f32) and its body: 8 bytes. The loop asks once for a vector of cells whether any is
 //! covered; the rest of this file runs only where one is.
