@@ -11,6 +11,7 @@ pub mod contact;
 pub mod findings;
 pub mod flow;
 pub mod grid;
+pub mod numbering;
 pub mod observe;
 pub mod packing;
 pub mod rain;

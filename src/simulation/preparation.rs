@@ -17,7 +17,7 @@ use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
 use crate::scene::rock::list;
 use crate::scene::solids::{Grain, GrainSource};
-use crate::scene::{rain, sample};
+use crate::scene::{numbering, rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -161,6 +161,9 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             prepared.line,
             level - top
         );
+    }
+    if let GrainSource::Rain { .. } | GrainSource::Growth { .. } = &scene.source {
+        numbering::along_curve(&mut all);
     }
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
