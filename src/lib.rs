@@ -13,6 +13,7 @@ pub mod case;
 pub mod checkpoint;
 pub mod cli;
 pub mod coupling;
+pub mod crew;
 pub mod darcy;
 pub mod dem;
 pub mod error;

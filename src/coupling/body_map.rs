@@ -9,6 +9,7 @@
 //! with the same bits.
 
 use super::solid_fraction::{Form, Plane, faces};
+use crate::crew;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
@@ -96,8 +97,37 @@ pub struct BodyMap {
     changes: Vec<([i32; 3], u32)>,
     again: Vec<u32>,
     relink: Vec<bool>,
-    /// Cells found by the last look at a body.
-    found: Vec<[i32; 3]>,
+    /// Cells found by the last look at a body, of each thread.
+    found: Vec<Vec<[i32; 3]>>,
+    /// Bodies that moved since they were mapped.
+    looks: Vec<Look>,
+}
+
+/// A look at a body that moved.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    body: usize,
+    slack: f64,
+    /// It holds the same cells as before, alone.
+    stays: bool,
+}
+
+impl Look {
+    fn at(body: usize) -> Self {
+        Self {
+            body,
+            slack: 0.0,
+            stays: false,
+        }
+    }
+}
+
+/// Bodies from which a thread pays.
+const PER_THREAD: usize = 16;
+
+/// Threads for work on so many bodies.
+fn threads(bodies: usize) -> usize {
+    crew::threads().min(bodies / PER_THREAD).max(1)
 }
 
 #[expect(
@@ -144,6 +174,7 @@ impl BodyMap {
             again: Vec::new(),
             relink: Vec::new(),
             found: Vec::new(),
+            looks: Vec::new(),
         };
         let range = |a: usize| -ghosts(a)..local[a] + ghosts(a);
         for z in range(2) {
@@ -305,34 +336,7 @@ impl BodyMap {
         if !same {
             self.adopt(particles);
         }
-        for k in 0..self.bodies.len() {
-            let (body, now) = (&self.bodies[k], &self.motion[k]);
-            let moved: f64 = (0..self.dimension)
-                .map(|a| (now.position[a] - body.centre[a]).powi(2))
-                .sum();
-            // A point of a polyhedron moves no further than its centroid and its farthest corner by turning.
-            let moved = self.block(k).map_or(moved, |block| {
-                let turned: f64 = (0..4)
-                    .map(|a| (block.quaternion[a] - body.orientation[a]).powi(2))
-                    .sum();
-                (moved.sqrt() + 2.1 * now.radius * turned.sqrt()).powi(2)
-            });
-            #[expect(
-                clippy::float_cmp,
-                reason = "any change of radius at all asks for a new map"
-            )]
-            let resized = now.radius != body.radius;
-            if body.slack < 0.0 || moved >= body.slack * body.slack || resized {
-                // Most bodies that moved by their slack still hold the same cells.
-                let alone = body.slack >= 0.0 && !body.shares;
-                let slack = self.look(k);
-                if alone && self.found == self.bodies[k].cells && self.all_mine(k) {
-                    self.keep(k, slack);
-                } else {
-                    self.again.push(u32::try_from(k).unwrap_or(u32::MAX));
-                }
-            }
-        }
+        self.look_again();
         if self.again.is_empty() && self.changes.is_empty() {
             return;
         }
@@ -352,6 +356,65 @@ impl BodyMap {
         }
         self.again = again;
         self.settle(populations, loads);
+    }
+
+    /// Whether a body has moved by its slack since it was mapped, or was not mapped yet.
+    fn moved(&self, k: usize) -> bool {
+        let (body, now) = (&self.bodies[k], &self.motion[k]);
+        let moved: f64 = (0..self.dimension)
+            .map(|a| (now.position[a] - body.centre[a]).powi(2))
+            .sum();
+        // A point of a polyhedron moves no further than its centroid and its farthest corner by turning.
+        let moved = self.block(k).map_or(moved, |block| {
+            let turned: f64 = (0..4)
+                .map(|a| (block.quaternion[a] - body.orientation[a]).powi(2))
+                .sum();
+            (moved.sqrt() + 2.1 * now.radius * turned.sqrt()).powi(2)
+        });
+        #[expect(
+            clippy::float_cmp,
+            reason = "any change of radius at all asks for a new map"
+        )]
+        let resized = now.radius != body.radius;
+        body.slack < 0.0 || moved >= body.slack * body.slack || resized
+    }
+
+    /// Looks at the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
+    fn look_again(&mut self) {
+        let mut looks = std::mem::take(&mut self.looks);
+        looks.clear();
+        looks.extend(
+            (0..self.bodies.len())
+                .filter(|&k| self.moved(k))
+                .map(Look::at),
+        );
+        let threads = threads(looks.len());
+        self.found
+            .resize_with(threads.max(self.found.len()), Vec::new);
+        let mut buffers = std::mem::take(&mut self.found);
+        let shared = (
+            crew::evenly(&mut buffers[..threads], threads),
+            crew::evenly(&mut looks, threads),
+        );
+        crew::each_of(threads, shared, |_, (found, looks)| {
+            let found = &mut found[0];
+            for look in looks {
+                let body = &self.bodies[look.body];
+                // Bodies that hold cells alone.
+                let alone = body.slack >= 0.0 && !body.shares;
+                look.slack = self.look(look.body, found);
+                look.stays = alone && *found == body.cells && self.all_mine(look.body, found);
+            }
+        });
+        self.found = buffers;
+        for one in &looks {
+            if one.stays {
+                self.keep(one.body, one.slack);
+            } else {
+                self.again.push(u32::try_from(one.body).unwrap_or(u32::MAX));
+            }
+        }
+        self.looks = looks;
     }
 
     /// Gives each entry of the particles the map of the same body and image, and clears those that went away.
@@ -435,16 +498,13 @@ impl BodyMap {
     }
 
     /// Finds the cells of a body by geometry alone, in `found`, and its slack.
-    fn look(&mut self, k: usize) -> f64 {
-        let mut found = std::mem::take(&mut self.found);
+    fn look(&self, k: usize, found: &mut Vec<[i32; 3]>) -> f64 {
         found.clear();
-        let slack = match (self.dimension, self.block(k)) {
-            (_, Some(block)) => self.look_in_block(k, &block.planes, &mut found),
-            (2, None) => self.look_in::<2>(k, &mut found),
-            (_, None) => self.look_in::<3>(k, &mut found),
-        };
-        self.found = found;
-        slack
+        match (self.dimension, self.block(k)) {
+            (_, Some(block)) => self.look_in_block(k, &block.planes, found),
+            (2, None) => self.look_in::<2>(k, found),
+            (_, None) => self.look_in::<3>(k, found),
+        }
     }
 
     fn look_in<const D: usize>(&self, k: usize, found: &mut Vec<[i32; 3]>) -> f64 {
@@ -519,9 +579,9 @@ impl BodyMap {
     }
 
     /// Whether every cell that was found is this body's already, or outside.
-    fn all_mine(&self, k: usize) -> bool {
+    fn all_mine(&self, k: usize, found: &[[i32; 3]]) -> bool {
         let mine = tag(self.bodies[k].id);
-        self.found.iter().all(|&cell| {
+        found.iter().all(|&cell| {
             let there = self.owner[self.at(cell)];
             there == mine || there == OUTSIDE
         })
@@ -540,8 +600,9 @@ impl BodyMap {
 
     fn set(&mut self, k: usize) {
         let mine = tag(self.bodies[k].id);
-        let slack = self.look(k);
-        let found = std::mem::take(&mut self.found);
+        self.found.resize_with(self.found.len().max(1), Vec::new);
+        let mut found = std::mem::take(&mut self.found[0]);
+        let slack = self.look(k, &mut found);
         let mut shares = false;
         for &cell in &found {
             let position = self.at(cell);
@@ -566,7 +627,7 @@ impl BodyMap {
         // All of them, also those of a body of lower id or outside: the cells of the same shape are the same list.
         self.bodies[k].cells.clear();
         self.bodies[k].cells.extend_from_slice(&found);
-        self.found = found;
+        self.found[0] = found;
         self.bodies[k].shares |= shares;
         self.keep(k, slack);
     }
@@ -625,11 +686,16 @@ impl BodyMap {
             }
         }
         self.changes = changes;
-        for k in 0..self.bodies.len() {
+        let mut links = std::mem::take(&mut self.links);
+        let again = self.relink.iter().filter(|again| **again).count();
+        // Pieces in which about as many bodies are linked again as pay for a thread.
+        let least = links.len() * PER_THREAD / again.max(1);
+        crew::each_item(&mut links, least, |k, links| {
             if self.relink[k] {
-                self.link(k, populations);
+                self.link(k, populations, links);
             }
-        }
+        });
+        self.links = links;
     }
 
     fn flag(&mut self, owner: u32) {
@@ -663,10 +729,9 @@ impl BodyMap {
     }
 
     /// Finds the links of body `k`.
-    fn link<S: Stored>(&mut self, k: usize, populations: &Populations<S>) {
+    fn link<S: Stored>(&self, k: usize, populations: &Populations<S>, links: &mut Vec<BodyLink>) {
         let mine = tag(self.bodies[k].id);
         let frame = self.frame(self.bodies[k].shift);
-        let mut links = std::mem::take(&mut self.links[k]);
         links.clear();
         let velocities = populations.velocities();
         for &inner in &self.bodies[k].cells {
@@ -712,7 +777,6 @@ impl BodyMap {
                 });
             }
         }
-        self.links[k] = links;
     }
 
     fn solid_neighbours<S: Stored>(&self, cell: [i32; 3], populations: &Populations<S>) -> usize {

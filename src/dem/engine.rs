@@ -10,6 +10,7 @@ mod blocks;
 pub(super) mod bodies;
 mod ledger;
 mod pairs;
+mod parts;
 
 use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
 use super::ghosts::{self, Region};
@@ -24,6 +25,7 @@ use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
 use bodies::Bodies;
 use pairs::*;
+use parts::Parts;
 
 /// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
@@ -281,11 +283,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     /// How far a grain may move between two looks at all gaps (m).
     look: f64,
     parallel: bool,
+    parts: Parts<S>,
     actions: Vec<Action<S>>,
-    /// Per owned grain its active pairs, in order: twice the place in `active`, plus 1 for the second.
-    incident: Vec<u32>,
-    incident_start: Vec<u32>,
-    cursor: Vec<u32>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
     scratch: L::Scratch,
@@ -330,10 +329,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             activated_at: 0,
             look: settings.skin / 64.0,
             parallel: false,
+            parts: Parts::default(),
             actions: Vec::new(),
-            incident: Vec::new(),
-            incident_start: Vec::new(),
-            cursor: Vec::new(),
             failures: Vec::new(),
             wall_failures: Vec::new(),
             scratch: L::Scratch::default(),
@@ -695,6 +692,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.path = 0.0;
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
+        L::share_out(self, particles);
         self.activate(particles);
     }
 
@@ -817,38 +815,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair.held = (0, 0);
             }
         }
-        if self.parallel {
-            self.note_incidence(particles.owned());
-        }
-    }
-
-    fn note_incidence(&mut self, owned: usize) {
-        self.incident_start.clear();
-        self.incident_start.resize(owned + 1, 0);
-        let ends = |pair: &Pair<L::Scale, L::Memory>| [pair.first as usize, pair.second as usize];
-        for &k in &self.active {
-            for end in ends(&self.pairs[k as usize])
-                .into_iter()
-                .filter(|&end| end < owned)
-            {
-                self.incident_start[end + 1] += 1;
-            }
-        }
-        for k in 0..owned {
-            self.incident_start[k + 1] += self.incident_start[k];
-        }
-        self.incident.clear();
-        self.incident.resize(self.incident_start[owned] as usize, 0);
-        self.cursor.clear();
-        self.cursor.extend_from_slice(&self.incident_start);
-        for (place, &k) in (0..).zip(&self.active) {
-            for (role, end) in (0..).zip(ends(&self.pairs[k as usize])) {
-                if end < owned {
-                    self.incident[self.cursor[end] as usize] = 2 * place + role;
-                    self.cursor[end] += 1;
-                }
-            }
-        }
+        self.parts
+            .note(&self.active, |k| self.pairs[k as usize].second);
     }
 
     /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` (s).
@@ -862,13 +830,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             (false, true) => self.grain_forces_by_threads::<false>(particles, dt),
             (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
         }
-        self.wall_forces(particles, dt);
         self.facet_forces(particles, dt);
         if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
             self.report_failures(particles);
         }
     }
 
+    /// Loads of grains on each other and of planes on them.
     fn grain_forces<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
         let Particles {
             motion, contact, ..
@@ -893,70 +861,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             }
         }
-    }
-
-    /// The same sums in the same order: actions by pair, then added up by grain.
-    fn grain_forces_by_threads<const PERIODIC: bool>(
-        &mut self,
-        particles: &mut Particles<S>,
-        dt: f64,
-    ) {
-        let owned = particles.owned();
-        let Particles {
-            motion, contact, ..
-        } = particles;
-        self.actions.resize(self.active.len(), Action::default());
-        let failed = act_on_pieces::<S, L, PERIODIC>(
-            (&self.active, 0),
-            &self.rows,
-            &mut self.pairs,
-            &self.offsets,
-            &mut self.actions,
-            motion,
-            dt,
-        );
-        if failed {
-            for (&k, action) in self.active.iter().zip(&self.actions) {
-                if let Some(failure) = action.failure {
-                    self.failures.push((k, failure));
-                }
-            }
-        }
-        self.gather(&mut contact[..owned]);
-    }
-
-    /// Adds the actions of the active pairs up by grain, in their order.
-    fn gather(&self, contact: &mut [Load<S>]) {
-        use rayon::prelude::*;
-        let (start, incident, actions) = (&self.incident_start, &self.incident, &self.actions);
-        contact
-            .par_iter_mut()
-            .with_min_len(512)
-            .enumerate()
-            .for_each(|(k, load)| {
-                *load = Load::default();
-                for &at in &incident[start[k] as usize..start[k + 1] as usize] {
-                    let action = &actions[at as usize / 2];
-                    if at % 2 == 0 {
-                        load.force -= action.force;
-                        load.torque += action.on_first;
-                    } else {
-                        load.force += action.force;
-                        load.torque += action.on_second;
-                    }
-                }
-            });
-    }
-
-    fn wall_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles {
-            motion, contact, ..
-        } = particles;
         for pair in &mut self.wall_pairs {
             let wall = &self.walls[pair.wall as usize];
-            if let Some(failure) = act_at_plane::<S, L>(pair, wall, motion, contact, dt) {
-                self.wall_failures.push(failure);
-            }
+            let load = &mut contact[pair.grain as usize];
+            let failure = act_at_plane::<S, L>(pair, wall, motion, load, dt);
+            self.wall_failures.extend(failure);
         }
     }
 

@@ -10,10 +10,9 @@
 
 pub(super) mod blocks;
 
-use rayon::prelude::*;
-
 use super::particles::{Load, Mobility, Motion, Particles};
 use super::space::{Components, Space};
+use crate::crew;
 
 /// How velocities change.
 #[derive(Clone, Copy, Debug)]
@@ -124,9 +123,6 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
     Fastest { speed_squared, bad }
 }
 
-/// Grains per piece of parallel work.
-const PIECE: usize = 2048;
-
 fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
     particles: &mut Particles<S>,
     how: &Kick<S>,
@@ -139,16 +135,19 @@ fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool
     if !parallel {
         return drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
     }
-    motion
-        .par_chunks_mut(PIECE)
-        .enumerate()
-        .map(|(piece, motion)| {
-            let part = piece * PIECE..piece * PIECE + motion.len();
-            let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
-            let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
-            drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how)
-        })
-        .reduce(Fastest::default, Fastest::or)
+    let threads = crew::threads();
+    let mut fastest = [Fastest::default(); crew::MOST];
+    let shared = (
+        crew::evenly(&mut fastest[..threads], threads),
+        crew::evenly(motion, threads),
+    );
+    crew::each_of(threads, shared, |piece, (fastest, motion)| {
+        let part = owned * piece / threads..owned * (piece + 1) / threads;
+        let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
+        let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
+        fastest[0] = drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
+    });
+    fastest.into_iter().fold(Fastest::default(), Fastest::or)
 }
 
 /// First half kick and drift; `again`: the second half kick of the step before comes first.

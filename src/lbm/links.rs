@@ -20,7 +20,7 @@
 use super::boundary::quanta;
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
-use rayon::prelude::*;
+use crate::crew;
 
 /// The two numbers of a link and where it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +64,23 @@ pub enum Scheme {
     Interpolated,
 }
 
+/// Adds `g` quanta along direction `c` at a point given in half cells: one product of 64 by 64 bits for each moment.
+#[inline(always)]
+fn add_along<const D: usize>(load: &mut Load, g: i64, c: [i64; 3], at: [i32; 3]) {
+    let lever = |a: usize, b: usize| {
+        let (x, y) = (i64::from(at[a]), i64::from(at[b]));
+        i128::from(x * c[b] - y * c[a])
+    };
+    for a in 0..D {
+        load[a] += i128::from(c[a] * g);
+    }
+    load[5] += lever(0, 1) * i128::from(g);
+    if D == 3 {
+        load[3] += lever(1, 2) * i128::from(g);
+        load[4] += lever(2, 0) * i128::from(g);
+    }
+}
+
 /// Adds a force in quanta at a point given in half cells: multiplications of 64 by 64 bits, as |f| stays below 2^63.
 #[inline(always)]
 pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
@@ -87,7 +104,7 @@ struct Numbers<S>(*mut S);
 unsafe impl<S> Sync for Numbers<S> {}
 
 /// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
-const AHEAD: usize = 8;
+const AHEAD: usize = 16;
 
 /// Asks for a number that is needed soon.
 #[inline(always)]
@@ -117,7 +134,8 @@ pub fn bounce<S: Stored, const D: usize>(
     let parity = populations.parity();
     let table = Table::new(populations);
     let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
-    let work = |((links, motion), load): ((&Vec<BodyLink>, &Rigid), &mut Load)| {
+    crew::each_item(loads, 32, |k, load| {
+        let (links, motion) = (&links[k], &motion[k]);
         let numbers = &numbers;
         // Kept in registers while the links pass.
         let mut sum = *load;
@@ -139,51 +157,44 @@ pub fn bounce<S: Stored, const D: usize>(
             }
         }
         *load = sum;
-    };
-    if rayon::current_num_threads() > 1 && links.len() > 64 {
-        links
-            .par_iter()
-            .zip(motion)
-            .zip(loads)
-            .with_min_len(32)
-            .for_each(work);
-    } else {
-        links.iter().zip(motion).zip(loads).for_each(work);
-    }
+    });
 }
 
-struct Table {
-    c: [[f64; 3]; 27],
-    ci: [[i64; 3]; 27],
-    weight: [f64; 27],
-    opposite: [usize; 27],
-    /// Distance from slot i of x to slot ī of x, and on to slot ī of x - c_i.
-    swap: [isize; 27],
-    behind: [isize; 27],
+/// What a link needs to know of its direction.
+#[derive(Clone, Copy, Default)]
+struct Direction {
+    c: [f64; 3],
+    /// 6 w_i.
+    six_weights: f64,
+    ci: [i64; 3],
+    /// Distance from slot ī of x to slot i of x, and to slot ī of x - c_i.
+    swap: isize,
+    behind: isize,
 }
+
+/// All directions, as many as a byte can name: no lookup is out of bounds.
+struct Table([Direction; 32]);
 
 impl Table {
     fn new<S: Stored>(populations: &Populations<S>) -> Self {
         let v = populations.velocities();
-        let mut table = Self {
-            c: [[0.0; 3]; 27],
-            ci: [[0; 3]; 27],
-            weight: [0.0; 27],
-            opposite: [0; 27],
-            swap: [0; 27],
-            behind: [0; 27],
-        };
-        for i in 0..v.q() {
-            table.c[i] = v.c[i].map(f64::from);
-            table.ci[i] = v.c[i].map(i64::from);
-            table.weight[i] = v.w[i];
-            table.opposite[i] = v.opposite[i];
-            let slot = |k: usize| populations.slot(0, k).cast_signed();
-            // `near` is slot ī of x; slot i of x is this far from it, and slot ī of the cell behind is -offset from it.
-            table.swap[i] = slot(i) - slot(v.opposite[i]);
-            table.behind[i] = -populations.offset(i);
+        let mut table = Self([Direction::default(); 32]);
+        let slot = |k: usize| populations.slot(0, k).cast_signed();
+        for (i, direction) in table.0.iter_mut().enumerate().take(v.q()) {
+            *direction = Direction {
+                c: v.c[i].map(f64::from),
+                six_weights: 6.0 * v.w[i],
+                ci: v.c[i].map(i64::from),
+                swap: slot(i) - slot(v.opposite[i]),
+                behind: -populations.offset(i),
+            };
         }
         table
+    }
+
+    #[inline(always)]
+    fn of(&self, link: &BodyLink) -> &Direction {
+        &self.0[usize::from(link.direction % 32)]
     }
 }
 
@@ -221,11 +232,11 @@ unsafe fn half_way<S: Stored, const D: usize>(
     motion: &Rigid,
     load: &mut Load,
 ) {
-    let i = usize::from(link.direction);
+    let along = table.of(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
     let u = surface_velocity::<D>(motion, r);
     let term = if link.moves {
-        6.0 * table.weight[i] * dot::<D>(table.c[i], u)
+        along.six_weights * dot::<D>(along.c, u)
     } else {
         0.0
     };
@@ -244,8 +255,7 @@ unsafe fn half_way<S: Stored, const D: usize>(
         outer.write(S::from_f64(streams + term));
     }
     if link.loads {
-        let g = quanta(2.0 * leaves - term);
-        add_force::<D>(load, table.ci[i].map(|c| c * g), link.middle);
+        add_along::<D>(load, quanta(2.0 * leaves - term), along.ci, link.middle);
     }
 }
 
@@ -268,8 +278,8 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         unsafe { half_way::<S, D>(numbers, parity, table, link, motion, load) };
         return;
     }
-    let i = usize::from(link.direction);
-    let c = table.c[i];
+    let along = table.of(link);
+    let c = along.c;
     let d: [f64; 3] =
         std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);
     let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
@@ -280,10 +290,10 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     let wall = dot::<D>(c, surface_velocity::<D>(motion, on_surface));
     let at_middle = std::array::from_fn(|a| d[a] + 0.5 * c[a]);
     let middle = dot::<D>(c, surface_velocity::<D>(motion, at_middle));
-    let weight = if link.moves { table.weight[i] } else { 0.0 };
+    let six_weights = if link.moves { along.six_weights } else { 0.0 };
     let near = link.link.near as usize;
-    let home = near.wrapping_add_signed(table.swap[i]);
-    let behind = near.wrapping_add_signed(table.behind[i]);
+    let home = near.wrapping_add_signed(along.swap);
+    let behind = near.wrapping_add_signed(along.behind);
     let (entering, returning) = match parity {
         Parity::Home => (home, behind),
         Parity::Reversed => (behind, home),
@@ -306,12 +316,11 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     };
     let kappa = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
     let alpha = 4.0 / (1.0 + 2.0 * q);
-    let back = leaves + kappa * (entering - returning) - 3.0 * alpha * weight * wall;
+    let back = leaves + kappa * (entering - returning) - 0.5 * alpha * six_weights * wall;
     // SAFETY: as above.
     unsafe {
         inner.write(S::from_f64(back));
-        outer.write(S::from_f64(streams + 6.0 * weight * middle));
+        outer.write(S::from_f64(streams + six_weights * middle));
     }
-    let g = quanta(leaves + back);
-    add_force::<D>(load, table.ci[i].map(|c| c * g), link.middle);
+    add_along::<D>(load, quanta(leaves + back), along.ci, link.middle);
 }

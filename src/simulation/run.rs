@@ -147,6 +147,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     });
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
+        .use_current_thread()
         .build_global()
         .map_err(|e| Error::Internal(format!("{threads} threads: {e}")))?;
     Ok(threads)

@@ -70,14 +70,15 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("case", &["units"], &[]),
     (
         "coupling",
-        &["darcy", "dem", "lbm", "units"],
+        &["crew", "darcy", "dem", "lbm", "units"],
         &["decomposition"],
     ),
-    ("lbm", &["random"], &["decomposition"]),
-    ("dem", &["random"], &["decomposition"]),
+    ("lbm", &["crew", "random"], &["decomposition"]),
+    ("dem", &["crew", "random"], &["decomposition"]),
     ("darcy", &["random"], &["decomposition"]),
     ("units", &[], &[]),
     ("random", &[], &[]),
+    ("crew", &[], &[]),
     ("error", &[], &[]),
     ("lib", &[], &[]),
     // The other crates, each one room.
@@ -96,8 +97,8 @@ const CRATES: &[&str] = &[
     "solver",
 ];
 
-/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, vector lanes.
-const UNSAFE: &[&str] = &["decomposition", "io", "lbm"];
+/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, vector lanes, what threads share.
+const UNSAFE: &[&str] = &["decomposition", "io", "lbm", "crew"];
 
 /// Comments and strings blanked out, tests cut off; line breaks stay.
 fn code_of(text: &str) -> String {

@@ -494,7 +494,7 @@ impl<S: Space> Engine<S, Blocks> {
             let k = pair.grain as usize;
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
-                act_at_plane::<S, Blocks>(pair, wall, motion, &mut contact, dt);
+                act_at_plane::<S, Blocks>(pair, wall, motion, &mut contact[k], dt);
             } else if let Some(narrow) = narrows.first_mut() {
                 calls += 1;
                 if let Some(load) = world.act_at_plane(pair, wall, narrow) {
@@ -560,14 +560,12 @@ impl<S: Space> Bodies<S> for Blocks {
         boxes_meet(poses, &S::to_volume(between), gap + slack)
     }
 
+    /// The narrow phase costs far more than adding up, and unevenly: its work is shared as it comes.
+    fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
+
     fn forces(engine: &mut Engine<S, Self>, particles: &mut Particles<S>, dt: f64) {
         engine.pair_forces(particles, dt);
-        let owned = particles.owned();
-        if engine.parallel {
-            engine.gather(&mut particles.contact[..owned]);
-        } else {
-            engine.add_up(&mut particles.contact);
-        }
+        engine.add_up(&mut particles.contact);
         engine.plane_forces(particles, dt);
         engine.faces_forces(particles, dt);
     }

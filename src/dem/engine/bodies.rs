@@ -17,7 +17,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     type Scratch: std::fmt::Debug + Default;
 
     /// Own bodies per thread from which threads pay.
-    const PER_THREAD: usize = 3000;
+    const PER_THREAD: usize = 300;
 
     /// Refuses bodies that the law knows nothing of.
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
@@ -58,6 +58,11 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     #[inline(always)]
     fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
         true
+    }
+
+    /// Shares the work of new lists out to threads.
+    fn share_out(engine: &mut Engine<S, Self>, particles: &Particles<S>) {
+        engine.cut_into_parts(particles);
     }
 
     /// Contact loads of all owned bodies.

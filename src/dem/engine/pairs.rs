@@ -80,7 +80,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     pair: &mut WallPair<L::Constants, L::Memory>,
     wall: &Wall<S>,
     motion: &[Motion<S>],
-    contact: &mut [Load<S>],
+    load: &mut Load<S>,
     dt: f64,
 ) -> Option<WallFailure<S>> {
     let grain = &motion[pair.grain as usize];
@@ -93,7 +93,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
         (&pair.constants, &mut pair.memory),
         (pair.radius, distance, &wall.normal),
         (grain, &wall.velocity),
-        &mut contact[pair.grain as usize],
+        load,
         dt,
     )?;
     Some(WallFailure {
@@ -221,64 +221,6 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         action.on_second += reply.moment;
     }
     Some(action)
-}
-
-/// Pairs per piece of parallel work.
-pub(super) const PIECE: usize = 2048;
-
-/// [`act`] on all active pairs, by threads; true where a bond failed. `active` counts from `base` in `pairs`.
-pub(super) fn act_on_pieces<S: Space, L: ContactLaw<S>, const PERIODIC: bool>(
-    (active, base): (&[u32], usize),
-    rows: &PairTable<L::Row>,
-    pairs: &mut [Pair<L::Scale, L::Memory>],
-    offsets: &[S::Vector],
-    actions: &mut [Action<S>],
-    motion: &[Motion<S>],
-    dt: f64,
-) -> bool {
-    if active.len() <= PIECE {
-        let mut failed = false;
-        let mut spans = Spans::default();
-        for (block, actions) in active.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
-            spans.measure::<L, PERIODIC>(block, pairs, base, motion, offsets);
-            for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
-                let pair = &mut pairs[k as usize - base];
-                *action = act::<S, L>(rows, pair, motion, span, dt).unwrap_or_default();
-                failed |= action.failure.is_some();
-            }
-        }
-        return failed;
-    }
-    let middle = active.len() / 2;
-    let cut = active[middle] as usize;
-    let (left, right) = active.split_at(middle);
-    let (left_pairs, right_pairs) = pairs.split_at_mut(cut - base);
-    let (left_actions, right_actions) = actions.split_at_mut(middle);
-    let (a, b) = rayon::join(
-        || {
-            act_on_pieces::<S, L, PERIODIC>(
-                (left, base),
-                rows,
-                left_pairs,
-                offsets,
-                left_actions,
-                motion,
-                dt,
-            )
-        },
-        || {
-            act_on_pieces::<S, L, PERIODIC>(
-                (right, cut),
-                rows,
-                right_pairs,
-                offsets,
-                right_actions,
-                motion,
-                dt,
-            )
-        },
-    );
-    a || b
 }
 
 pub(super) fn pack_memory<S: Space, L: ContactLaw<S>>(

@@ -1,0 +1,380 @@
+//! Threads that stand ready: work shared out within a few microseconds.
+//!
+//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size. The
+//! workers of `rayon` fall asleep between two of them and take longer to wake than to work, so that loops over such pieces
+//! go through here; uneven and longer work stays with `rayon`, whose number of threads holds for both. A helper looks for
+//! work for [`SPINS`] turns, gives way for [`YIELDS`] more, then sleeps: ranks that share a core lose little.
+//!
+//! Which thread does which piece decides nothing: pieces are disjoint, and whoever finds the crew at work for another
+//! does its own pieces itself.
+
+use std::cell::UnsafeCell;
+use std::marker::PhantomData;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, TryLockError};
+use std::thread::Thread;
+
+/// Turns of looking for work, tens of microseconds.
+const SPINS: u32 = 4000;
+/// Turns of giving way to other threads after that.
+const YIELDS: u32 = 200;
+
+/// What the crew is to do: a function of the number of the piece.
+type Work<'a> = dyn Fn(usize) + Sync + 'a;
+
+/// A function, its pieces, and how many threads do them.
+#[derive(Clone, Copy)]
+struct Job {
+    work: *const Work<'static>,
+    pieces: usize,
+    threads: usize,
+}
+
+/// Shared by the caller and its helpers.
+struct Board {
+    /// Rises with each job.
+    job: AtomicU64,
+    /// Valid from when `job` rises until `busy` is 0.
+    work: UnsafeCell<Option<Job>>,
+    /// Helpers that have not finished the present job.
+    busy: AtomicUsize,
+    failed: AtomicBool,
+}
+
+// SAFETY: `work` is written by the caller alone and only while no helper is busy; what it points to is `Sync` and lives until
+// the caller has seen `busy` at 0.
+unsafe impl Sync for Board {}
+// SAFETY: as above.
+unsafe impl Send for Board {}
+
+/// A thread besides the caller.
+struct Helper {
+    thread: Thread,
+    sleeps: Arc<AtomicBool>,
+}
+
+struct Crew {
+    board: Arc<Board>,
+    helpers: Vec<Helper>,
+}
+
+static CREW: Mutex<Option<Crew>> = Mutex::new(None);
+
+/// The most threads that work is shared out to.
+pub const MOST: usize = 64;
+
+/// How many pieces an even loop is best cut into: the threads of this rank.
+#[must_use]
+pub fn threads() -> usize {
+    rayon::current_num_threads().min(MOST)
+}
+
+/// Calls `work` with each number below `pieces`, by as many threads; returns when all are done.
+///
+/// # Panics
+/// Where `work` does.
+pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
+    if pieces > 1 {
+        let crew = match CREW.try_lock() {
+            Ok(crew) => Some(crew),
+            // A panic comes through only after all have finished.
+            Err(TryLockError::Poisoned(crew)) => Some(crew.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        };
+        if let Some(mut crew) = crew {
+            return crew.get_or_insert_with(Crew::new).run(pieces, &work);
+        }
+    }
+    (0..pieces).for_each(work);
+}
+
+/// What is shared out to pieces: slices that were cut, one or several.
+pub trait Shared: Sync {
+    /// What a piece gets.
+    type Share;
+
+    /// The share of a piece.
+    ///
+    /// # Safety
+    /// Each piece asks once.
+    unsafe fn share(&self, piece: usize) -> Self::Share;
+}
+
+/// A slice that was cut into consecutive parts.
+pub struct Cut<'a, T> {
+    start: *mut T,
+    bounds: [usize; MOST + 1],
+    slice: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: parts do not overlap, and each is handed out once.
+unsafe impl<T: Send> Sync for Cut<'_, T> {}
+
+/// Cuts a slice: part p goes from `bound(p)` to `bound(p + 1)`.
+///
+/// # Panics
+/// Where there are more than [`MOST`] pieces, bounds fall, or the last is beyond the slice.
+pub fn cut<T>(slice: &mut [T], pieces: usize, bound: impl Fn(usize) -> usize) -> Cut<'_, T> {
+    let mut bounds = [0; MOST + 1];
+    for (piece, at) in bounds[..=pieces].iter_mut().enumerate() {
+        *at = bound(piece);
+    }
+    assert!(bounds[..=pieces].is_sorted() && bounds[pieces] <= slice.len());
+    // Of what is beyond the last piece there is nothing to get.
+    let end = bounds[pieces];
+    bounds[pieces..].fill(end);
+    Cut {
+        start: slice.as_mut_ptr(),
+        bounds,
+        slice: PhantomData,
+    }
+}
+
+/// Cuts a slice into parts of about one length.
+pub fn evenly<T>(slice: &mut [T], pieces: usize) -> Cut<'_, T> {
+    let count = slice.len();
+    cut(slice, pieces, |piece| count * piece / pieces)
+}
+
+impl<'a, T: Send> Shared for Cut<'a, T> {
+    type Share = &'a mut [T];
+
+    unsafe fn share(&self, piece: usize) -> &'a mut [T] {
+        let (from, to) = (self.bounds[piece], self.bounds[piece + 1]);
+        // SAFETY: within the slice; parts do not overlap, and the caller asks for each once.
+        unsafe { std::slice::from_raw_parts_mut(self.start.add(from), to - from) }
+    }
+}
+
+macro_rules! several {
+    ($($name:ident),*) => {
+        impl<$($name: Shared),*> Shared for ($($name,)*) {
+            type Share = ($($name::Share,)*);
+
+            unsafe fn share(&self, piece: usize) -> Self::Share {
+                #[expect(non_snake_case, reason = "named as their types")]
+                let ($($name,)*) = self;
+                // SAFETY: promised by the caller.
+                unsafe { ($($name.share(piece),)*) }
+            }
+        }
+    };
+}
+several!(A, B);
+several!(A, B, C);
+several!(A, B, C, D);
+
+/// As [`each`], with each piece's share.
+pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
+    // SAFETY: each piece is done once, and nobody else has what is shared.
+    each(pieces, |piece| work(piece, unsafe { shared.share(piece) }));
+    drop(shared);
+}
+
+/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least `least`.
+pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &mut T) + Sync) {
+    let count = items.len();
+    let pieces = threads().min(count / least.max(1)).max(1);
+    each_of(pieces, evenly(items, pieces), |piece, share| {
+        for (n, item) in (count * piece / pieces..).zip(share) {
+            work(n, item);
+        }
+    });
+}
+
+impl Crew {
+    fn new() -> Self {
+        Self {
+            board: Arc::new(Board {
+                job: AtomicU64::new(0),
+                work: UnsafeCell::new(None),
+                busy: AtomicUsize::new(0),
+                failed: AtomicBool::new(false),
+            }),
+            helpers: Vec::new(),
+        }
+    }
+
+    fn run(&mut self, pieces: usize, work: &Work<'_>) {
+        while self.helpers.len() + 1 < pieces {
+            let Some(helper) = Helper::start(&self.board, self.helpers.len() + 1) else {
+                break;
+            };
+            self.helpers.push(helper);
+        }
+        let all = self.helpers.len();
+        let board = &*self.board;
+        // SAFETY: no helper is busy; the lifetime is restored by waiting below, whatever happens.
+        unsafe {
+            let work = std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work);
+            *board.work.get() = Some(Job {
+                work,
+                pieces,
+                threads: all + 1,
+            });
+        }
+        board.failed.store(false, Ordering::Relaxed);
+        board.busy.store(all, Ordering::Relaxed);
+        board.job.fetch_add(1, Ordering::SeqCst);
+        for helper in &self.helpers {
+            if helper.sleeps.load(Ordering::SeqCst) {
+                helper.thread.unpark();
+            }
+        }
+        let mine = catch_unwind(AssertUnwindSafe(|| share(work, pieces, 0, all + 1)));
+        let mut turns = 0;
+        while board.busy.load(Ordering::Acquire) > 0 {
+            wait(&mut turns);
+        }
+        if let Err(panic) = mine {
+            resume_unwind(panic);
+        }
+        assert!(
+            !board.failed.load(Ordering::Relaxed),
+            "a helper's share of the work panicked"
+        );
+    }
+}
+
+/// The pieces of one of several threads.
+fn share(work: &Work<'_>, pieces: usize, thread: usize, threads: usize) {
+    (thread..pieces).step_by(threads).for_each(work);
+}
+
+/// One turn of waiting; false once it is time to sleep.
+fn wait(turns: &mut u32) -> bool {
+    *turns = turns.saturating_add(1);
+    if *turns < SPINS {
+        std::hint::spin_loop();
+    } else {
+        std::thread::yield_now();
+    }
+    *turns < SPINS + YIELDS
+}
+
+impl Helper {
+    /// None where the system gives no more threads.
+    fn start(board: &Arc<Board>, number: usize) -> Option<Self> {
+        let sleeps = Arc::new(AtomicBool::new(false));
+        let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
+        let seen = board.job.load(Ordering::Relaxed);
+        std::thread::Builder::new()
+            .name(format!("crew {number}"))
+            .spawn(move || help(&board, &flag, number, seen))
+            .ok()
+            .map(|handle| Self {
+                thread: handle.thread().clone(),
+                sleeps,
+            })
+    }
+}
+
+/// Waits for jobs for as long as the program lives.
+fn help(board: &Board, sleeps: &AtomicBool, number: usize, mut seen: u64) {
+    loop {
+        let mut turns = 0;
+        while board.job.load(Ordering::SeqCst) == seen {
+            if !wait(&mut turns) {
+                // Whoever posts a job after this flag stands wakes the sleeper; who posted before is seen by the second look.
+                sleeps.store(true, Ordering::SeqCst);
+                if board.job.load(Ordering::SeqCst) == seen {
+                    std::thread::park();
+                }
+                sleeps.store(false, Ordering::SeqCst);
+            }
+        }
+        seen = board.job.load(Ordering::SeqCst);
+        // SAFETY: the caller writes it before the job rises, and not again before this helper is done.
+        if let Some(job) = unsafe { *board.work.get() } {
+            // SAFETY: alive until this helper is done.
+            let work = unsafe { &*job.work };
+            let mine = || share(work, job.pieces, number, job.threads);
+            if catch_unwind(AssertUnwindSafe(mine)).is_err() {
+                board.failed.store(true, Ordering::Relaxed);
+            }
+        }
+        board.busy.fetch_sub(1, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicU32;
+    use std::time::Duration;
+
+    #[test]
+    fn each_piece_is_done_once_and_all_before_the_call_returns() {
+        for pieces in [0, 1, 2, 3, 5] {
+            // Busy, giving way and asleep.
+            for pause in [0, 1, 20] {
+                for _ in 0..50 / (1 + pause) {
+                    let done: Vec<_> = (0..pieces).map(|_| AtomicU32::new(0)).collect();
+                    each(pieces, |piece| {
+                        done[piece].fetch_add(1, Ordering::Relaxed);
+                    });
+                    assert!(done.iter().all(|n| n.load(Ordering::Relaxed) == 1));
+                    std::thread::sleep(Duration::from_millis(pause));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn callers_at_once_and_within_each_other_lose_nothing() {
+        let sum = AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..3 {
+                scope.spawn(|| {
+                    for _ in 0..200 {
+                        each(2, |_| {
+                            each(3, |n| {
+                                sum.fetch_add(u32::try_from(n).unwrap(), Ordering::Relaxed);
+                            });
+                        });
+                    }
+                });
+            }
+        });
+        assert_eq!(sum.into_inner(), 3 * 200 * 2 * 3);
+    }
+
+    #[test]
+    fn items_know_their_places() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+        pool.unwrap().install(|| {
+            let mut items = vec![0; 1000];
+            each_item(&mut items, 10, |n, item| *item += n);
+            assert!(items.iter().enumerate().all(|(n, item)| n == *item));
+        });
+    }
+
+    #[test]
+    fn several_slices_are_cut_where_asked() {
+        let (mut one, mut two) = ([0; 7], [0; 4]);
+        let shared = (cut(&mut one, 3, |p| [0, 5, 5, 6][p]), evenly(&mut two, 3));
+        each_of(3, shared, |piece, (one, two)| {
+            one.fill(piece + 1);
+            two.fill(piece + 1);
+        });
+        assert_eq!((one, two), ([1, 1, 1, 1, 1, 3, 0], [1, 2, 3, 3]));
+        for bounds in [[0, 5, 4], [0, 1, 8]] {
+            let cuts = || _ = cut(&mut [0; 7], 2, |p| bounds[p]);
+            assert!(catch_unwind(cuts).is_err());
+        }
+    }
+
+    #[test]
+    fn a_panic_comes_through_and_the_next_job_is_done() {
+        for bad in [0, 1] {
+            let caught = catch_unwind(|| each(2, |piece| assert_ne!(piece, bad)));
+            assert!(caught.is_err());
+            let done = AtomicU32::new(0);
+            each(2, |_| {
+                done.fetch_add(1, Ordering::Relaxed);
+            });
+            assert_eq!(done.into_inner(), 2);
+        }
+    }
+}
