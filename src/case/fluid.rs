@@ -111,6 +111,11 @@ pub enum Collision {
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
         bulk: Option<f64>,
+        /// Rate of all moments above the second that are not given; those of Suga without it. With 1 they go to their equilibrium at once,
+        /// as other codes have it by default: a third less work in a cell.
+        #[serde(default)]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+        higher: Option<f64>,
         /// s10, of the energy flux q; 1.5 without it.
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
@@ -155,6 +160,32 @@ pub enum Collision {
 }
 
 impl Collision {
+    /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
+    #[must_use]
+    pub fn higher_rates(&self) -> [Option<f64>; 8] {
+        match *self {
+            Self::Mrt {
+                higher,
+                q,
+                psi,
+                epsilon,
+                e_cubed,
+                xx,
+                xy,
+                tau,
+                xyz,
+                ..
+            } => [q, psi, epsilon, e_cubed, xx, xy, tau, xyz].map(|rate| rate.or(higher)),
+            _ => [None; 8],
+        }
+    }
+
+    /// Whether the moments above the second go to their equilibrium at once.
+    #[must_use]
+    pub fn second_order(&self) -> bool {
+        self.higher_rates() == [Some(1.0); 8]
+    }
+
     /// Whether one relaxation time holds for all that is even and one for all that is odd.
     #[must_use]
     pub fn two_times(&self) -> bool {

@@ -8,6 +8,7 @@
 pub mod bgk;
 pub mod cumulant;
 pub mod mrt;
+pub mod second_order;
 pub mod trt;
 
 use super::lanes::Lanes;

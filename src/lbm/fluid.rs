@@ -5,6 +5,7 @@ use super::collision::Collision;
 use super::collision::bgk::Bgk;
 use super::collision::cumulant::Cumulant;
 use super::collision::mrt::{self, Mrt};
+use super::collision::second_order::SecondOrder;
 use super::collision::trt::{Odd, Trt};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
@@ -16,8 +17,8 @@ use super::saturation::{self, Cover, Covered, Method, Open, Solids};
 use super::turbulence::smagorinsky::Smagorinsky;
 use super::turbulence::wale::Wale;
 use super::turbulence::{self, Eddies, Eddy, Model, Resolved, View};
+use crate::crew;
 use decomposition::Domain;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Which velocity set.
@@ -220,7 +221,7 @@ impl Choice {
         if self.covered {
             self.general::<L, Covered, S, Q>(eddy)
         } else if eddy.present() {
-            self.general::<L, Open, S, Q>(eddy)
+            self.eddies::<L, S, Q>(eddy)
         } else {
             self.plain::<L, S, Q>()
         }
@@ -245,6 +246,16 @@ impl Choice {
                 self.boxed::<L, _, _, Open, S, Q>(trt, Resolved)
             }
             // The moments are those of D3Q27, whatever set was asked for.
+            (Operator::Mrt(rates), false) if rates.second_order() => {
+                let bulk = rates.bulk;
+                let mrt = move |force| SecondOrder::<false> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, Open, S, 27>(mrt, Resolved)
+            }
+            (Operator::Mrt(rates), true) if rates.second_order() => {
+                let bulk = rates.bulk;
+                let mrt = move |force| SecondOrder::<true> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, Open, S, 27>(mrt, Resolved)
+            }
             (Operator::Mrt(rates), false) => {
                 let mrt = move |force| Mrt::<false> {
                     omega,
@@ -265,6 +276,18 @@ impl Choice {
                 let cumulant = move |force| Cumulant::<true> { omega, bulk, force };
                 self.boxed::<D3Q27, _, _, Open, S, 27>(cumulant, Resolved)
             }
+        }
+    }
+
+    /// Viscosities of the cells' own, no covered cells.
+    fn eddies<L: Lattice<Q>, S: Stored, const Q: usize>(self, eddy: Eddy) -> Box<dyn Step<S>> {
+        match self.operator {
+            Operator::Mrt(rates) if rates.second_order() => {
+                let (omega, bulk) = (1.0 / self.relaxation_time, rates.bulk);
+                let mrt = move |force| SecondOrder::<true> { omega, bulk, force };
+                self.boxed::<D3Q27, _, _, Open, S, 27>(mrt, eddy)
+            }
+            _ => self.general::<L, Open, S, Q>(eddy),
         }
     }
 
@@ -378,7 +401,7 @@ impl<S: Stored> Fluid<S> {
                 domain,
             )?),
         };
-        let threads = rayon::current_num_threads();
+        let threads = crew::threads();
         let tau = setup.relaxation_time;
         let boundaries = Boundaries::new(
             &populations,
@@ -563,7 +586,7 @@ impl<S: Stored> Fluid<S> {
             unsafe { self.pass.pass(shared, force, planes, 0) };
             return;
         }
-        (0..threads).into_par_iter().for_each(|t| {
+        crew::each(threads, |t| {
             let from = planes.start + planes.len() * t / threads;
             let to = planes.start + planes.len() * (t + 1) / threads;
             // SAFETY: the shares of planes are disjoint, and each worker has one.

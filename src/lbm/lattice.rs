@@ -197,6 +197,12 @@ macro_rules! unroll {
     (axes $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2] $i $n; $body)
     };
+    (four $i:ident < $n:expr => $body:block) => {
+        unroll!(@each [0 1 2 3] $i $n; $body)
+    };
+    (six $i:ident < $n:expr => $body:block) => {
+        unroll!(@each [0 1 2 3 4 5] $i $n; $body)
+    };
     (nine $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2 3 4 5 6 7 8] $i $n; $body)
     };

@@ -140,6 +140,11 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                     "cumulants".into(),
                     "asked for; robust at high Reynolds numbers".into(),
                 ),
+                Collision::Mrt { .. } if flow.collision.second_order() => choose(
+                    "collision",
+                    "multiple relaxation times of the second moments".into(),
+                    "asked for; the moments above go to their equilibrium at once".into(),
+                ),
                 Collision::Mrt { .. } => choose(
                     "collision",
                     "multiple relaxation times after Suga".into(),

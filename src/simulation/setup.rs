@@ -60,27 +60,21 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
             Collision::Cumulant { bulk } => Operator::Cumulant { bulk },
-            Collision::Mrt {
-                bulk,
-                q,
-                psi,
-                epsilon,
-                e_cubed,
-                xx,
-                xy,
-                tau,
-                xyz,
-            } => Operator::Mrt(Rates {
-                bulk: bulk.unwrap_or(Rates::SUGA.bulk),
-                q: q.unwrap_or(Rates::SUGA.q),
-                psi: psi.unwrap_or(Rates::SUGA.psi),
-                epsilon: epsilon.unwrap_or(Rates::SUGA.epsilon),
-                e_cubed: e_cubed.unwrap_or(Rates::SUGA.e_cubed),
-                xx: xx.unwrap_or(Rates::SUGA.xx),
-                xy: xy.unwrap_or(Rates::SUGA.xy),
-                tau: tau.unwrap_or(Rates::SUGA.tau),
-                xyz: xyz.unwrap_or(Rates::SUGA.xyz),
-            }),
+            Collision::Mrt { bulk, .. } => {
+                let suga = Rates::SUGA;
+                let [q, psi, epsilon, e_cubed, xx, xy, tau, xyz] = flow.collision.higher_rates();
+                Operator::Mrt(Rates {
+                    bulk: bulk.unwrap_or(suga.bulk),
+                    q: q.unwrap_or(suga.q),
+                    psi: psi.unwrap_or(suga.psi),
+                    epsilon: epsilon.unwrap_or(suga.epsilon),
+                    e_cubed: e_cubed.unwrap_or(suga.e_cubed),
+                    xx: xx.unwrap_or(suga.xx),
+                    xy: xy.unwrap_or(suga.xy),
+                    tau: tau.unwrap_or(suga.tau),
+                    xyz: xyz.unwrap_or(suga.xyz),
+                })
+            }
         },
         turbulence: match flow.turbulence {
             None => Model::None,
