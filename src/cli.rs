@@ -488,6 +488,7 @@ fn list(problems: &[Problem]) {
     for problem in problems {
         let weight = match problem.severity {
             Severity::Error => "error",
+            Severity::Unstable => "unstable",
             Severity::Warning => "warning",
         };
         complain(&format!("{weight}: {problem}"));

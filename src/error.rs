@@ -12,6 +12,8 @@ use std::fmt;
 pub enum Severity {
     /// The case is refused.
     Error,
+    /// The case runs, but runs like it were seen to fail.
+    Unstable,
     /// The case runs, and the user should know.
     Warning,
 }

@@ -143,8 +143,9 @@ impl Plan {
             let clock = clock(&scene, &mut findings)?;
             let margins = envelope::margins(&scene, &clock, &mut findings);
             if scene.guards.limits == Limits::Warn {
-                for problem in &mut findings.problems[before..] {
-                    problem.severity = Severity::Warning;
+                let refused = |p: &&mut Problem| p.severity == Severity::Error;
+                for problem in findings.problems[before..].iter_mut().filter(refused) {
+                    problem.severity = Severity::Unstable;
                 }
             }
             let estimate = Estimate::of(&scene, &clock, &mut findings);

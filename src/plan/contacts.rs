@@ -187,7 +187,7 @@ pub(super) fn check(
             remedy(scene, clock, sure),
         );
     } else if dt > worst {
-        findings.warn(
+        findings.unstable(
             path,
             format!(
                 "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",

@@ -69,7 +69,7 @@ pub(super) fn check(
     if interval >= 2.0 * longest {
         findings.error(path, reason(longest), remedy);
     } else {
-        findings.warn(path, reason(shortest), remedy);
+        findings.unstable(path, reason(shortest), remedy);
     }
 }
 

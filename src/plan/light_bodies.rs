@@ -147,7 +147,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     if ratio < bounds.fails {
         findings.error(&path, reason("below", bounds.fails), remedy);
     } else {
-        findings.warn(&path, reason("below up to", bounds.holds), remedy);
+        findings.unstable(&path, reason("below up to", bounds.holds), remedy);
     }
 }
 

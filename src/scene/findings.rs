@@ -42,6 +42,16 @@ impl Findings {
         self.push(path, reason.into(), remedy.into(), Severity::Warning);
     }
 
+    /// The case runs, but runs like it were seen to fail.
+    pub(crate) fn unstable(
+        &mut self,
+        path: &str,
+        reason: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.push(path, reason.into(), remedy.into(), Severity::Unstable);
+    }
+
     fn push(&mut self, path: &str, reason: String, remedy: String, severity: Severity) {
         let value = match lookup(&self.tree, path) {
             None | Some(Value::Null) => "missing".to_string(),

@@ -3,7 +3,7 @@
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;
 use crate::case::{Document, annotation, set, text};
-use crate::error::Problem;
+use crate::error::{Problem, Severity};
 use crate::plan::Plan;
 use crate::scene::findings::refused;
 use serde_json::Value;
@@ -35,9 +35,9 @@ pub struct Member {
 /// What the plan says of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// Nothing.
+    /// Nothing against it.
     Ok,
-    /// It warns.
+    /// Runs like it were seen to fail.
     Warns,
     /// It refuses.
     Refuses,
@@ -287,10 +287,12 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         Ok(plan) => plan.warnings.clone(),
         Err(problems) => problems.clone(),
     };
-    let verdict = match (&planned, problems.is_empty()) {
-        (Err(_), _) => Verdict::Refuses,
-        (Ok(_), false) => Verdict::Warns,
-        (Ok(_), true) => Verdict::Ok,
+    let verdict = if planned.is_err() {
+        Verdict::Refuses
+    } else if problems.iter().any(|p| p.severity == Severity::Unstable) {
+        Verdict::Warns
+    } else {
+        Verdict::Ok
     };
     if verdict == Verdict::Refuses && study.refused == Refused::Run {
         found.extend(settle(

@@ -699,8 +699,9 @@ fn light_and_thin_solids_are_told_of() {
     let light = |density: &str| format!("materials.rock.density={density}");
     let free = "materials.rock.density";
     let (refused, warns) = (Some(Severity::Error), Some(Severity::Warning));
+    let unstable = Some(Severity::Unstable);
     assert_eq!(said(&[&light("700")], free, "0.7 times as dense"), refused);
-    assert_eq!(said(&[&light("800")], free, "0.8 times as dense"), warns);
+    assert_eq!(said(&[&light("800")], free, "0.8 times as dense"), unstable);
     assert_eq!(said(&[&light("900")], free, "times as dense"), None);
     assert_eq!(said(&[&light("700"), LINKS], free, "times as dense"), None);
     let edges = "bodies[0].shape.cuboid.edges=[0.006, 0.005, 0.0015]";
