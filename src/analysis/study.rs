@@ -872,41 +872,55 @@ fn figure6(cohesions: &[CohesionReport]) -> Figure {
     }
 }
 
+/// Threshold, coefficient and R2 of a law, for the terminal.
+fn words(law: Option<&Law>) -> [String; 3] {
+    match law {
+        Some(Law::Fitted(fit)) => [
+            with_interval(fit.critical_shear, fit.critical_shear_interval),
+            with_interval(fit.coefficient, fit.coefficient_interval),
+            format!("{:.3}", fit.r_squared),
+        ],
+        Some(Law::LowerBound { at_least }) => [
+            format!(">= {}", digits(*at_least)),
+            "no erosion".to_owned(),
+            String::new(),
+        ],
+        Some(Law::Bracketed { above, below }) => [
+            format!("between {} and {}", digits(*above), digits(*below)),
+            "one stress erodes".to_owned(),
+            String::new(),
+        ],
+        None => ["no point".to_owned(), String::new(), String::new()],
+    }
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:>10}  {:>4}  {:>8}  {:>32}  {:>26}  {:>6}",
-            "C/d (N/m)", "runs", "points", "tau_c (Pa)", "k_d (s/m)", "R2"
+            "{:>10}  {:>4}  {:>6}  {:>8}  {:>32}  {:>26}  {:>6}",
+            "C/d (N/m)", "runs", "points", "stress", "tau_c (Pa)", "k_d (s/m)", "R2"
         )?;
         for cohesion in &self.cohesions {
-            let windows = points(cohesion).len();
-            let (threshold, slope, fit) = match &cohesion.law {
-                Some(Law::Fitted(fit)) => (
-                    with_interval(fit.critical_shear, fit.critical_shear_interval),
-                    with_interval(fit.coefficient, fit.coefficient_interval),
-                    format!("{:.3}", fit.r_squared),
-                ),
-                Some(Law::LowerBound { at_least }) => (
-                    format!(">= {}", digits(*at_least)),
-                    "no erosion".to_owned(),
-                    String::new(),
-                ),
-                Some(Law::Bracketed { above, below }) => (
-                    format!("between {} and {}", digits(*above), digits(*below)),
-                    "one stress erodes".to_owned(),
-                    String::new(),
-                ),
-                None => ("no point".to_owned(), String::new(), String::new()),
-            };
-            writeln!(
-                f,
-                "{:>10}  {:>4}  {:>8}  {threshold:>32}  {slope:>26}  {fit:>6}",
-                cohesion.cohesion,
-                cohesion.runs.len(),
-                windows
-            )?;
+            for (stress, name) in [(Stress::Gradient, "gradient"), (Stress::Balance, "balance")] {
+                let of = |reading: &&Reading| {
+                    reading.points == cohesion.points && reading.stress == stress
+                };
+                let law = cohesion.readings.iter().find(of);
+                let [threshold, slope, fit] = words(law.and_then(|reading| reading.law.as_ref()));
+                writeln!(
+                    f,
+                    "{:>10}  {:>4}  {:>6}  {name:>8}  {threshold:>32}  {slope:>26}  {fit:>6}",
+                    cohesion.cohesion,
+                    cohesion.runs.len(),
+                    points_of(cohesion, cohesion.points, stress).len(),
+                )?;
+            }
         }
+        writeln!(
+            f,
+            "Stress by the gradient of the velocity at the faces (the paper's equation 10), which the figures have, and by the balance of forces on the hole."
+        )?;
         writeln!(
             f,
             "Intervals are 95 %. Paper at C/d = {PAPER_COHESION} N/m: tau_c = {PAPER_CRITICAL_SHEAR:.1e} Pa, k_d = {PAPER_COEFFICIENT} s/m."
