@@ -11,7 +11,7 @@
 //!
 //! g_i = w_i [δρ + 3 c·J + 9/2 Σ Q_ab c_a c_b - 3/2 tr Q] + Σ_a D_a P_a(c)/54 + Σ_{a<b} E_ab c_a c_b/12,
 //!
-//! even in c but for 3 w c·J: pairs are a sum and a difference. 190 operations in place of 330.
+//! even in c but for 3 w c·J: pairs are a sum and a difference. Compiled for AVX-512 this is 221 operations in place of 328.
 
 use super::mrt::{POPULATION, Rates, n};
 use super::{Collision, Site};
