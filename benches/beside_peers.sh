@@ -413,15 +413,17 @@ row_P7() {
 
 # --- P-8: a pile of blocks, one core ---
 p8_ours() {
-  ours=$(limited taskset -c "$core" "$blocks" pile "$count" "$settle" | sed -n 's/^pile: \([0-9]*\) contacts.*/\1/p')
+  ours=$(limited taskset -c "$core" "$blocks" pile "$count" "$settle" "$work/pile.json" | sed -n 's/^pile: \([0-9]*\) contacts.*/\1/p')
 }
 p8_yade() {
-  peer=$(cd "$work" && BLOCKS=$count SETTLE=$settle timeout --kill-after=30 7200 taskset -c "$core" yade -n -x -j1 "$here/peers/yade_blocks.py" 2>/dev/null | field contacts_per_second)
+  peer=$(cd "$work" && PILE=pile.json limited taskset -c "$core" yade -n -x -j1 "$here/peers/yade_blocks.py" 2>/dev/null | field contacts_per_second)
 }
 row_P8() {
   local pair ours peer blocks count=1000 settle=6000
   [ "$quick" -eq 0 ] || count=40 settle=600
   blocks=$(bench_binary "${BLOCKS_BENCH:-}" blocks)
+  # The pile from which the peer starts.
+  p8_ours
   for ((pair = 1; pair <= pairs; pair++)); do
     by_turns "$pair" p8_ours p8_yade
     record P-8 "pile of $count random convex blocks" contacts/s "$ours" "$peer" "YADE 2023.02a polyhedra" rate 20 100

@@ -2,9 +2,10 @@
 //!
 //! `cargo bench --bench blocks`; words after `--` choose `pairs` or `pile`, with RAYON_NUM_THREADS=1 for one core.
 //!
-//! `pile [BLOCKS] [STEPS]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m, as in
-//! `benches/peers/yade_blocks.py`; after 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of
-//! three runs of 300 steps with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them.
+//! `pile [BLOCKS] [STEPS] [FILE]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m; after
+//! 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of three runs of 300 steps
+//! with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them. FILE gets the vertices of
+//! each block of the settled pile in space (m), as JSON: `benches/peers/yade_blocks.py` starts from them.
 //!
 //! `pairs`: each row is a shape and a model; each column what the pair remembers:
 //!
@@ -179,7 +180,7 @@ fn random_block(seed: u64) -> Result<Polyhedron, ShapeError> {
     }
 }
 
-fn pile(count: u32, settle: u64) -> Result<(), Error> {
+fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     let shapes: Vec<Polyhedron> = (0..u64::from(count))
         .map(random_block)
         .collect::<Result<_, _>>()
@@ -231,6 +232,9 @@ fn pile(count: u32, settle: u64) -> Result<(), Error> {
         )?;
     }
     dem.advance_many(&mut particles, &Alone, settle)?;
+    if let Some(file) = file {
+        save(&particles, file)?;
+    }
     let before = dem.statistics(&particles);
     let (mut seconds, start) = ([0.0; 3], Instant::now());
     for time in &mut seconds {
@@ -257,6 +261,19 @@ fn pile(count: u32, settle: u64) -> Result<(), Error> {
         now.largest_overlap,
     );
     Ok(())
+}
+
+/// The vertices of each block where it is (m).
+fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
+    let blocks: Vec<Vec<[f64; 3]>> = (0..particles.owned())
+        .filter_map(|k| {
+            let (shape, attitude) = particles.polyhedron(k)?;
+            let at = |v: &Vector3<f64>| (particles.location(k) + attitude.orientation * v).into();
+            Some(shape.vertices().iter().map(at).collect())
+        })
+        .collect();
+    let text = serde_json::to_string(&blocks).map_err(|e| Error::Internal(e.to_string()))?;
+    std::fs::write(file, text).map_err(|e| Error::Internal(format!("{file}: {e}")))
 }
 
 /// Processor time of this thread (s).
@@ -286,7 +303,11 @@ fn main() -> Result<(), Error> {
         pairs().map_err(|error| Error::Internal(error.to_string()))?;
     }
     if chosen("pile") {
-        pile(number(1, 1000), u64::from(number(2, 6000)))?;
+        pile(
+            number(1, 1000),
+            u64::from(number(2, 6000)),
+            words.get(3).map(String::as_str),
+        )?;
     }
     Ok(())
 }
