@@ -9,6 +9,7 @@
 #   --pressure PA         at the top of the water; default that of the case
 #   --from PA, --to PA    bounds of the search; default 2e5 and 3e6
 #   --end SECONDS         physical time; default that of the case
+#   --every SECONDS       between two looks at the surface and the voids; default that of the case
 #   --ranks N             MPI ranks; default 2
 #   --threads N           threads of a rank; default 1
 #
@@ -25,11 +26,11 @@ usage() {
   exit 2
 }
 
-scale=small output='' pressure='' from=2e5 to=3e6 end='' ranks=2 threads=1
+scale=small output='' pressure='' from=2e5 to=3e6 end='' every='' ranks=2 threads=1
 words=()
 while [ $# -gt 0 ]; do
   case $1 in
-    --scale | --output | --pressure | --from | --to | --end | --ranks | --threads)
+    --scale | --output | --pressure | --from | --to | --end | --every | --ranks | --threads)
       [ $# -ge 2 ] || usage
       printf -v "${1#--}" '%s' "$2"
       shift 2
@@ -123,6 +124,7 @@ soil() {
     rm -rf "$folder"
     [ -z "$pressure" ] || args+=(--set "fluid.darcy.boundaries[0].condition.pressure.value=$pressure")
     [ -z "$end" ] || args+=(--set "time.end=$end")
+    [ -z "$every" ] || args+=(--set "analysis.ground_collapse.every=$every")
     supervise "${launch[@]}" "$solver" "$(case_of "$1")" --output "$folder" --threads "$threads" "${sample[@]}" "${args[@]}" \
       >>"$folder.log" 2>&1 || status=$?
   fi
