@@ -137,6 +137,12 @@ impl Pores {
         }
     }
 
+    /// The mean diameter that is formed.
+    #[must_use]
+    pub fn mean(&self) -> MeanDiameter {
+        self.mean
+    }
+
     /// Forgets all grains.
     pub fn clear(&mut self) {
         self.sums.fill([0; 3]);

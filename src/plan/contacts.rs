@@ -15,10 +15,12 @@
 //! Two limits are compared with the step:
 //!
 //! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it without friction the case
-//!   is refused: what is hardly pressed slips, so that friction alone is no spring. With the springs of friction it is a warning.
+//!   is refused: what is hardly pressed slips, so that friction alone is no spring. With the springs of friction, and with contacts as
+//!   deep as the law expects them, the case counts as unstable.
 //! * that of a packing of the smallest grains: `lambda k/m` of the normal springs is 6 or 8 in the densest packing of discs or spheres, and that
 //!   of the shear springs 16 or 20 where all turn the same way on 4 or 6 partners, as many as a random packing has. Fewer partners make at
-//!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared may come to it: a warning.
+//!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared will come to it and is unstable;
+//!   what is held together from the start has its own limit, and may come to that of a packing: a warning.
 //!
 //! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
 
@@ -50,7 +52,17 @@ struct Meeting {
     mass: f64,
     /// Overlap (m); none for the deepest that is expected.
     overlap: Option<f64>,
+    depth: Depth,
     bonded: bool,
+}
+
+/// Which overlap decides the stiffness of a contact whose springs harden.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Depth {
+    /// That of the start.
+    Start,
+    /// The deepest that is expected, if that is deeper.
+    Expected,
 }
 
 /// The springs and dashpots of a contact; what has neither friction nor a bond has none across the normal.
@@ -59,9 +71,12 @@ fn constants(contact: &ContactTable, meeting: &Meeting) -> Constants {
     let (stiffness, factor) = if let Law::HertzMindlin { impact_speed, .. } = contact.law {
         let [young, shear] = pair.moduli;
         let root = meeting.radius.sqrt();
-        let overlap = meeting
-            .overlap
-            .unwrap_or_else(|| deepest(meeting.mass, 4.0 / 3.0 * young * root, impact_speed));
+        let expected = || deepest(meeting.mass, 4.0 / 3.0 * young * root, impact_speed);
+        let overlap = match (meeting.overlap, meeting.depth) {
+            (Some(overlap), Depth::Start) => overlap,
+            (Some(overlap), Depth::Expected) => overlap.max(expected()),
+            (None, _) => expected(),
+        };
         let side = root * overlap.max(0.0).sqrt();
         // Dashpots of the tangent stiffness (dem::contact::hertz_mindlin).
         (
@@ -114,6 +129,7 @@ fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partner
             radius: 0.5 * radius,
             mass: 0.5 * mass,
             overlap: None,
+            depth: Depth::Expected,
             bonded: bonds(scene, contact),
         };
         let found = constants(contact, &meeting);
@@ -154,11 +170,12 @@ pub(super) fn check(
     };
     let dt = clock.solid_time_step;
     openings(scene, contact, findings);
-    let (sure, worst) = if matches!(contact.law, Law::Blocks { .. }) {
+    let limits = if matches!(contact.law, Law::Blocks { .. }) {
         blocks::limits(scene, contact)
     } else {
         of_spheres(scene, contact, dt)
     };
+    let (sure, worst) = (limits.slipping, limits.sticking.min(limits.packing));
     let path = path(scene);
     if worst.is_finite() {
         margins.push(margin(
@@ -187,15 +204,29 @@ pub(super) fn check(
             remedy(scene, clock, sure),
         );
     } else if dt > worst {
-        findings.unstable(
-            path,
-            format!(
-                "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",
-                number(worst)
-            ),
-            remedy(scene, clock, worst),
+        let reason = format!(
+            "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",
+            number(worst)
         );
+        let remedy = remedy(scene, clock, worst);
+        if dt > limits.sticking || !limits.held {
+            findings.unstable(path, reason, remedy);
+        } else {
+            findings.warn(path, reason, remedy);
+        }
     }
+}
+
+/// The steps (s) that bodies bear.
+struct Limits {
+    /// With the contacts of the start as they slip; infinite where they are not known or far from it.
+    slipping: f64,
+    /// With the same contacts as they stick and are pressed.
+    sticking: f64,
+    /// In a packing.
+    packing: f64,
+    /// Whether the contacts of the start hold all bodies, so that a packing is not what they come to at once.
+    held: bool,
 }
 
 /// Opening of a bond over the diameter of the smallest grain from which on a third grain fits between the two.
@@ -262,9 +293,7 @@ fn openings(scene: &Scene, contact: &ContactTable, findings: &mut Findings) {
 /// together or between unequal grains.
 const LOOK: f64 = 0.25;
 
-/// The limit of the contacts of the start as they slip, infinite where they are not known or far from it, and that of a packing or of
-/// the contacts as they stick.
-fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
+fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> Limits {
     let partners = others(scene);
     let mut kinds = moving(scene);
     kinds.retain(|(material, _)| *material < contact.materials);
@@ -274,9 +303,14 @@ fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
     let limits = kinds
         .into_iter()
         .map(|kind| of_densest(scene, contact, kind, partners));
-    let worst = limits.fold(f64::INFINITY, f64::min);
-    if dt < LOOK * worst {
-        return (f64::INFINITY, worst);
+    let packing = limits.fold(f64::INFINITY, f64::min);
+    if dt < LOOK * packing {
+        return Limits {
+            slipping: f64::INFINITY,
+            sticking: f64::INFINITY,
+            packing,
+            held: false,
+        };
     }
     let prepared = scene.grains.as_ref().is_some_and(|grains| {
         !matches!(
@@ -284,10 +318,17 @@ fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> (f64, f64) {
             GrainSource::List(_) | GrainSource::File { .. }
         )
     });
-    let mut network = network::Network::of(scene, contact, !prepared);
-    let whole = network.limit();
+    let mut network = network::Network::of(scene, contact, !prepared, Depth::Expected);
+    let sticking = network.limit();
+    let held = !prepared && scene.regions.is_empty() && network.holds_all();
+    network = network::Network::of(scene, contact, !prepared, Depth::Start);
     network.let_slip();
-    (network.limit(), worst.min(whole))
+    Limits {
+        slipping: network.limit(),
+        sticking,
+        packing,
+        held,
+    }
 }
 
 /// What decides the solid step.

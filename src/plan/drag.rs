@@ -4,7 +4,7 @@
 //! goes from v to v + T/m (pull - hold v): beyond T = 2 m/hold, twice the time in which drag stops it, its velocity changes sign and
 //! grows. The drag at the end of the interval ([`crate::coupling::drag`], `semi_implicit_drag`) bears any interval. In creeping flow the
 //! time is the longest in loose ground and the shortest in the densest: refused is what fails in the loosest that the case knows,
-//! the cap of the permeability; a warning is given by the porosity of the box round the grains, or of the densest packing of equal grains.
+//! the cap of the permeability; unstable is what fails in the fullest cell of the listed grains, or in the densest packing of equal grains.
 
 use super::Clock;
 use super::envelope::{Margin, margin};
@@ -15,7 +15,7 @@ use crate::darcy::porosity::measure;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
-use crate::scene::solids::{self, GrainSource};
+use crate::scene::solids::GrainSource;
 
 /// Compares the interval with the shortest time of drag.
 pub(super) fn check(
@@ -37,7 +37,7 @@ pub(super) fn check(
     let mass = scene.mass(material, smallest);
     let grain = Grain::new(scene.grid.dimension, smallest);
     let time = |porosity: f64| mass / hold(seepage, &grain, porosity);
-    let shortest = time(porosity(scene));
+    let shortest = time(porosity(scene, seepage));
     let longest = time(seepage.written.porosity_cap).max(shortest);
     let path = "fluid.darcy.coupling_interval";
     let interval = clock.time_step;
@@ -105,23 +105,28 @@ fn hold(seepage: &Seepage, grain: &Grain, porosity: f64) -> f64 {
     measure * law.coefficient(&bed, grain, 0.0)
 }
 
-/// Porosity of the box round listed grains; of the densest packing of equal grains where they are prepared.
-fn porosity(scene: &Scene) -> f64 {
+/// Porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are prepared.
+fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let dimension = scene.grid.dimension;
     let densest = if dimension == 2 { 0.0931 } else { 0.2595 };
     let list = match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) => list,
         _ => return densest,
     };
-    let edge = |axis: usize, side: f64| {
-        let ends = list
-            .iter()
-            .map(|g: &solids::Grain| side * g.position[axis] + g.radius);
-        ends.fold(f64::NEG_INFINITY, f64::max)
-    };
-    let volume: f64 = (0..dimension)
-        .map(|a| edge(a, 1.0) + edge(a, -1.0))
-        .product();
-    let solid: f64 = list.iter().map(|g| measure(dimension, g.radius)).sum();
-    (1.0 - solid / volume).clamp(densest, 1.0)
+    let openness = seepage.openness(dimension);
+    let pores = seepage.pores(&openness);
+    let mut solid = vec![0.0; openness.inside.len()];
+    for grain in list {
+        let volume = measure(dimension, grain.radius);
+        pores.parts(grain.position, grain.radius, |cell, part| {
+            solid[cell] += part * volume;
+        });
+    }
+    let cell = openness.grid.volume();
+    let filled = solid.iter().zip(&openness.inside);
+    let fullest = filled
+        .filter(|(_, inside)| **inside > 0.0)
+        .map(|(solid, inside)| solid / (inside * cell))
+        .fold(0.0, f64::max);
+    (1.0 - fullest).clamp(densest, 1.0)
 }

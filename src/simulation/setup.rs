@@ -704,25 +704,13 @@ pub fn seepage<S: Space>(
     plan: &Plan,
     communicator: &decomposition::Communicator,
 ) -> Result<Option<Seepage<S>>, Error> {
-    use crate::case::darcy::{
-        Drag, Equations, MeanDiameter, PorosityMethod, Resistance, SeepageCondition,
-    };
+    use crate::case::darcy::{Drag, Equations, Resistance, SeepageCondition};
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);
     };
     let written = &scene.written;
-    let grid = darcy::Grid {
-        cells: scene.cells,
-        origin: scene.origin,
-        spacing: scene.spacing,
-        dimension: plan.scene.grid.dimension,
-    };
-    let enclosure = if scene.planes.is_empty() {
-        darcy::Enclosure::Everything
-    } else {
-        darcy::Enclosure::HalfSpaces(scene.planes.clone())
-    };
-    let openness = darcy::Openness::measure(&grid, &enclosure);
+    let openness = scene.openness(plan.scene.grid.dimension);
+    let pores = scene.pores(&openness);
     let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
@@ -757,16 +745,6 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
-    let diameter = match written.mean_diameter {
-        MeanDiameter::Sauter => darcy::MeanDiameter::Sauter,
-        MeanDiameter::Number => darcy::MeanDiameter::Number,
-        MeanDiameter::Mass => darcy::MeanDiameter::Mass,
-    };
-    let method = match written.porosity {
-        PorosityMethod::Centroid => darcy::Method::Centroid,
-        PorosityMethod::Divided => darcy::Method::Divided,
-        PorosityMethod::Exact => darcy::Method::Exact,
-    };
     let settings = drag::Settings {
         liquid,
         permeability: darcy::Permeability {
@@ -774,7 +752,7 @@ pub fn seepage<S: Space>(
                 Resistance::KozenyCarman => darcy::Resistance::KozenyCarman,
                 Resistance::Ergun => darcy::Resistance::Ergun,
             },
-            diameter,
+            diameter: pores.mean(),
             porosity_cap: written.porosity_cap,
             least_porosity: written.least_porosity,
         },
@@ -790,7 +768,6 @@ pub fn seepage<S: Space>(
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
     };
-    let pores = darcy::Pores::new(grid, method, diameter);
     Ok(Some(Seepage::new(
         openness,
         pores,

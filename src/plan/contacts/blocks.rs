@@ -1,6 +1,6 @@
 //! Limits of blocks: springs over all faces, and over the least face alone.
 
-use super::limit;
+use super::{Limits, limit};
 use crate::dem::polyhedron::Polyhedron;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law, PairParameters};
@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
 /// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that
 /// swing against it.
-pub(super) fn limits(scene: &Scene, contact: &ContactTable) -> (f64, f64) {
+pub(super) fn limits(scene: &Scene, contact: &ContactTable) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
         let mass = scene.density(material) * solid.shape.volume();
@@ -27,7 +27,12 @@ pub(super) fn limits(scene: &Scene, contact: &ContactTable) -> (f64, f64) {
             shortest[1] = shortest[1].min(block.all_faces());
         }
     }
-    (shortest[0], shortest[1])
+    Limits {
+        slipping: shortest[0],
+        sticking: shortest[1],
+        packing: f64::INFINITY,
+        held: true,
+    }
 }
 
 struct Block<'a> {

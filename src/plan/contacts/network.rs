@@ -1,6 +1,6 @@
 //! The contacts of spheres and discs as they stand at the start, and the largest eigenvalue of what they hold together.
 
-use super::{Constants, Meeting, bonds, constants, limit, turning};
+use super::{Constants, Depth, Meeting, bonds, constants, limit, turning};
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::grid::Grid;
@@ -45,7 +45,7 @@ const ROUNDS: usize = 400;
 
 impl Network {
     /// The contacts of bodies, and of grains where `listed`.
-    pub(super) fn of(scene: &Scene, contact: &ContactTable, listed: bool) -> Self {
+    pub(super) fn of(scene: &Scene, contact: &ContactTable, listed: bool, depth: Depth) -> Self {
         let mut network = Self {
             nodes: nodes(scene, listed),
             springs: Vec::new(),
@@ -60,6 +60,7 @@ impl Network {
             contact,
             bonded,
             reach,
+            depth,
         };
         network.touch_each_other(&scene.grid, &maker);
         network.touch_walls(scene, &maker);
@@ -119,6 +120,7 @@ impl Network {
                     radius: node.radius,
                     mass: node.mass,
                     overlap: Some(overlap),
+                    depth: maker.depth,
                     bonded: maker.bonded,
                 };
                 self.springs.push(Spring {
@@ -130,6 +132,19 @@ impl Network {
                 });
             }
         }
+    }
+
+    /// Whether whatever moves by forces touches something, but for one in ten.
+    pub(super) fn holds_all(&self) -> bool {
+        let mut free: Vec<bool> = self.nodes.iter().map(|n| n.roots[0] > 0.0).collect();
+        let moving = free.iter().filter(|f| **f).count();
+        for spring in &self.springs {
+            for node in [Some(spring.first), spring.second].into_iter().flatten() {
+                free[node] = false;
+            }
+        }
+        let alone = free.iter().filter(|f| **f).count();
+        moving > 0 && 10 * alone <= moving
     }
 
     /// Takes away the springs and dashpots across the normals, where no bond holds them.
@@ -221,6 +236,7 @@ struct Maker<'a> {
     bonded: bool,
     /// Gap that is bonded (m).
     reach: f64,
+    depth: Depth,
 }
 
 impl Maker<'_> {
@@ -249,6 +265,7 @@ impl Maker<'_> {
             radius: one.radius * two.radius / (one.radius + two.radius),
             mass: 1.0 / (inverse(one) + inverse(two)),
             overlap: Some(overlap),
+            depth: self.depth,
             bonded: self.bonded,
         };
         Some(Spring {

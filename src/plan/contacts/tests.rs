@@ -1,7 +1,7 @@
 //! Limits against frequencies known in closed form.
 
 use super::network::Network;
-use super::{blocks, of_densest};
+use super::{Depth, Limits, blocks, of_densest};
 use crate::case::Document;
 use crate::plan::Plan;
 use crate::scene::Scene;
@@ -41,7 +41,7 @@ fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
 
 fn network(scene: &Scene) -> f64 {
     let contact = scene.contact.as_ref().unwrap();
-    Network::of(scene, contact, true).limit()
+    Network::of(scene, contact, true, Depth::Start).limit()
 }
 
 /// w² = 2 k/m of two grains; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.
@@ -180,7 +180,11 @@ fn a_cube_with_all_its_faces_in_touch() {
     let mass = 2.5;
     for (friction, ratio, expected) in [(30.0, 1.0, 16.0), (30.0, 0.2, 5.6), (0.0, 1.0, 4.0)] {
         let scene = plan(&cube(friction, ratio)).unwrap().scene;
-        let (one, all) = blocks::limits(&scene, scene.contact.as_ref().unwrap());
+        let Limits {
+            slipping: one,
+            sticking: all,
+            ..
+        } = blocks::limits(&scene, scene.contact.as_ref().unwrap());
         let eigenvalue = |limit: f64| 4.0 * mass / 1e6 / (limit * limit);
         assert_relative_eq!(eigenvalue(all), expected, max_relative = 1e-9);
         assert_relative_eq!(eigenvalue(one), 1.0, max_relative = 1e-9);
