@@ -23,6 +23,7 @@ use solver::dem::{
 use solver::error::Error;
 use solver::random::Stream;
 use solver::scene::packing::{Packing, Preparation, Sizes, Stop, curve_order};
+use solver::scene::waiting::Waiting;
 
 const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
     normal_stiffness: 150e6,
@@ -419,7 +420,7 @@ fn main() -> Result<(), Error> {
         |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word.as_str()));
     if wanted("discs") {
         let start = Instant::now();
-        let packing = discs().pack()?;
+        let packing = discs().pack(&Waiting::silent())?;
         println!(
             "packing {:?} in {:.1} s",
             packing.report,

@@ -16,6 +16,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::waiting::Waiting;
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
     Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Relaxation, Settings,
@@ -148,9 +149,9 @@ impl<S: Space> Preparation<S> {
     ///
     /// # Errors
     /// Where the request makes no sense, or the packing does not come about within the steps allowed.
-    pub fn pack(&self) -> Result<Packing<S>, Error> {
+    pub fn pack(&self, waiting: &Waiting<'_>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
-        let mut growth = Growth::new(self, radii)?;
+        let mut growth = Growth::new(self, radii, waiting)?;
         growth.grow_up()?;
         growth.settle()?;
         growth.packing()
@@ -208,6 +209,7 @@ impl<S: Space> Preparation<S> {
 /// A packing on its way.
 struct Growth<'a, S: Space> {
     how: &'a Preparation<S>,
+    waiting: &'a Waiting<'a>,
     /// Asked radii (m), by id.
     radii: Vec<f64>,
     mean_diameter: f64,
@@ -217,7 +219,11 @@ struct Growth<'a, S: Space> {
 }
 
 impl<'a, S: Space> Growth<'a, S> {
-    fn new(how: &'a Preparation<S>, radii: Vec<f64>) -> Result<Self, Error> {
+    fn new(
+        how: &'a Preparation<S>,
+        radii: Vec<f64>,
+        waiting: &'a Waiting<'a>,
+    ) -> Result<Self, Error> {
         let count = real(radii.len());
         let mean_diameter = 2.0 * radii.iter().sum::<f64>() / count;
         let places = scatter(how, &radii)?;
@@ -265,6 +271,7 @@ impl<'a, S: Space> Growth<'a, S> {
         let dem = Dem::new(law, settings, Wall::of_box(how.lower, how.upper, closed, 0))?;
         Ok(Self {
             how,
+            waiting,
             radii,
             mean_diameter,
             factor: CLOUD,
@@ -419,6 +426,18 @@ impl<'a, S: Space> Growth<'a, S> {
     }
 
     fn check_limit(&self) -> Result<(), Error> {
+        self.waiting.say(|| {
+            let now = self.look();
+            format!(
+                "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean overlap {:.1e} d",
+                self.particles.owned(),
+                self.dem.steps(),
+                self.factor,
+                now.solid_fraction,
+                now.coordination,
+                now.mean_overlap
+            )
+        });
         if self.dem.steps() < self.how.limit {
             return Ok(());
         }
@@ -764,7 +783,7 @@ mod tests {
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
         let how = small();
-        let mut packing = how.pack().unwrap();
+        let mut packing = how.pack(&Waiting::silent()).unwrap();
         let report = packing.report;
         assert!((0.80..0.87).contains(&report.solid_fraction), "{report:?}");
         assert!((3.2..4.6).contains(&report.coordination), "{report:?}");
@@ -839,7 +858,7 @@ mod tests {
             periodic: [true, false, false],
             ..small()
         };
-        let packing = how.pack().unwrap();
+        let packing = how.pack(&Waiting::silent()).unwrap();
         let report = packing.report;
         assert!((report.size_factor - 1.0).abs() < f64::EPSILON);
         assert!((report.solid_fraction - 0.845).abs() < 2e-3, "{report:?}");
@@ -854,10 +873,15 @@ mod tests {
         assert_eq!(asked, found);
         assert_eq!(
             packing,
-            how.pack().unwrap(),
+            how.pack(&Waiting::silent()).unwrap(),
             "the same seed gives the same bits"
         );
-        assert!(packing != Preparation { seed: 12, ..how }.pack().unwrap());
+        assert!(
+            packing
+                != Preparation { seed: 12, ..how }
+                    .pack(&Waiting::silent())
+                    .unwrap()
+        );
     }
 
     #[test]
@@ -880,7 +904,7 @@ mod tests {
             unbalanced: 2e-2,
             limit: 1_000_000,
         };
-        let report = how.pack().unwrap().report;
+        let report = how.pack(&Waiting::silent()).unwrap().report;
         assert!((0.57..0.68).contains(&report.solid_fraction), "{report:?}");
         assert!((4.0..7.5).contains(&report.coordination), "{report:?}");
     }

@@ -10,6 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::packing::curve_order;
+use super::waiting::Waiting;
 use crate::dem::{
     Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
 };
@@ -242,7 +243,7 @@ impl<S: Space> Rain<S> {
     ///
     /// # Errors
     /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost.
-    pub fn fall(&self) -> Result<(Vec<Placed<S>>, Report), Error> {
+    pub fn fall(&self, waiting: &Waiting<'_>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let refuse = |what: String| Error::Numerical(what);
         let (axis, up) = self.height_axis()?;
         let radii = self
@@ -261,7 +262,7 @@ impl<S: Space> Rain<S> {
             .collect();
         let last = self.laws.len().saturating_sub(1);
         for (stage, law) in self.laws.iter().enumerate() {
-            grains = self.settle(law, grains, &mut report)?;
+            grains = self.settle(law, grains, &mut report, waiting)?;
             if stage == last
                 && let Some(level) = self.trim_above
             {
@@ -273,7 +274,7 @@ impl<S: Space> Rain<S> {
                     )));
                 }
                 if grains.len() < before {
-                    grains = self.settle(law, grains, &mut report)?;
+                    grains = self.settle(law, grains, &mut report, waiting)?;
                 }
             }
         }
@@ -377,6 +378,7 @@ impl<S: Space> Rain<S> {
         law: &Law,
         grains: Vec<Placed<S>>,
         report: &mut Report,
+        waiting: &Waiting<'_>,
     ) -> Result<Vec<Placed<S>>, Error> {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
@@ -414,6 +416,18 @@ impl<S: Space> Rain<S> {
             settled =
                 now.kinetic_energy <= self.kinetic_energy && now.unbalanced <= self.unbalanced;
             report.convergence.push(now);
+            waiting.say(|| {
+                format!(
+                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {:.1e} (until {:.0e})",
+                    particles.owned(),
+                    dem.steps(),
+                    self.limit,
+                    now.kinetic_energy,
+                    self.kinetic_energy,
+                    now.unbalanced,
+                    self.unbalanced
+                )
+            });
             if !landed && now.kinetic_energy < LANDED && now.unbalanced < LANDED {
                 landed = true;
                 dem.set_local_damping(self.local_damping.max(AT_REST));
@@ -560,14 +574,20 @@ mod tests {
             number: 30_000,
             ..small()
         };
-        assert!(crowded.fall().unwrap_err().to_string().contains("no room"));
+        assert!(
+            crowded
+                .fall(&Waiting::silent())
+                .unwrap_err()
+                .to_string()
+                .contains("no room")
+        );
     }
 
     /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
     fn rain_settles_and_is_trimmed() {
         let rain = small();
-        let (grains, report) = rain.fall().unwrap();
+        let (grains, report) = rain.fall(&Waiting::silent()).unwrap();
         assert!(report.settled, "{:?}", report.convergence.last());
         assert!(
             report.grains > 300 && report.grains < report.fallen,

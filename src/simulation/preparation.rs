@@ -17,6 +17,7 @@ use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
 use crate::scene::rock::list;
 use crate::scene::solids::{Grain, GrainSource};
+use crate::scene::waiting::Waiting;
 use crate::scene::{numbering, rain, sample};
 use decomposition::Domain;
 use serde_json::{Value, json};
@@ -34,13 +35,18 @@ pub struct Prepared {
     pub line: String,
 }
 
-/// Makes, reads or lists the grains and cuts them. Collective.
+/// Makes, reads or lists the grains and cuts them, telling how far it is. Collective.
 ///
 /// # Errors
 /// When the sample cannot be made, read or saved; the same on all ranks.
-pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<Prepared, Error> {
+pub fn grains<S: Space>(
+    plan: &Plan,
+    folder: &Path,
+    domain: &Domain,
+    waiting: &Waiting<'_>,
+) -> Result<Prepared, Error> {
     let mine = if domain.rank() == 0 {
-        on_first::<S>(plan, folder)
+        on_first::<S>(plan, folder, waiting)
     } else {
         Ok(Prepared::default())
     };
@@ -65,7 +71,11 @@ pub fn grains<S: Space>(plan: &Plan, folder: &Path, domain: &Domain) -> Result<P
     }
 }
 
-fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
+fn on_first<S: Space>(
+    plan: &Plan,
+    folder: &Path,
+    waiting: &Waiting<'_>,
+) -> Result<Prepared, Error> {
     let mut prepared = Prepared::default();
     if let Some(blocks) = &plan.scene.blocks {
         prepared.line = jointed(plan, blocks, folder)?;
@@ -91,7 +101,7 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             grading,
             rain,
         } => {
-            let (grains, report) = falling::<S>(plan, block, grading, rain).fall()?;
+            let (grains, report) = falling::<S>(plan, block, grading, rain).fall(waiting)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
                 "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {:.1e}",
@@ -125,7 +135,7 @@ fn on_first<S: Space>(plan: &Plan, folder: &Path) -> Result<Prepared, Error> {
             number,
             growth,
         } => {
-            let packing = preparation::<S>(plan, block, *number, growth).pack()?;
+            let packing = preparation::<S>(plan, block, *number, growth).pack(waiting)?;
             let r = &packing.report;
             prepared.line = format!(
                 "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {:.1e}, sizes x {:.4}",

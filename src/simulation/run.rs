@@ -31,6 +31,7 @@ use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
 use crate::scene::grid::Grid;
+use crate::scene::waiting::Waiting;
 use decomposition::{Communicator, Domain, Slabs, World};
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
@@ -371,7 +372,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             plan.scene.forget_sample();
             progress.note(&format!("going on from step {step}: {}", path.display()));
         } else if solid {
-            let prepared = preparation::grains::<Sp>(&plan, &folder, &domain)?;
+            let prepared = {
+                let tell = |line: &str| progress.note(line);
+                preparation::grains::<Sp>(&plan, &folder, &domain, &Waiting::new(&tell))?
+            };
             progress.note(&prepared.line);
             setup::blocks::shapes(&plan, &mut particles)?;
             setup::bodies(&plan, &domain, &mut particles)?;
