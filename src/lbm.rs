@@ -14,6 +14,7 @@ pub mod kernel;
 pub mod lanes;
 pub mod lattice;
 pub mod links;
+mod pages;
 pub mod populations;
 pub mod saturation;
 pub mod synthetic;

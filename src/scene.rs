@@ -21,6 +21,7 @@ pub mod seepage;
 pub mod solids;
 pub(crate) mod speed;
 pub(crate) mod stl;
+pub mod waiting;
 
 use crate::case::contact::Contact;
 use crate::case::coupling::{Coupling, Scheme, SolidOperator};

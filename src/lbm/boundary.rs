@@ -13,7 +13,8 @@ pub mod turbulent;
 pub mod wall;
 
 use super::lanes::Stored;
-use super::populations::Populations;
+use super::populations::{Parity, Populations};
+use std::ops::Range;
 
 /// A value that goes linearly from `start` to `end` during `steps`, then stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -228,6 +229,7 @@ impl Boundaries {
         let defaults = all.patches.len() - 6;
         let velocities = populations.velocities().clone();
         let dimension = velocities.dimension;
+        let [slow, ..] = populations.order();
         for (local, cell) in populations.interior() {
             let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
             let at_face = (0..dimension)
@@ -276,6 +278,7 @@ impl Boundaries {
                             link,
                             patch,
                             direction: i,
+                            plane: local[slow],
                             term: 0.0,
                         });
                     }
@@ -300,6 +303,7 @@ impl Boundaries {
                             link,
                             patch,
                             direction: i,
+                            plane: local[slow],
                             term,
                         });
                     }
@@ -348,7 +352,7 @@ impl Boundaries {
                     .push(pressure::PressureCell { cell, first, count });
             }
         }
-        all.walls = wall::Walls::new(walls);
+        all.walls = wall::Walls::new(walls, populations.cells()[slow]);
         all
     }
 
@@ -380,12 +384,38 @@ impl Boundaries {
         self.convective.remember(populations, half_force);
     }
 
-    /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force.
+    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules read numbers that the walls
+    /// give, or ghosts beside them.
+    #[must_use]
+    pub fn walls_stand_alone(&self) -> bool {
+        self.outflows.is_empty() && self.convective.is_empty() && self.mirrors.is_empty()
+    }
+
+    /// Gives what comes back from the walls to the cells of some planes, ahead of [`Self::apply`].
+    ///
+    /// # Safety
+    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on the cells of these planes or of those
+    /// beside them.
+    pub(crate) unsafe fn give_walls<S: Stored>(
+        &self,
+        planes: Range<usize>,
+        step: f64,
+        parity: Parity,
+        numbers: *mut S,
+    ) {
+        let speed = |patch: usize| factor(&self.patches, patch, step);
+        // SAFETY: forwarded from the caller: a link's numbers lie in the plane of its cell or beside it.
+        unsafe { self.walls.give(planes, speed, parity, numbers) };
+    }
+
+    /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force; the walls of the planes
+    /// `given` have been given theirs.
     pub fn apply<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
         step: f64,
         half_force: [f64; 3],
+        given: impl Iterator<Item = Range<usize>>,
     ) {
         // Pressure reads whole cells, so it goes first; the others touch only their own two numbers.
         pressure::apply(
@@ -402,7 +432,13 @@ impl Boundaries {
         self.convective.apply(populations);
         free_slip::apply(&self.mirrors, populations);
         let speed = |patch: usize| factor(&self.patches, patch, step);
-        self.walls.apply(speed, populations);
+        let [slow, ..] = populations.order();
+        let planes = populations.cells()[slow];
+        let mut next = 0;
+        for given in given.chain(std::iter::once(planes..planes)) {
+            self.walls.apply(next..given.start, speed, populations);
+            next = given.end;
+        }
         for inlet in &mut self.inlets {
             inlet.apply(populations, step, factor(&self.patches, inlet.patch, step));
         }

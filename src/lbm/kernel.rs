@@ -60,6 +60,13 @@ pub struct Shared<S> {
 // cells is given to one thread, so no two threads touch the same number; sums over bodies are one for each worker.
 unsafe impl<S> Sync for Shared<S> {}
 
+impl<S> Shared<S> {
+    /// The numbers of all populations.
+    pub(crate) fn numbers(&self) -> *mut S {
+        self.base
+    }
+}
+
 impl<S: Stored> Shared<S> {
     /// Describes the coming pass over `populations`.
     pub(crate) fn new<const Q: usize>(

@@ -26,7 +26,7 @@
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
-use std::marker::PhantomData;
+use super::pages::Pages;
 
 /// Whether the last pass was even or odd: it decides which end of a link is "in".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +72,7 @@ impl Link {
 ///
 /// Local cell coordinates run from -1 (ghost) over `0..cells` to `cells` (ghost) along each axis.
 pub struct Populations<S: Stored> {
-    memory: Map<S>,
+    memory: Pages<S>,
     /// Interior cells along x, y, z (z = 1 in 2-D).
     cells: [usize; 3],
     /// Distance in elements between neighbours along x, y, z.
@@ -124,7 +124,7 @@ impl<S: Stored> Populations<S> {
                 format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
             })?;
         Ok(Self {
-            memory: Map::new(total)?,
+            memory: Pages::new(total)?,
             cells,
             strides,
             array,
@@ -163,7 +163,7 @@ impl<S: Stored> Populations<S> {
     /// Bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.memory.len * size_of::<S>()
+        self.memory.len() * size_of::<S>()
     }
 
     /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
@@ -241,12 +241,12 @@ impl<S: Stored> Populations<S> {
     /// The whole array.
     #[must_use]
     pub fn numbers(&self) -> &[S] {
-        self.memory.slice()
+        &self.memory
     }
 
     /// The whole array, to write.
     pub fn numbers_mut(&mut self) -> &mut [S] {
-        self.memory.slice_mut()
+        &mut self.memory
     }
 
     /// Starts over with populations in their own cells (after filling every incoming population).
@@ -298,7 +298,7 @@ impl<S: Stored> Populations<S> {
     }
 
     pub(crate) fn base(&mut self) -> *mut S {
-        self.memory.start
+        self.memory.start()
     }
 
     /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
@@ -411,70 +411,6 @@ fn add_rows_avx2<'a, S: Stored>(
 #[inline(always)]
 fn position(n: usize) -> u32 {
     n as u32
-}
-
-/// Zeroed memory straight from the operating system.
-struct Map<S> {
-    start: *mut S,
-    len: usize,
-    kind: PhantomData<S>,
-}
-
-// SAFETY: `Map` owns its memory; shared references only read it.
-unsafe impl<S: Send> Send for Map<S> {}
-// SAFETY: as above.
-unsafe impl<S: Sync> Sync for Map<S> {}
-
-impl<S: Stored> Map<S> {
-    fn new(len: usize) -> Result<Self, String> {
-        let bytes = len * size_of::<S>();
-        // SAFETY: an anonymous private mapping of our own; the result is checked.
-        let start = unsafe {
-            libc::mmap(
-                std::ptr::null_mut(),
-                bytes,
-                libc::PROT_READ | libc::PROT_WRITE,
-                libc::MAP_PRIVATE | libc::MAP_ANONYMOUS,
-                -1,
-                0,
-            )
-        };
-        if start == libc::MAP_FAILED {
-            return Err(format!(
-                "no memory for a lattice of {bytes} bytes: {}",
-                std::io::Error::last_os_error()
-            ));
-        }
-        #[cfg(target_os = "linux")]
-        // SAFETY: advice on our own mapping; failing is harmless.
-        unsafe {
-            libc::madvise(start, bytes, libc::MADV_HUGEPAGE);
-        }
-        Ok(Self {
-            start: start.cast(),
-            len,
-            kind: PhantomData,
-        })
-    }
-
-    fn slice(&self) -> &[S] {
-        // SAFETY: the mapping holds `len` initialised (zero) elements and lives as long as `self`.
-        unsafe { std::slice::from_raw_parts(self.start, self.len) }
-    }
-
-    fn slice_mut(&mut self) -> &mut [S] {
-        // SAFETY: as for `slice`, and `self` is borrowed exclusively.
-        unsafe { std::slice::from_raw_parts_mut(self.start, self.len) }
-    }
-}
-
-impl<S> Drop for Map<S> {
-    fn drop(&mut self) {
-        // SAFETY: unmapping the mapping made in `new`, once.
-        unsafe {
-            libc::munmap(self.start.cast(), self.len * size_of::<S>());
-        }
-    }
 }
 
 #[cfg(test)]

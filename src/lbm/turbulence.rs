@@ -16,6 +16,7 @@ pub mod wale;
 use super::boundary::{Condition, Frame, Patch, holder};
 use super::lanes::{Lanes, Memory, Stored};
 use super::lattice::unroll;
+use super::pages::Pages;
 use super::populations::Populations;
 use decomposition::{Domain, HaloBytes, HaloExchange};
 
@@ -199,7 +200,7 @@ struct Ghost {
 /// The velocity field of a slab, for the gradient.
 pub struct Field {
     /// Components of the step before and of this one, one after the other.
-    numbers: [Vec<f32>; 2],
+    numbers: [Pages<f32>; 2],
     /// Which of the two is read.
     old: usize,
     /// Distance between components.
@@ -327,7 +328,7 @@ impl Field {
         let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
             .map_err(|e| e.to_string())?;
         Ok(Self {
-            numbers: [vec![0.0; 3 * array], vec![0.0; 3 * array]],
+            numbers: [Pages::new(3 * array)?, Pages::new(3 * array)?],
             old: 0,
             array,
             strides,

@@ -35,6 +35,10 @@ pub(crate) struct Convective {
 }
 
 impl Convective {
+    pub(super) fn is_empty(&self) -> bool {
+        self.links.is_empty()
+    }
+
     pub(super) fn add(
         &mut self,
         link: OutflowLink,

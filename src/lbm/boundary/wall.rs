@@ -4,11 +4,13 @@
 //! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow (validation 1.2).
 //!
 //! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
-//! array to array and next to no memory.
+//! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
+//! are still in the cache.
 
 use crate::lbm::kernel::prefetch;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Parity, Populations};
+use std::ops::Range;
 
 /// Links ahead whose numbers are asked for where they do not stand together.
 const LINES_AHEAD: usize = 16;
@@ -19,11 +21,13 @@ pub(crate) struct WallLink {
     pub(crate) link: Link,
     pub(crate) patch: usize,
     pub(crate) direction: usize,
+    /// Plane of the cell across the split axis.
+    pub(crate) plane: usize,
     /// 6 w_i c_i·u_w at full speed.
     pub(crate) term: f64,
 }
 
-/// Links of one patch, direction and term at equal distances.
+/// Links of one plane, patch, direction and term at equal distances.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     first: WallLink,
@@ -46,7 +50,8 @@ impl Run {
             && apart == far
             && Some(apart) == stride.checked_mul(count)
             && first.term.to_bits() == next.term.to_bits()
-            && (first.patch, first.direction) == (next.patch, next.direction))
+            && (first.plane, first.patch, first.direction)
+                == (next.plane, next.patch, next.direction))
             .then_some(Self {
                 first,
                 count: count + 1,
@@ -59,11 +64,14 @@ impl Run {
 #[derive(Debug, Default)]
 pub(crate) struct Walls {
     runs: Vec<Run>,
+    /// Where the runs of each plane begin, and the end.
+    begins: Vec<usize>,
 }
 
 impl Walls {
-    pub(super) fn new(mut links: Vec<WallLink>) -> Self {
-        links.sort_unstable_by_key(|w| (w.patch, w.direction, w.link.near));
+    /// The links of a slab of `planes`.
+    pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
+        links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
         let mut runs: Vec<Run> = Vec::new();
         for link in &links {
             let longer = runs.last().and_then(|run| run.with(link));
@@ -77,7 +85,10 @@ impl Walls {
             }
         }
         runs.shrink_to_fit();
-        Self { runs }
+        let begins = (0..=planes)
+            .map(|plane| runs.partition_point(|run| run.first.plane < plane))
+            .collect();
+        Self { runs, begins }
     }
 
     /// Every link.
@@ -97,53 +108,72 @@ impl Walls {
         })
     }
 
-    /// Gives what comes back from the walls; `speed` is the factor of a patch.
+    /// Gives what comes back from the walls to the cells of some planes; `speed` is the factor of a patch.
     pub(super) fn apply<S: Stored>(
         &self,
+        planes: Range<usize>,
         speed: impl Fn(usize) -> f64,
         populations: &mut Populations<S>,
     ) {
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
+        // SAFETY: the populations are borrowed alone.
+        unsafe { self.give(planes, speed, parity, populations.base()) };
+    }
+
+    /// As [`Self::apply`], to numbers that others may work on elsewhere.
+    ///
+    /// # Safety
+    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any link of these
+    /// planes.
+    pub(super) unsafe fn give<S: Stored>(
+        &self,
+        planes: Range<usize>,
+        speed: impl Fn(usize) -> f64,
+        parity: Parity,
+        numbers: *mut S,
+    ) {
         // Runs of one patch stand together: ask for the ramp only when the patch changes.
         let mut patch = usize::MAX;
         let mut factor = 0.0;
-        for run in &self.runs {
+        for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
             if run.first.patch != patch {
                 patch = run.first.patch;
                 factor = speed(patch);
             }
-            run.apply(parity, run.first.term * factor, numbers);
+            // SAFETY: forwarded from the caller.
+            unsafe { run.give(parity, run.first.term * factor, numbers) };
         }
     }
 }
 
 impl Run {
-    fn apply<S: Stored>(&self, parity: Parity, term: f64, numbers: &mut [S]) {
+    /// # Safety
+    /// As [`Walls::give`].
+    unsafe fn give<S: Stored>(&self, parity: Parity, term: f64, numbers: *mut S) {
         let link = self.first.link;
-        let (from, to) = (link.out(parity), link.incoming(parity));
         let (count, stride) = (self.count as usize, self.stride as usize);
-        if stride > 1 || from.abs_diff(to) < count {
+        let (from, to) = (link.out(parity), link.incoming(parity));
+        // SAFETY: links are positions in the numbers.
+        let (from, to) = unsafe { (numbers.add(from), numbers.add(to)) };
+        if stride > 1 {
             for k in 0..count {
                 // Each number lies in a line of its own.
                 let later = (k + LINES_AHEAD) * stride;
-                prefetch(numbers.as_ptr().wrapping_add(from + later));
-                prefetch(numbers.as_ptr().wrapping_add(to + later));
-                let value = numbers[from + k * stride].to_f64() - term;
-                numbers[to + k * stride] = S::from_f64(value);
+                prefetch(from.wrapping_add(later));
+                prefetch(to.wrapping_add(later));
+                // SAFETY: a link of the run.
+                unsafe {
+                    let value = (*from.add(k * stride)).to_f64() - term;
+                    *to.add(k * stride) = S::from_f64(value);
+                }
             }
-            return;
-        }
-        // The arrays of two populations do not overlap.
-        let (low, high) = numbers.split_at_mut(from.max(to));
-        let low = &mut low[from.min(to)..][..count];
-        let high = &mut high[..count];
-        let (source, target) = if from < to { (low, high) } else { (high, low) };
-        if term == 0.0 {
-            target.copy_from_slice(source);
+        } else if term == 0.0 {
+            // SAFETY: the links of the run; where the two ends overlap, each number is one link's alone.
+            unsafe { from.copy_to(to, count) };
         } else {
-            for (target, source) in target.iter_mut().zip(source) {
-                *target = S::from_f64(source.to_f64() - term);
+            for k in 0..count {
+                // SAFETY: a link of the run.
+                unsafe { *to.add(k) = S::from_f64((*from.add(k)).to_f64() - term) };
             }
         }
     }
@@ -163,6 +193,7 @@ mod tests {
             link: Link { near, far },
             patch,
             direction: 3,
+            plane: (near / 200) as usize,
             term,
         }
     }
@@ -177,7 +208,7 @@ mod tests {
             links.push(link(500 + k, 3000 + 2 * k, 1, 0.0));
             links.push(link(700 + k, 4000 + k, 1, f64::from(k / 9)));
         }
-        let walls = Walls::new(links.iter().rev().copied().collect());
+        let walls = Walls::new(links.iter().rev().copied().collect(), 4);
         assert!(walls.runs.len() < 50, "{}", walls.runs.len());
         let key = |w: &WallLink| (w.link.near, w.link.far, w.patch, w.term.to_bits());
         let mut held: Vec<_> = walls.links().map(|w| key(&w)).collect();
@@ -192,8 +223,9 @@ mod tests {
                 let value = one_by_one[w.link.out(parity)] - 0.5 * w.term;
                 one_by_one[w.link.incoming(parity)] = value;
             }
-            for run in &walls.runs {
-                run.apply(parity, 0.5 * run.first.term, &mut in_runs);
+            for planes in [2..4, 0..1, 1..2] {
+                // SAFETY: all links lie in the list.
+                unsafe { walls.give(planes, |_| 0.5, parity, in_runs.as_mut_ptr()) };
             }
             assert!(one_by_one == in_runs, "{parity:?}");
             assert!(in_runs != start);

@@ -1,0 +1,87 @@
+//! Memory for the fields of a slab: zeros straight from the operating system, in huge pages.
+//!
+//! A pass reads and writes dozens of rows side by side; with pages of 4 KiB each lies in a page of its own, and the processor spends its
+//! time looking them up.
+
+use super::lanes::Stored;
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut};
+
+/// Zeroed memory straight from the operating system.
+pub(super) struct Pages<S> {
+    start: *mut S,
+    len: usize,
+    kind: PhantomData<S>,
+}
+
+// SAFETY: `Pages` owns its memory; shared references only read it.
+unsafe impl<S: Send> Send for Pages<S> {}
+// SAFETY: as above.
+unsafe impl<S: Sync> Sync for Pages<S> {}
+
+impl<S: Stored> Pages<S> {
+    /// `len` zeros.
+    ///
+    /// # Errors
+    /// When the memory cannot be had.
+    pub(super) fn new(len: usize) -> Result<Self, String> {
+        let bytes = len * size_of::<S>();
+        // SAFETY: an anonymous private mapping of our own; the result is checked.
+        let start = unsafe {
+            libc::mmap(
+                std::ptr::null_mut(),
+                bytes,
+                libc::PROT_READ | libc::PROT_WRITE,
+                libc::MAP_PRIVATE | libc::MAP_ANONYMOUS,
+                -1,
+                0,
+            )
+        };
+        if start == libc::MAP_FAILED {
+            return Err(format!(
+                "no memory for a lattice of {bytes} bytes: {}",
+                std::io::Error::last_os_error()
+            ));
+        }
+        #[cfg(target_os = "linux")]
+        // SAFETY: advice on our own mapping; failing is harmless.
+        unsafe {
+            libc::madvise(start, bytes, libc::MADV_HUGEPAGE);
+        }
+        Ok(Self {
+            start: start.cast(),
+            len,
+            kind: PhantomData,
+        })
+    }
+
+    /// The first number.
+    pub(super) fn start(&mut self) -> *mut S {
+        self.start
+    }
+}
+
+impl<S: Stored> Deref for Pages<S> {
+    type Target = [S];
+
+    fn deref(&self) -> &[S] {
+        // SAFETY: the mapping holds `len` initialised (zero) elements and lives as long as `self`.
+        unsafe { std::slice::from_raw_parts(self.start, self.len) }
+    }
+}
+
+impl<S: Stored> DerefMut for Pages<S> {
+    fn deref_mut(&mut self) -> &mut [S] {
+        // SAFETY: as for `deref`, and `self` is borrowed exclusively.
+        unsafe { std::slice::from_raw_parts_mut(self.start, self.len) }
+    }
+}
+
+impl<S> Drop for Pages<S> {
+    fn drop(&mut self) {
+        // SAFETY: unmapping the mapping made in `new`, once.
+        unsafe {
+            libc::munmap(self.start.cast(), self.len * size_of::<S>());
+        }
+    }
+}
