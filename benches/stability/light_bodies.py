@@ -33,7 +33,7 @@ STEPS = 400
 
 def ratios(name, dimension, radius):
     """Density ratios round the border."""
-    low, high, count = 0.25, 1.5, 18
+    low, high, count = 0.25, 1.2, 12
     if "bounce_back" in COUPLINGS[name]:
         low, high = 0.5 / radius, 2.5 / radius
     return [low * (high / low) ** (k / (count - 1)) for k in range(count)]

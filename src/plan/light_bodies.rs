@@ -26,7 +26,6 @@ use super::envelope::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::Flow;
 use crate::scene::grid::count;
 use crate::scene::solids::Mobility;
 
@@ -74,8 +73,13 @@ fn between(table: &[(f64, f64)], x: f64) -> f64 {
 const MEASURED: std::ops::Range<f64> = 0.55..1.25;
 
 /// The bounds of a body of radius R in cells.
-fn bounds(coupling: &Coupling, flow: &Flow, dimension: usize, radius: f64) -> Bounds {
-    let tau = flow.relaxation_time;
+fn bounds(
+    coupling: &Coupling,
+    operator: Option<SolidOperator>,
+    tau: f64,
+    dimension: usize,
+    radius: f64,
+) -> Bounds {
     let flat = dimension == 2;
     let written = match coupling {
         Coupling::BounceBack(_) => {
@@ -94,7 +98,7 @@ fn bounds(coupling: &Coupling, flow: &Flow, dimension: usize, radius: f64) -> Bo
             holds: if tau < MEASURED.end { 0.55 } else { 0.62 },
         };
     }
-    let operator = flow.solid_operator(written);
+    let operator = operator.unwrap_or(SolidOperator::NonEquilibriumBounceBack);
     let (fails, holds) = match (operator, flat) {
         (SolidOperator::ViscosityMatched, true) => (0.4, falls(0.22, 1.35, 0.5)),
         (SolidOperator::ViscosityMatched, false) => (0.39, falls(0.325, 1.45, 0.5)),
@@ -164,7 +168,12 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     };
     let judged = kinds(scene, coupling).into_iter().map(|kind| {
         let ratio = scene.density(kind.material) / flow.density;
-        let bounds = bounds(coupling, flow, scene.grid.dimension, kind.radius);
+        let operator = match coupling {
+            Coupling::PartiallySaturated(written) => Some(flow.solid_operator(written)),
+            Coupling::BounceBack(_) => None,
+        };
+        let tau = flow.relaxation_time;
+        let bounds = bounds(coupling, operator, tau, scene.grid.dimension, kind.radius);
         (bounds.holds / ratio, ratio, bounds, kind)
     });
     let Some((_, ratio, bounds, kind)) = judged
@@ -209,9 +218,11 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::case::Document;
     use crate::error::Severity;
     use crate::plan::Plan;
+    use serde_json::json;
     use std::path::Path;
 
     /// 2 where the plan refuses for the density, 1 where it warns.
@@ -235,11 +246,51 @@ mod tests {
         found.map_or(0, |p| if p.severity == Severity::Error { 2 } else { 1 })
     }
 
+    /// The bounds enclose the border of every run.
+    #[test]
+    fn no_measured_border_is_outside_the_bounds() {
+        let table = include_str!("../../benches/stability/light_bodies.csv");
+        let lines = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+        let mut rows = 0;
+        for line in lines {
+            let fields: Vec<&str> = line.split(',').collect();
+            let number = |n: usize| fields[n].parse::<f64>();
+            let coupling = match fields[0] {
+                "interpolated" | "half_way" => json!({"bounce_back": {}}),
+                "with_inner_fluid" => {
+                    json!({"partially_saturated": {"exclude_inner_fluid": false}})
+                }
+                name => json!({"partially_saturated": {"solid_operator": name}}),
+            };
+            let coupling: Coupling = serde_json::from_value(coupling).unwrap();
+            let operator = match &coupling {
+                Coupling::PartiallySaturated(written) => written.solid_operator,
+                Coupling::BounceBack(_) => None,
+            };
+            let dimension = if fields[1] == "2" { 2 } else { 3 };
+            let bounds = bounds(
+                &coupling,
+                operator,
+                number(3).unwrap(),
+                dimension,
+                number(2).unwrap(),
+            );
+            let thrown = number(5).unwrap();
+            assert!(thrown < bounds.holds, "{line}: {bounds:?}");
+            assert!(
+                number(6).is_err() || number(6).unwrap() > bounds.fails,
+                "{line}: {bounds:?}"
+            );
+            rows += 1;
+        }
+        assert_eq!(rows, 272);
+    }
+
     /// Between the points of a table the straight line, after the last point that of the last stretch.
     #[test]
     fn tables_are_read_between_their_points() {
         let table = [(0.5, 1.0), (1.0, 2.0), (2.0, 1.0)];
-        let read = [0.2, 0.5, 0.75, 1.0, 1.5, 3.0].map(|x| super::between(&table, x));
+        let read = [0.2, 0.5, 0.75, 1.0, 1.5, 3.0].map(|x| between(&table, x));
         assert_eq!(read, [1.0, 1.0, 1.5, 2.0, 1.5, 0.0]);
     }
 
