@@ -1,6 +1,6 @@
 # YADE polyhedra: a pile of random convex blocks in a box (P-8).
 #
-#   PILE=pile.json SETTLE=300 STEPS=300 taskset -c 0 yade -n -x -j1 yade_blocks.py
+#   PILE=pile.json SETTLE=100 STEPS=100 taskset -c 0 yade -n -x -j1 yade_blocks.py
 #
 # Peer: YADE 2023.02a (Smilauer et al. 2021), Debian's package; its polyhedra (J. Elias, Powder Technology 264, 2014) take the volume
 # of the overlap by CGAL as measure of contact. Blocks of 4 cm lie in a box of 0.3 m as PILE has them: a list of blocks, each the list
@@ -16,7 +16,7 @@ import numpy as np
 from yade import polyhedra_utils, utils
 
 get = os.environ.get
-SETTLE, STEPS = int(get("SETTLE", "300")), int(get("STEPS", "300"))
+SETTLE, STEPS = int(get("SETTLE", "100")), int(get("STEPS", "100"))
 WIDTH = 0.30
 with open(os.environ["PILE"]) as file:
     pile = json.load(file)
