@@ -22,12 +22,10 @@
 //!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared will come to it and is unstable;
 //!   what is held together from the start has its own limit, and may come to that of a packing: a warning.
 //!
-//! A block with one face alone beyond its limit is refused. The contacts of the start decide what is unstable, as for grains ([`rock`]); springs on
-//! all faces, against neighbours that swing against them, take the place of the packing.
+//! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
 
 mod blocks;
 mod network;
-mod rock;
 
 use super::Clock;
 use super::envelope::{Margin, margin, moving};

@@ -153,8 +153,8 @@ impl<'a> Network<'a> {
         weights: [f64; 2],
     ) -> impl Iterator<Item = f64> + 'b {
         self.springs.iter().map(move |spring| {
-            let [apart, turned] = self.stretch(spring, vector);
-            let [force, moment] = spring.answer(&apart, &turned, weights);
+            let (apart, turned) = self.stretch(spring, vector);
+            let (force, moment) = spring.answer(&apart, &turned, weights);
             apart.dot(&force) + turned.dot(&moment)
         })
     }
@@ -172,8 +172,8 @@ impl<'a> Network<'a> {
         for round in 1..=ROUNDS {
             image.fill(Motion::default());
             for spring in &self.springs {
-                let [apart, turned] = self.stretch(spring, &vector);
-                let [force, moment] = spring.answer(&apart, &turned, weights);
+                let (apart, turned) = self.stretch(spring, &vector);
+                let (force, moment) = spring.answer(&apart, &turned, weights);
                 for (end, arm, sign) in [(0, spring.arms[0], -1.0), (1, spring.arms[1], 1.0)] {
                     let Some(k) = spring.nodes[end] else { continue };
                     let (mass, inertia) = &self.nodes[k].roots;

@@ -182,44 +182,11 @@ fn a_cube_with_all_its_faces_in_touch() {
         let scene = plan(&cube(friction, ratio)).unwrap().scene;
         let Limits {
             slipping: one,
-            packing: all,
+            sticking: all,
             ..
         } = blocks::limits(&scene, scene.contact.as_ref().unwrap());
         let eigenvalue = |limit: f64| 4.0 * mass / 1e6 / (limit * limit);
         assert_relative_eq!(eigenvalue(all), expected, max_relative = 1e-9);
         assert_relative_eq!(eigenvalue(one), 1.0, max_relative = 1e-9);
     }
-}
-
-/// A column of three cubes on a floor, smooth: springs k over the faces between them, whose chain has the eigenvalues of a string fixed at one
-/// end, 4 cos²(pi/7) k/m at most. With friction the lowest face alone turns its cube with k_s h²/4 and J/A k_s about the normal.
-#[test]
-fn a_column_of_cubes_swings_as_a_chain() {
-    let column = |friction: f64| {
-        let bodies: Vec<Value> = (0..3)
-            .map(|n| {
-                json!({"name": format!("cube {n}"), "shape": {"cuboid": {"edges": [0.1, 0.1, 0.1]}},
-                    "position": [0.2, 0.2, 0.0499 + 0.0999 * f64::from(n)], "motion": {"free": {}}, "material": "rock"})
-            })
-            .collect();
-        json!({
-            "domain": {"size": [0.4, 0.4, 0.4], "spacing": 0.1},
-            "materials": {"rock": {"density": 2500}},
-            "bodies": bodies, "box_walls": ["z_min"], "box_wall_material": "rock",
-            "contact": {"blocks": {"normal_stiffness": {"per_area": 1e8}, "shear_to_normal_stiffness": 1,
-                                   "friction_angle_degrees": friction}},
-            "time": {"end": 1, "solid_time_step_safety": 1e-3}
-        })
-    };
-    let eigenvalue = |friction: f64| {
-        let scene = plan(&column(friction)).unwrap().scene;
-        let network = super::rock::Network::of(&scene, scene.contact.as_ref().unwrap());
-        assert!(network.holds_all());
-        4.0 * 2.5 / 1e6 / network.limit().powi(2)
-    };
-    let chain = 4.0 * (std::f64::consts::PI / 7.0).cos().powi(2);
-    assert_relative_eq!(eigenvalue(0.0), chain, max_relative = 1e-3);
-    // Two faces of a cube whose neighbours turn the other way: more than the chain, less than faces all round.
-    let rough = eigenvalue(30.0);
-    assert!((chain..16.0).contains(&rough), "{rough}");
 }
