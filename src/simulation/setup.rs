@@ -27,7 +27,7 @@ use crate::lbm::turbulence::Model;
 use crate::plan::Plan;
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{
-    self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile, mrt_rates,
+    self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
 };
 use crate::scene::grid::{Grid, count};
 use crate::scene::solids::{Grain, Mobility};
@@ -60,8 +60,20 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
             Collision::Cumulant { bulk } => Operator::Cumulant { bulk },
-            Collision::Mrt { .. } => {
-                Operator::Mrt(mrt_rates(&flow.collision).unwrap_or(Rates::SUGA))
+            Collision::Mrt { bulk, .. } => {
+                let suga = Rates::SUGA;
+                let [q, psi, epsilon, e_cubed, xx, xy, tau, xyz] = flow.collision.higher_rates();
+                Operator::Mrt(Rates {
+                    bulk: bulk.unwrap_or(suga.bulk),
+                    q: q.unwrap_or(suga.q),
+                    psi: psi.unwrap_or(suga.psi),
+                    epsilon: epsilon.unwrap_or(suga.epsilon),
+                    e_cubed: e_cubed.unwrap_or(suga.e_cubed),
+                    xx: xx.unwrap_or(suga.xx),
+                    xy: xy.unwrap_or(suga.xy),
+                    tau: tau.unwrap_or(suga.tau),
+                    xyz: xyz.unwrap_or(suga.xyz),
+                })
             }
         },
         turbulence: match flow.turbulence {
