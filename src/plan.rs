@@ -4,7 +4,7 @@
 
 mod bodies;
 mod contacts;
-mod drag;
+pub mod drag;
 pub mod envelope;
 pub mod estimate;
 mod light_bodies;

@@ -8,10 +8,11 @@
 
 use super::Clock;
 use super::envelope::{Margin, margin};
-use crate::case::darcy::{Drag, Equations};
+use crate::case::darcy::{self as case, Drag, Equations, PorosityMethod};
 use crate::coupling::drag::{Bed, DragLaw, Grain};
 use crate::darcy::permeability::kozeny_carman;
 use crate::darcy::porosity::measure;
+use crate::darcy::{Enclosure, Grid, MeanDiameter, Method, Openness, Pores};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
@@ -105,6 +106,39 @@ fn hold(seepage: &Seepage, grain: &Grain, porosity: f64) -> f64 {
     measure * law.coefficient(&bed, grain, 0.0)
 }
 
+/// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
+#[must_use]
+pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
+    let grid = Grid {
+        cells: seepage.cells,
+        origin: seepage.origin,
+        spacing: seepage.spacing,
+        dimension,
+    };
+    let enclosure = if seepage.planes.is_empty() {
+        Enclosure::Everything
+    } else {
+        Enclosure::HalfSpaces(seepage.planes.clone())
+    };
+    Openness::measure(&grid, &enclosure)
+}
+
+/// The pores of the coarse grid, counted as the case says, without grains.
+#[must_use]
+pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
+    let method = match seepage.written.porosity {
+        PorosityMethod::Centroid => Method::Centroid,
+        PorosityMethod::Divided => Method::Divided,
+        PorosityMethod::Exact => Method::Exact,
+    };
+    let diameter = match seepage.written.mean_diameter {
+        case::MeanDiameter::Sauter => MeanDiameter::Sauter,
+        case::MeanDiameter::Number => MeanDiameter::Number,
+        case::MeanDiameter::Mass => MeanDiameter::Mass,
+    };
+    Pores::new(openness.grid, method, diameter)
+}
+
 /// Porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are prepared.
 fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let dimension = scene.grid.dimension;
@@ -113,8 +147,8 @@ fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
         Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) => list,
         _ => return densest,
     };
-    let openness = seepage.openness(dimension);
-    let pores = seepage.pores(&openness);
+    let openness = openness(seepage, dimension);
+    let pores = pores(seepage, &openness);
     let mut solid = vec![0.0; openness.inside.len()];
     for grain in list {
         let volume = measure(dimension, grain.radius);

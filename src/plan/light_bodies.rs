@@ -134,7 +134,7 @@ fn bounds(
         }
         (SolidOperator::NonEquilibriumBounceBack, false) => {
             let (slow, fast) = (falls(0.48, 0.9, 0.48), falls(0.42, 1.7, 0.42));
-            (falls(0.38, 0.75, 0.38), rises(slow, fast))
+            (falls(0.45, 0.75, 0.45), rises(slow, fast))
         }
     };
     if MEASURED.contains(&tau) {
@@ -145,8 +145,13 @@ fn bounds(
         SolidOperator::BounceBackAboutSolid if tau < MEASURED.start => 0.25,
         _ => 0.05,
     };
+    let sure = if operator == SolidOperator::NonEquilibriumBounceBack && tau < MEASURED.start {
+        (0.38 + 1.0 / radius).min(0.23 + 1.45 / radius)
+    } else {
+        fails.min(0.3)
+    };
     Bounds {
-        fails: fails.min(0.3),
+        fails: sure,
         holds: holds + wider,
     }
 }

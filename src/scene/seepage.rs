@@ -6,10 +6,9 @@ use super::grid::{Grid, count, whole};
 use super::solids::Grains;
 use super::unique;
 use crate::case::Case;
-use crate::case::darcy::{self, Darcy, PorosityMethod, SeepageCondition};
+use crate::case::darcy::{self, Darcy, SeepageCondition};
 use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
-use crate::darcy::{Enclosure, MeanDiameter, Method, Openness, Pores};
 use serde::Serialize;
 
 /// Where the seepage stands in a case.
@@ -53,39 +52,6 @@ pub struct Patch {
 }
 
 impl Seepage {
-    /// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
-    #[must_use]
-    pub fn openness(&self, dimension: usize) -> Openness {
-        let grid = crate::darcy::Grid {
-            cells: self.cells,
-            origin: self.origin,
-            spacing: self.spacing,
-            dimension,
-        };
-        let enclosure = if self.planes.is_empty() {
-            Enclosure::Everything
-        } else {
-            Enclosure::HalfSpaces(self.planes.clone())
-        };
-        Openness::measure(&grid, &enclosure)
-    }
-
-    /// The pores of the coarse grid, counted as the case says, without grains.
-    #[must_use]
-    pub fn pores(&self, openness: &Openness) -> Pores {
-        let method = match self.written.porosity {
-            PorosityMethod::Centroid => Method::Centroid,
-            PorosityMethod::Divided => Method::Divided,
-            PorosityMethod::Exact => Method::Exact,
-        };
-        let diameter = match self.written.mean_diameter {
-            darcy::MeanDiameter::Sauter => MeanDiameter::Sauter,
-            darcy::MeanDiameter::Number => MeanDiameter::Number,
-            darcy::MeanDiameter::Mass => MeanDiameter::Mass,
-        };
-        Pores::new(openness.grid, method, diameter)
-    }
-
     pub(crate) fn resolve(
         case: &Case,
         grid: &Grid,

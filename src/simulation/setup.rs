@@ -24,7 +24,7 @@ use crate::lbm::fluid::{Force, Operator, Set, Setup};
 use crate::lbm::initial::Field;
 use crate::lbm::synthetic::Modes;
 use crate::lbm::turbulence::Model;
-use crate::plan::Plan;
+use crate::plan::{self, Plan};
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{
     self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
@@ -709,8 +709,8 @@ pub fn seepage<S: Space>(
         return Ok(None);
     };
     let written = &scene.written;
-    let openness = scene.openness(plan.scene.grid.dimension);
-    let pores = scene.pores(&openness);
+    let openness = plan::drag::openness(scene, plan.scene.grid.dimension);
+    let pores = plan::drag::pores(scene, &openness);
     let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
