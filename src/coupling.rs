@@ -20,6 +20,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
 use crate::units::LatticeUnits;
+use std::ops::Range;
 
 /// A fluid with its coupling. Collective: every rank calls each method at the same point.
 pub trait Flow<S: Space> {
@@ -36,9 +37,27 @@ pub trait Flow<S: Space> {
     fn follow(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error>;
 }
 
-/// States of the cells of one plane across z, in the order [y][x], lattice units; buffers reused.
+/// Planes across z that are read together: the numbers of a line of the cache, where rows run along z.
+const BAND: usize = 8;
+
+/// The planes of a slab in bands.
+pub(crate) fn bands(planes: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..planes)
+        .step_by(BAND)
+        .map(move |z| z..(z + BAND).min(planes))
+}
+
+/// The cells of some planes of `nx` times `ny` cells, in the order of [`BandStates`].
+pub(crate) fn cells_of(
+    planes: Range<usize>,
+    [nx, ny]: [usize; 2],
+) -> impl Iterator<Item = [usize; 3]> + Clone {
+    planes.flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
+}
+
+/// States of the cells of some planes across z, in the order [z][y][x], lattice units; buffers reused.
 #[derive(Clone, Debug, Default)]
-pub struct PlaneStates {
+pub struct BandStates {
     /// Density deviations.
     pub density: Vec<f64>,
     /// Velocities.
@@ -46,7 +65,7 @@ pub struct PlaneStates {
     pub(crate) row: [Vec<f64>; 4],
 }
 
-impl PlaneStates {
+impl BandStates {
     pub(crate) fn resize(&mut self, cells: usize) {
         self.density.resize(cells, 0.0);
         self.velocity.resize(cells, [0.0; 3]);
@@ -64,16 +83,12 @@ pub trait FluidView {
     fn start(&self) -> [usize; 3];
     /// Density deviation and velocity of a cell.
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
-    /// The same of all cells of one plane across z: lattices give them row by row, at a fraction of the cost.
-    fn plane_states(&self, z: usize, to: &mut PlaneStates) {
+    /// The same of all cells of some planes across z ([`bands`]): lattices give them row by row, at a fraction of the cost.
+    fn band_states(&self, planes: Range<usize>, to: &mut BandStates) {
         let [nx, ny, _] = self.cells();
-        to.resize(nx * ny);
-        for y in 0..ny {
-            for x in 0..nx {
-                let (density, velocity) = self.state([x, y, z]);
-                to.density[y * nx + x] = density;
-                to.velocity[y * nx + x] = velocity;
-            }
+        to.resize(nx * ny * planes.len());
+        for (n, cell) in cells_of(planes, [nx, ny]).enumerate() {
+            (to.density[n], to.velocity[n]) = self.state(cell);
         }
     }
     /// Deviatoric viscous stress of a cell.

@@ -12,7 +12,7 @@
 use super::body_map::{BodyMap, Grid, Rules};
 use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
-use super::{Flow, FluidView, PlaneStates};
+use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;

@@ -49,11 +49,12 @@ macro_rules! view_of_lattice {
             self.fluid
                 .state(self.fluid.populations().interior_cell(cell))
         }
-        fn plane_states(&self, z: usize, to: &mut PlaneStates) {
+        fn band_states(&self, planes: std::ops::Range<usize>, to: &mut BandStates) {
             let [nx, ny, _] = self.fluid.populations().cells();
-            to.resize(nx * ny);
+            to.resize(nx * ny * planes.len());
             let (density, velocity) = (&mut to.density, &mut to.velocity);
-            self.fluid.plane_states(z, density, velocity, &mut to.row);
+            self.fluid
+                .band_states(planes, density, velocity, &mut to.row);
         }
         fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
             self.fluid

@@ -19,7 +19,7 @@ use super::cover_map::{CoverMap, rigid};
 use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
-use super::{Flow, FluidView, PlaneStates};
+use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};

@@ -686,29 +686,33 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// The same of the interior cells of a plane across z: `density` and `velocity` in the order [y][x], `row` for work.
-    pub fn plane_states(
+    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order [z][y][x], `row` for work.
+    pub fn band_states(
         &self,
-        z: usize,
+        planes: Range<usize>,
         density: &mut [f64],
         velocity: &mut [[f64; 3]],
         row: &mut [Vec<f64>; 4],
     ) {
-        let cells = self.populations.cells();
-        // Rows run along x or y: the fastest axis is the first that is not cut.
-        let along = self.populations.order()[2];
-        let across = 1 - along;
-        let stride = [1, cells[0]];
-        for k in 0..cells[across] {
-            let mut first = [0, 0, z.cast_signed()];
-            first[across] = k.cast_signed();
-            self.row_states(self.populations.cell(first), cells[along], row);
-            let [rho, u, v, w] = &*row;
-            let mut place = k * stride[across];
-            for ((rho, u), (v, w)) in rho.iter().zip(u).zip(v.iter().zip(w)) {
-                density[place] = *rho;
-                velocity[place] = [*u, *v, *w];
-                place += stride[along];
+        let [nx, ny, _] = self.populations.cells();
+        let extent = [0..nx, 0..ny, planes];
+        let stride = [1, nx, nx * ny];
+        let [a, b, along] = self.populations.order();
+        for i in extent[a].clone() {
+            for j in extent[b].clone() {
+                let mut first = extent.each_ref().map(|cells| cells.start);
+                (first[a], first[b]) = (i, j);
+                let cell = self.populations.interior_cell(first);
+                self.row_states(cell, extent[along].len(), row);
+                let [rho, u, v, w] = &*row;
+                let mut place: usize = (0..3)
+                    .map(|axis| (first[axis] - extent[axis].start) * stride[axis])
+                    .sum();
+                for ((rho, u), (v, w)) in rho.iter().zip(u).zip(v.iter().zip(w)) {
+                    density[place] = *rho;
+                    velocity[place] = [*u, *v, *w];
+                    place += stride[along];
+                }
             }
         }
     }
@@ -908,6 +912,45 @@ mod tests {
             (on(lid) - exact).abs() < 1e-14 && (on(floor) + exact).abs() < 1e-14,
             "{drag}"
         );
+    }
+
+    /// Whatever axis the rows run along, a band of planes has the states of its cells in the order [z][y][x].
+    #[test]
+    fn bands_of_planes_have_the_states_of_their_cells() {
+        for (axis, cells, along) in [
+            (0, [5, 3, 9], 2),
+            (0, [5, 9, 3], 1),
+            (1, [3, 5, 9], 2),
+            (2, [3, 9, 5], 1),
+        ] {
+            let mut s = setup(Set::D3Q19, Operator::Bgk, 0.7, cells);
+            s.force = Force::Constant([1e-5, 2e-5, -1e-5]);
+            let mut fluid = serial(axis, s);
+            for _ in 0..3 {
+                fluid.advance();
+            }
+            assert_eq!(fluid.populations().order()[2], along, "{cells:?}");
+            let [nx, ny, nz] = cells;
+            let planes = 1..nz - 1;
+            let number = nx * ny * planes.len();
+            let (mut density, mut velocity) = (vec![0.0; number], vec![[0.0; 3]; number]);
+            fluid.band_states(
+                planes.clone(),
+                &mut density,
+                &mut velocity,
+                &mut Default::default(),
+            );
+            let mut n = 0;
+            for z in planes {
+                for y in 0..ny {
+                    for x in 0..nx {
+                        let cell = fluid.populations().interior_cell([x, y, z]);
+                        assert_eq!((density[n], velocity[n]), fluid.state(cell), "{cells:?}");
+                        n += 1;
+                    }
+                }
+            }
+        }
     }
 
     /// B-15: a force against a wall makes the hydrostatic pressure up to the first cell, with every operator.

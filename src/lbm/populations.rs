@@ -16,7 +16,7 @@
 //!
 //! # Layout
 //!
-//! One array per population, split axis slowest, unit stride innermost, one ghost cell on every side. Rows are padded
+//! One array per population, split axis slowest, the longer of the others innermost, one ghost cell on every side. Rows are padded
 //! to 64 bytes but not to 4 KiB and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
 //! third of the speed. Memory comes from `mmap` with huge pages advised before the first touch.
 //!
@@ -44,6 +44,16 @@ pub struct Link {
     pub near: u32,
     /// Slot i of x + c_i.
     pub far: u32,
+}
+
+/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends of rows are the
+/// dearest, a line of the cache for each number.
+fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
+    (0..dimension)
+        .filter(|&a| a != split)
+        .rev()
+        .max_by_key(|&a| cells[a])
+        .unwrap_or(0)
 }
 
 impl Link {
@@ -95,7 +105,7 @@ impl<S: Stored> Populations<S> {
     /// # Errors
     /// When the memory cannot be had, or the slab needs more than 2³² numbers.
     pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
-        let fast = (0..velocities.dimension).find(|&a| a != split).unwrap_or(0);
+        let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
         let order = [split, middle, fast];
         // Room for whole vectors beyond the last cell; never a multiple of a page.

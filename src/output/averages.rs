@@ -12,7 +12,7 @@
 //! A sum belongs to its cell, so that no rank or thread can change it; sums over planes are exact. The sums are part of a
 //! checkpoint, and of the state that its hash stands for.
 
-use crate::coupling::{FluidView, PlaneStates};
+use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::scene::grid::{Grid, count};
@@ -54,9 +54,9 @@ pub struct Averages {
     states: Scratch,
 }
 
-/// Room for a plane of states: no part of what the averages are.
+/// Room for a band of states: no part of what the averages are.
 #[derive(Clone, Debug, Default)]
-struct Scratch(PlaneStates);
+struct Scratch(BandStates);
 
 impl PartialEq for Scratch {
     fn eq(&self, _: &Self) -> bool {
@@ -88,20 +88,17 @@ impl Averages {
         let mut sums = self.sums.chunks_exact_mut(SUMS);
         let [nx, ny, nz] = fluid.cells();
         let states = &mut self.states.0;
-        for z in 0..nz {
-            fluid.plane_states(z, states);
-            for y in 0..ny {
-                for x in 0..nx {
-                    let Some(sums) = sums.next() else { return };
-                    if fluid.body_at([x, y, z]).is_some() {
-                        continue;
-                    }
-                    let drho = states.density[y * nx + x];
-                    let [u, v, w] = states.velocity[y * nx + x];
-                    let state = [1.0, drho, u, v, w, u * u, v * v, w * w, u * v, v * w, u * w];
-                    for (sum, value) in sums.iter_mut().zip(state) {
-                        *sum += value;
-                    }
+        for band in bands(nz) {
+            fluid.band_states(band.clone(), states);
+            for (n, (cell, sums)) in cells_of(band, [nx, ny]).zip(&mut sums).enumerate() {
+                if fluid.body_at(cell).is_some() {
+                    continue;
+                }
+                let drho = states.density[n];
+                let [u, v, w] = states.velocity[n];
+                let state = [1.0, drho, u, v, w, u * u, v * v, w * w, u * v, v * w, u * w];
+                for (sum, value) in sums.iter_mut().zip(state) {
+                    *sum += value;
                 }
             }
         }

@@ -6,7 +6,7 @@
 use super::planes::Velocities;
 use crate::case::fluid::Precision;
 use crate::case::observe::FieldName;
-use crate::coupling::{FluidView, PlaneStates};
+use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
 use crate::scene::grid::Grid;
 use decomposition::Domain;
@@ -84,7 +84,7 @@ pub(crate) struct Buffers<T> {
     solid: Vec<u8>,
     body: Vec<i32>,
     velocities: Velocities,
-    states: PlaneStates,
+    states: BandStates,
 }
 
 impl<T: Number> Buffers<T> {
@@ -94,7 +94,7 @@ impl<T: Number> Buffers<T> {
             solid: Vec::new(),
             body: Vec::new(),
             velocities: Velocities::default(),
-            states: PlaneStates::default(),
+            states: BandStates::default(),
         }
     }
 
@@ -116,12 +116,13 @@ impl<T: Number> Buffers<T> {
             )
         };
         let states_wanted = self.fields.iter().any(|(field, _)| of_states(field));
-        for z in 0..cells[2] {
+        for band in bands(cells[2]) {
             if states_wanted {
-                fluid.plane_states(z, &mut self.states);
+                fluid.band_states(band.clone(), &mut self.states);
             }
             let (density, velocity) = (&self.states.density, &self.states.velocity);
-            let plane = (0..cells[1]).flat_map(|y| (0..cells[0]).map(move |x| [x, y, z]));
+            let [nx, ny, _] = cells;
+            let band = cells_of(band, [nx, ny]);
             for (field, to) in &mut self.fields {
                 match field {
                     FieldName::Velocity => to.extend(
@@ -141,19 +142,18 @@ impl<T: Number> Buffers<T> {
                     ),
                     FieldName::Vorticity => {
                         let first = if grid.dimension == 3 { 0 } else { 2 };
-                        for cell in plane.clone() {
+                        for cell in band.clone() {
                             let w = self.velocities.vorticity(cell, grid.periodic);
                             let w = w.map(|w| T::of(units.rate_to_si(w)));
                             to.extend_from_slice(&w[first..]);
                         }
                     }
                     FieldName::EddyViscosity => to.extend(
-                        plane
-                            .clone()
+                        band.clone()
                             .map(|cell| T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell)))),
                     ),
                     FieldName::Solid => {
-                        for cell in plane.clone() {
+                        for cell in band.clone() {
                             let body = fluid.body_at(cell);
                             self.solid.push(u8::from(body.is_some()));
                             self.body

@@ -1,6 +1,6 @@
 //! Velocities of a slab and of the planes next to it, for derivatives across the cuts between ranks.
 
-use crate::coupling::{FluidView, PlaneStates};
+use crate::coupling::{BandStates, FluidView, bands};
 use crate::error::Error;
 use decomposition::{Domain, exchange};
 
@@ -12,7 +12,7 @@ pub(crate) struct Velocities {
     axis: usize,
     below: Option<Vec<[f64; 3]>>,
     above: Option<Vec<[f64; 3]>>,
-    states: PlaneStates,
+    states: BandStates,
 }
 
 impl Velocities {
@@ -21,8 +21,8 @@ impl Velocities {
         self.cells = fluid.cells();
         self.axis = domain.axis().index();
         self.own.clear();
-        for z in 0..self.cells[2] {
-            fluid.plane_states(z, &mut self.states);
+        for band in bands(self.cells[2]) {
+            fluid.band_states(band, &mut self.states);
             self.own.extend_from_slice(&self.states.velocity);
         }
         let (lower, upper) = (domain.lower_neighbour(), domain.upper_neighbour());
