@@ -11,6 +11,7 @@ mod light_bodies;
 pub mod models;
 pub mod report;
 mod stability;
+pub mod waves;
 
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};

@@ -7,6 +7,7 @@
 
 pub mod bgk;
 pub mod cumulant;
+pub mod growth;
 pub mod mrt;
 pub mod second_order;
 pub mod trt;

@@ -121,6 +121,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         }
         mach(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
+        super::waves::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
     }

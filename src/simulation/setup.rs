@@ -60,20 +60,8 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
             Collision::Cumulant { bulk } => Operator::Cumulant { bulk },
-            Collision::Mrt { bulk, .. } => {
-                let suga = Rates::SUGA;
-                let [q, psi, epsilon, e_cubed, xx, xy, tau, xyz] = flow.collision.higher_rates();
-                Operator::Mrt(Rates {
-                    bulk: bulk.unwrap_or(suga.bulk),
-                    q: q.unwrap_or(suga.q),
-                    psi: psi.unwrap_or(suga.psi),
-                    epsilon: epsilon.unwrap_or(suga.epsilon),
-                    e_cubed: e_cubed.unwrap_or(suga.e_cubed),
-                    xx: xx.unwrap_or(suga.xx),
-                    xy: xy.unwrap_or(suga.xy),
-                    tau: tau.unwrap_or(suga.tau),
-                    xyz: xyz.unwrap_or(suga.xyz),
-                })
+            Collision::Mrt { .. } => {
+                Operator::Mrt(plan::waves::rates(&flow.collision).unwrap_or(Rates::SUGA))
             }
         },
         turbulence: match flow.turbulence {

@@ -61,10 +61,10 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("analysis", &[], &["io"]),
     // Packings are grown by the engine of the grains.
     ("scene", &["case", "dem", "random", "units"], &["io"]),
-    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag.
+    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
     (
         "plan",
-        &["case", "coupling", "darcy", "dem", "scene", "units"],
+        &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
         &[],
     ),
     ("case", &["units"], &[]),

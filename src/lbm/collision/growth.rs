@@ -1,0 +1,214 @@
+//! Waves that an operator lets grow in water at rest (von Neumann analysis).
+//!
+//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step: C is the operator made linear about rest, D = diag(e^{-ik·c_i}) the
+//! streaming. It grows where an eigenvalue of D C lies outside the unit circle. The largest modulus comes from squaring the matrix, which
+//! finds it whatever the eigenvectors are:
+//!
+//! |λ| = (|A^{2n}| / |A^n|)^{1/n},   n = 4096.
+//!
+//! Sources: J. D. Sterling, S. Chen, J. Comput. Phys. 123 (1996) 196; P. Lallemand, L.-S. Luo, Phys. Rev. E 61 (2000) 6546.
+
+use super::Collision;
+use crate::lbm::lattice::Lattice;
+use std::f64::consts::PI;
+
+/// The wave that grows most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wave {
+    /// |λ|: what its amplitude is multiplied by in a step; 1 or less where none grows.
+    pub factor: f64,
+    /// Its wave vector, in sixteenths of π per cell, 0 <= x <= y <= z.
+    pub vector: [u8; 3],
+}
+
+impl Wave {
+    /// Its length in cells.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        let squares = self.vector.map(|n| f64::from(n) * f64::from(n));
+        2.0 * f64::from(NUMBERS) / squares.iter().sum::<f64>().sqrt()
+    }
+}
+
+/// Wave numbers along an axis beside 0: waves of 32 to 2 cells.
+const NUMBERS: u8 = 16;
+/// How often the matrix is squared.
+const SQUARINGS: i32 = 13;
+/// Amplitude about rest: its square is lost in the rounding of the operator.
+const SMALL: f64 = 1e-6;
+
+/// The wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
+#[must_use]
+pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wave {
+    let linear = linear::<L, C, Q>(operator);
+    let mut fastest = Wave {
+        factor: 0.0,
+        vector: [0; 3],
+    };
+    for z in 1..=NUMBERS {
+        for y in 0..=z {
+            for x in 0..=y {
+                let vector = [x, y, z];
+                let k = vector.map(|n| PI / f64::from(NUMBERS) * f64::from(n));
+                let factor = Matrix::of::<L>(&linear, k).radius();
+                if factor > fastest.factor {
+                    fastest = Wave { factor, vector };
+                }
+            }
+        }
+    }
+    fastest
+}
+
+/// What leaves along i for each g that comes in along j.
+fn linear<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> [[f64; Q]; Q] {
+    let rates = operator.uniform::<f64>();
+    let mut matrix = [[0.0; Q]; Q];
+    for j in 0..Q {
+        let [up, down] = [SMALL, -SMALL].map(|amplitude| {
+            let mut g = [0.0; Q];
+            g[j] = amplitude;
+            operator.collide::<L, f64, _, Q>(&mut g, &rates);
+            g
+        });
+        for i in 0..Q {
+            matrix[i][j] = (up[i] - down[i]) / (2.0 * SMALL);
+        }
+    }
+    matrix
+}
+
+/// Real and imaginary parts.
+struct Matrix<const Q: usize>([Box<[[f64; Q]; Q]>; 2]);
+
+impl<const Q: usize> Matrix<Q> {
+    fn zeros() -> Self {
+        Self([(); 2].map(|()| Box::new([[0.0; Q]; Q])))
+    }
+
+    /// D(k) C.
+    fn of<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
+        let mut all = Self::zeros();
+        let [real, imaginary] = &mut all.0;
+        for i in 0..Q {
+            let phase: f64 = (0..3).map(|a| k[a] * f64::from(L::C[i][a])).sum();
+            let (sin, cos) = phase.sin_cos();
+            real[i] = linear[i].map(|x| x * cos);
+            imaginary[i] = linear[i].map(|x| -x * sin);
+        }
+        all
+    }
+
+    fn square(&self) -> Self {
+        let mut all = Self::zeros();
+        let [real, imaginary] = &mut all.0;
+        for i in 0..Q {
+            for n in 0..Q {
+                let (a, b) = (self.0[0][i][n], self.0[1][i][n]);
+                let (c, d) = (&self.0[0][n], &self.0[1][n]);
+                for j in 0..Q {
+                    real[i][j] += a * c[j] - b * d[j];
+                    imaginary[i][j] += a * d[j] + b * c[j];
+                }
+            }
+        }
+        all
+    }
+
+    /// The largest number becomes 1; the logarithm of what it was.
+    fn scale(&mut self) -> f64 {
+        let numbers = || self.0.iter().flat_map(|part| part.as_flattened());
+        let largest = numbers().fold(0.0, |most: f64, x| most.max(x.abs()));
+        if largest <= 0.0 {
+            return f64::NEG_INFINITY;
+        }
+        for part in &mut self.0 {
+            for x in part.as_flattened_mut() {
+                *x /= largest;
+            }
+        }
+        largest.ln()
+    }
+
+    /// The largest modulus of an eigenvalue.
+    fn radius(mut self) -> f64 {
+        let mut logarithm = self.scale();
+        let mut before = logarithm;
+        for _ in 0..SQUARINGS {
+            before = logarithm;
+            self = self.square();
+            logarithm = 2.0 * before + self.scale();
+        }
+        ((logarithm - before) / 2.0_f64.powi(SQUARINGS - 1)).exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bgk::Bgk;
+    use super::super::mrt::{Mrt, Rates};
+    use super::*;
+    use crate::lbm::lattice::{D2Q9, D3Q27};
+
+    fn mrt(tau: f64, rates: Rates) -> Wave {
+        fastest::<D3Q27, _, 27>(&Mrt::<false> {
+            omega: 1.0 / tau,
+            rates,
+            force: [0.0; 3],
+        })
+    }
+
+    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots more in every step.
+    #[test]
+    fn one_rate_lets_nothing_grow_below_two() {
+        let bgk = |omega: f64| {
+            fastest::<D2Q9, _, 9>(&Bgk::<false> {
+                omega,
+                force: [0.0; 3],
+            })
+        };
+        for omega in [0.4, 1.0, 1.7, 1.99] {
+            let wave = bgk(omega);
+            assert!(
+                (wave.factor - 1.0).abs() < 1e-3 && wave.factor < 1.0 + 1e-7,
+                "{omega}: {wave:?}"
+            );
+        }
+        // 1 - ω of what is not conserved.
+        assert!((bgk(2.1).factor - 1.1).abs() < 0.02);
+    }
+
+    /// The rates of Suga hold near tau = 1/2 and let waves of three cells along the diagonals grow from 0.556 on; largest eigenvalues by
+    /// LAPACK: 1.05273777811894 at 0.8.
+    #[test]
+    fn the_rates_of_suga_let_waves_grow() {
+        let wave = mrt(0.8, Rates::SUGA);
+        assert!(
+            (wave.factor - 1.052_737_778_118_94).abs() < 1e-9,
+            "{wave:?}"
+        );
+        assert_eq!(wave.vector, [9, 10, 10]);
+        for (tau, expected) in [(0.56, 1.0006), (0.6, 1.0106)] {
+            let wave = mrt(tau, Rates::SUGA);
+            assert!((wave.factor - expected).abs() < 5e-5, "{tau}: {wave:?}");
+        }
+        for tau in [0.501, 0.52, 0.55] {
+            assert!(mrt(tau, Rates::SUGA).factor < 1.0 + 1e-7, "{tau}");
+        }
+        // As tau goes to 1/2 others grow, slowly.
+        assert!((mrt(0.5001, Rates::SUGA).factor - 1.00075).abs() < 1e-5);
+        let ones = Rates::two(1.0, 1.0);
+        assert!(mrt(0.6, ones).factor < 1.0 + 1e-7);
+        assert!(mrt(0.51, ones).factor > 1.005);
+    }
+
+    /// Two relaxation times with the magic parameter 1/4 hold at any viscosity.
+    #[test]
+    fn two_rates_hold() {
+        for tau in [0.51, 0.8, 3.0] {
+            let odd = 0.25 / (tau - 0.5) + 0.5;
+            let wave = mrt(tau, Rates::two(1.0 / tau, 1.0 / odd));
+            assert!(wave.factor < 1.0 + 1e-7, "{tau}: {wave:?}");
+        }
+    }
+}
