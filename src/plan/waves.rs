@@ -13,15 +13,13 @@ use crate::lbm::collision::growth::{self, Wave};
 use crate::lbm::collision::mrt::{Mrt, Rates};
 use crate::lbm::lattice::D3Q27;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::Flow;
+use crate::scene::flow::{Flow, SUGA_GROWS};
 
 /// G of which nothing is said.
 const QUIET: f64 = 7.0;
 /// From this gain in a step on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7 (3.3 %) under a lid;
 /// with q = 1.99 and XX = 1.2 at 2.5 %.
 const FAILS: f64 = 0.024;
-/// Here the rates of Suga begin to gain again; the scene says so whatever the steps.
-const SUGA_GROWS: f64 = 0.556;
 
 /// The rates of multiple relaxation times beside that of the shear stress; those of Suga where they are not given.
 #[must_use]
@@ -44,7 +42,7 @@ pub fn rates(collision: &Collision) -> Option<Rates> {
     })
 }
 
-/// The wave that gains most, where this file has to say something about it.
+/// The wave that gains most, where the scene has not spoken of it already, whatever the steps.
 fn fastest(flow: &Flow) -> Option<Wave> {
     let rates = rates(&flow.collision)?;
     let tau = flow.relaxation_time;

@@ -349,7 +349,7 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
 
 /// From this relaxation time on the operator with the rates of Suga lets waves of three cells along the diagonals grow in water at
 /// rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
-const SUGA_GROWS: f64 = 0.556;
+pub const SUGA_GROWS: f64 = 0.556;
 /// From here on runs were seen to fail of it: boxes without walls at 0.8, ducts at 0.75, under a lid at 0.7, not at 0.65.
 const SUGA_FAILS: f64 = 0.7;
 /// Below this one the operator with all moments above the second at their equilibrium lets waves grow at rest: by 0.9 % in a step at
