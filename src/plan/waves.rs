@@ -4,8 +4,8 @@
 //! water at rest ([`growth`]): with those of Suga 0.075 % in a step at tau = 0.5001. A short run never shows it; over G = gain times
 //! steps, an amplitude becomes e^G times itself.
 //!
-//! Seen: the open joint of `jobs/rock_scour/stagnation.json` with WALE at tau = 0.5001 failed after 11,000 steps (G = 8.3); with cells
-//! four times as wide it held for its 3907 (G = 3.6). Since eddies may hold such waves it is a warning.
+//! Seen: with the rates of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau = 0.5001 after 11,000 steps
+//! (G = 8.3); with cells four times as wide it held for its 3907 (G = 3.6). Since eddies may hold such waves it is a warning.
 
 use super::Clock;
 use crate::case::fluid::Collision;
