@@ -42,6 +42,7 @@ pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
 pub use ghosts::Region;
+pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
 pub use relax::{Relaxation, Stillness};

@@ -3,7 +3,7 @@
 //! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
 
 mod bodies;
-mod contacts;
+pub(crate) mod contacts;
 pub mod drag;
 pub mod envelope;
 pub mod estimate;

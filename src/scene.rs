@@ -24,7 +24,7 @@ pub(crate) mod stl;
 pub mod waiting;
 
 use crate::case::contact::Contact;
-use crate::case::coupling::{Coupling, Scheme, SolidOperator};
+use crate::case::coupling::{Coupling, SolidOperator};
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
@@ -384,15 +384,6 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
             "fluid",
             "seepage drags grains, not blocks",
             "take lattice_boltzmann, or take out the blocks and polyhedra",
-        );
-    }
-    if let Some(Coupling::BounceBack(links)) = &case.coupling
-        && links.scheme == Scheme::Interpolated
-    {
-        findings.error(
-            "coupling.bounce_back.scheme",
-            "links are interpolated to discs and spheres, not to the faces of blocks",
-            "use \"half_way\", or partially_saturated",
         );
     }
     if !matches!(case.contact, None | Some(Contact::Blocks(_))) {

@@ -23,7 +23,7 @@ pub mod study;
 pub mod table;
 
 use crate::error::{Error, Problem, Severity};
-use members::Member;
+use members::{Member, Verdict};
 use record::Record;
 use runner::{Runner, solver_version};
 use std::path::{Path, PathBuf};
@@ -156,9 +156,14 @@ fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Resul
             None => format!("{:29}", "refused"),
         };
         say(&format!(
-            "{:4}  {:width$}  {line}  {state}",
+            "{:4}  {:width$}  {line}  {state}{}",
             n + 1,
-            member.name
+            member.name,
+            if member.verdict == Verdict::Warns {
+                "; the plan calls it unstable"
+            } else {
+                ""
+            }
         ));
     }
     say(&format!(

@@ -73,7 +73,7 @@ pub enum Scheme {
     /// In its middle: robust, first order for curved surfaces.
     #[default]
     HalfWay,
-    /// Where the surface crosses it: second order.
+    /// Where the surface crosses it: second order on smooth surfaces; about 1.5 at the edges of polyhedra.
     Interpolated,
 }
 

@@ -8,12 +8,12 @@
 //! All geometry is done in the frame of a body's raw position, so that every image of a body through a periodic face maps
 //! with the same bits.
 
-use super::solid_fraction::{Form, Plane, faces};
+use super::solid_fraction::{Form, faces};
 use crate::crew;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::{BodyLink, Load, Rigid, add_force};
+use crate::lbm::links::{BodyLink, Load, Plane, Rigid, add_force};
 use crate::lbm::populations::Populations;
 use std::collections::HashMap;
 
@@ -241,6 +241,12 @@ impl BodyMap {
     #[must_use]
     pub fn motion(&self) -> &[Rigid] {
         &self.motion
+    }
+
+    /// Faces of an entry, in the frame of its position: none of a disc or sphere.
+    #[must_use]
+    pub fn faces(&self, k: usize) -> &[Plane] {
+        self.blocks.get(k).map_or(&[], |block| &block.planes)
     }
 
     /// Id of the body that holds a cell of the slab (local coordinates).

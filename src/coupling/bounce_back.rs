@@ -1,4 +1,4 @@
-//! Lattice Boltzmann with moving bounce-back round discs or spheres (A-10 … A-16).
+//! Lattice Boltzmann with moving bounce-back round discs, spheres or convex polyhedra (A-10 … A-16).
 //!
 //! In a step: the lattice advances; populations bounce on the links that cross a body's surface ([`crate::lbm::links`]);
 //! the loads, known at the middle of the step, are averaged with those of the step before (Ladd 1994, A-13) and handed to
@@ -101,6 +101,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         }
         self.clear_loads(particles.len());
         let (links, motion) = (self.map.links(), self.map.motion());
+        let faces = |k| self.map.faces(k);
         let populations = self.fluid.populations_mut();
         if Sp::DIMENSION == 2 {
             bounce::<S, 2>(
@@ -108,6 +109,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 self.settings.scheme,
                 links,
                 motion,
+                faces,
                 &mut self.loads,
             );
         } else {
@@ -116,6 +118,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 self.settings.scheme,
                 links,
                 motion,
+                faces,
                 &mut self.loads,
             );
         }

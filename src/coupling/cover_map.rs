@@ -7,11 +7,11 @@
 //! and the ghost cells round them: what leaves a full cell depends on what covers the next one.
 
 use super::body_map::Grid;
-use super::solid_fraction::{Form, Method, Plane, Scratch, faces};
+use super::solid_fraction::{Form, Method, Scratch, faces};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::Rigid;
+use crate::lbm::links::{Plane, Rigid};
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
 use rayon::prelude::*;

@@ -19,6 +19,7 @@ pub use ball::BallTable;
 
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
+use crate::lbm::links::Plane;
 use nalgebra::{Matrix3, Vector3};
 
 /// How fractions are found.
@@ -30,15 +31,6 @@ pub enum Method {
     Samples(u32),
     /// From the distance between the cell's centre and the surface.
     Linear,
-}
-
-/// The half-space `normal . x <= offset`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
-    /// Unit normal, outwards.
-    pub normal: [f64; 3],
-    /// Distance from the origin along it.
-    pub offset: f64,
 }
 
 /// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
@@ -209,7 +201,7 @@ impl Form<'_> {
             }
             Self::Block { planes, .. } => planes
                 .iter()
-                .map(|plane| dot(plane.normal, point) - plane.offset)
+                .map(|plane| plane.height(point))
                 .fold(f64::NEG_INFINITY, f64::max),
         }
     }

@@ -8,9 +8,9 @@
 use super::particles::Particles;
 use super::space::{Components, Space};
 
-/// Buffers that are kept between calls.
+/// The search, with its buffers kept between calls.
 #[derive(Debug, Default)]
-pub(super) struct Search {
+pub struct Search {
     classes: Vec<Class>,
     class_of: Vec<u8>,
     places: Vec<[f64; 3]>,
@@ -55,9 +55,15 @@ impl Search {
     /// Finds every pair whose surfaces are at most `gap` (m) apart and of which at least one is owned and one can be moved by
     /// forces; returns how many.
     pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
+        let pairs = self.find_pairs(particles, gap);
+        self.put_in_order(particles);
+        pairs
+    }
+
+    /// As the engine's own search, before the pairs are put in order: how many there are. For measurements.
+    pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
-        self.put_in_order(particles);
         self.found.len()
     }
 

@@ -13,7 +13,8 @@
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
 //!
-//! wherever the cell behind x is fluid; half-way elsewhere.
+//! wherever the cell behind x is fluid; half-way elsewhere. q is exact: the first root of a quadratic for discs and spheres, the last
+//! face that the link enters for convex polyhedra.
 //!
 //! Loads are summed as integers of [`super::boundary::QUANTA`]: no order of links, threads or ranks can change them.
 
@@ -50,6 +51,24 @@ pub struct Rigid {
     pub spin: [f64; 3],
     /// Radius in cells.
     pub radius: f64,
+}
+
+/// The half-space `normal . x <= offset` of a convex polyhedron, in cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, outwards.
+    pub normal: [f64; 3],
+    /// Distance from the origin along it.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// Height of a point over it [cells].
+    #[inline(always)]
+    #[must_use]
+    pub fn height(&self, at: [f64; 3]) -> f64 {
+        dot::<3>(self.normal, at) - self.offset
+    }
 }
 
 /// Force, and twice the moment about the origin of the cells, in quanta.
@@ -120,44 +139,98 @@ fn prefetch<S>(numbers: *const S, at: usize) {
 }
 
 /// Bounces the populations on every link of every body and adds the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
-/// body k.
+/// body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.
-pub fn bounce<S: Stored, const D: usize>(
+pub fn bounce<'a, S: Stored, const D: usize>(
     populations: &mut Populations<S>,
     scheme: Scheme,
     links: &[Vec<BodyLink>],
     motion: &[Rigid],
+    faces: impl Fn(usize) -> &'a [Plane] + Sync,
     loads: &mut [Load],
 ) {
     let parity = populations.parity();
     let table = Table::new(populations);
     let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
+    let numbers = &numbers;
     crew::each_item(loads, 32, |k, load| {
-        let (links, motion) = (&links[k], &motion[k]);
-        let numbers = &numbers;
+        let (links, motion, faces) = (&links[k], &motion[k], faces(k));
         // Kept in registers while the links pass.
         let mut sum = *load;
-        for (n, link) in links.iter().enumerate() {
-            if let Some(later) = links.get(n + AHEAD) {
-                prefetch(numbers.0, later.link.near as usize);
-                prefetch(numbers.0, later.link.far as usize);
-            }
-            // SAFETY: positions made by `Populations::link` lie in the array; see `Numbers` for the absence of races.
-            unsafe {
-                match scheme {
-                    Scheme::HalfWay => {
-                        half_way::<S, D>(numbers.0, parity, &table, link, motion, &mut sum);
-                    }
-                    Scheme::Interpolated => {
-                        interpolated::<S, D>(numbers.0, parity, &table, link, motion, &mut sum);
-                    }
-                }
+        let all = Along {
+            numbers: numbers.0,
+            parity,
+            table: &table,
+            motion,
+        };
+        // SAFETY: positions made by `Populations::link` lie in the array; see `Numbers` for the absence of races.
+        unsafe {
+            match scheme {
+                Scheme::HalfWay => walk(links, &all, |link| half_way::<S, D>(&all, link, &mut sum)),
+                Scheme::Interpolated if faces.is_empty() => walk(links, &all, |link| {
+                    let ball = |d, c| into_ball::<D>(d, c, motion.radius);
+                    interpolated::<S, D>(&all, link, &mut sum, ball);
+                }),
+                Scheme::Interpolated => walk(links, &all, |link| {
+                    let block = |d, c| into_block(d, c, motion.position, faces);
+                    interpolated::<S, D>(&all, link, &mut sum, block);
+                }),
             }
         }
         *load = sum;
     });
+}
+
+/// What the links of a body share.
+struct Along<'a, S> {
+    numbers: *mut S,
+    parity: Parity,
+    table: &'a Table,
+    motion: &'a Rigid,
+}
+
+/// Calls `each` with every link, its numbers fetched ahead.
+#[inline(always)]
+fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) {
+    for (n, link) in links.iter().enumerate() {
+        if let Some(later) = links.get(n + AHEAD) {
+            prefetch(all.numbers, later.link.near as usize);
+            prefetch(all.numbers, later.link.far as usize);
+        }
+        each(link);
+    }
+}
+
+/// Where the link from `d`, about the centre, along `c` enters a disc or sphere, as a part of its length.
+#[inline(always)]
+fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
+    let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
+    let excess = dot::<D>(d, d) - radius * radius;
+    let root = (dc * dc - cc * excess).max(0.0).sqrt();
+    (-dc - root) / cc
+}
+
+/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the link's start
+/// in front of them.
+#[inline(always)]
+fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
+    let start = std::array::from_fn(|a| centre[a] + d[a]);
+    let mut q = 0.0_f64;
+    for face in faces {
+        let height = face.height(start);
+        if height > 0.0 {
+            // A face that the link leaves in front of it is one that the body has turned away since the link was found.
+            let descent = -dot::<3>(face.normal, c);
+            q = q.max(if descent > height {
+                height / descent
+            } else {
+                1.0
+            });
+        }
+    }
+    q
 }
 
 /// What a link needs to know of its direction.
@@ -222,16 +295,15 @@ pub(super) fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [
 }
 
 /// # Safety
-/// `numbers` must be the array that the link's positions refer to, and no other thread may touch those two numbers.
+/// The numbers must be the array that the link's positions refer to, and no other thread may touch those two numbers.
 #[inline(always)]
-unsafe fn half_way<S: Stored, const D: usize>(
-    numbers: *mut S,
-    parity: Parity,
-    table: &Table,
-    link: &BodyLink,
-    motion: &Rigid,
-    load: &mut Load,
-) {
+unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, load: &mut Load) {
+    let &Along {
+        numbers,
+        parity,
+        table,
+        motion,
+    } = all;
     let along = table.of(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
     let u = surface_velocity::<D>(motion, r);
@@ -264,28 +336,29 @@ unsafe fn half_way<S: Stored, const D: usize>(
 /// by any thread: both cells are fluid, so no link stands between them.
 #[inline(always)]
 unsafe fn interpolated<S: Stored, const D: usize>(
-    numbers: *mut S,
-    parity: Parity,
-    table: &Table,
+    all: &Along<S>,
     link: &BodyLink,
-    motion: &Rigid,
     load: &mut Load,
+    cut: impl Fn([f64; 3], [f64; 3]) -> f64,
 ) {
     if !(link.loads && link.backed) {
         // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose outer
         // cell belongs to the neighbouring slab is interpolated there.
         // SAFETY: promised by the caller.
-        unsafe { half_way::<S, D>(numbers, parity, table, link, motion, load) };
+        unsafe { half_way::<S, D>(all, link, load) };
         return;
     }
+    let &Along {
+        numbers,
+        parity,
+        table,
+        motion,
+    } = all;
     let along = table.of(link);
     let c = along.c;
     let d: [f64; 3] =
         std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);
-    let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
-    let excess = dot::<D>(d, d) - motion.radius * motion.radius;
-    let root = (dc * dc - cc * excess).max(0.0).sqrt();
-    let q = ((-dc - root) / cc).clamp(0.0, 1.0);
+    let q = cut(d, c).clamp(0.0, 1.0);
     let on_surface = std::array::from_fn(|a| d[a] + q * c[a]);
     let wall = dot::<D>(c, surface_velocity::<D>(motion, on_surface));
     let at_middle = std::array::from_fn(|a| d[a] + 0.5 * c[a]);
@@ -323,4 +396,75 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         outer.write(S::from_f64(streams + six_weights * middle));
     }
     add_along::<D>(load, quanta(leaves + back), along.ci, link.middle);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    /// A turned cuboid about a centre that no cell favours.
+    fn cuboid(centre: [f64; 3]) -> Vec<Plane> {
+        let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
+        let edges = [5.0, 6.0, 7.0];
+        (0..6)
+            .map(|k| {
+                let mut normal = nalgebra::Vector3::zeros();
+                normal[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
+                let normal: [f64; 3] = (turn * normal).into();
+                Plane {
+                    normal,
+                    offset: 0.5 * edges[k / 2] + dot::<3>(normal, centre),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_link_is_cut_where_it_enters_the_polyhedron() {
+        let centre = [20.37, 20.14, 20.71];
+        let faces = cuboid(centre);
+        let height = |at: [f64; 3]| {
+            let heights = faces.iter().map(|face| face.height(at));
+            heights.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let mut draw = Stream::new(3, 0, 0);
+        let mut cut = 0;
+        for _ in 0..200_000 {
+            let cell: [f64; 3] = std::array::from_fn(|_| (41.0 * draw.uniform()).floor() + 0.5);
+            let c: [f64; 3] = std::array::from_fn(|_| (3.0 * draw.uniform()).floor() - 1.0);
+            let at = |q: f64| std::array::from_fn(|a| cell[a] + q * c[a]);
+            if height(at(0.0)) < 0.0 || height(at(1.0)) >= 0.0 {
+                continue;
+            }
+            let (mut outside, mut inside) = (0.0_f64, 1.0_f64);
+            for _ in 0..60 {
+                let middle = 0.5 * (outside + inside);
+                if height(at(middle)) < 0.0 {
+                    inside = middle;
+                } else {
+                    outside = middle;
+                }
+            }
+            let d = std::array::from_fn(|a| cell[a] - centre[a]);
+            let q = into_block(d, c, centre, &faces);
+            assert!((q - outside).abs() < 1e-12, "{q} {outside}");
+            cut += 1;
+        }
+        assert!(cut > 100, "{cut} links");
+    }
+
+    #[test]
+    fn a_polyhedron_that_turned_away_keeps_its_link_within_bounds() {
+        let faces = [Plane {
+            normal: [0.0, 0.0, 1.0],
+            offset: 4.0,
+        }];
+        let q = |z: f64, c: f64| into_block([0.0, 0.0, z], [0.0, 0.0, c], [0.0; 3], &faces);
+        // Beyond the end of the link, away from it, and already inside.
+        assert!((q(5.5, -1.0) - 1.0).abs() < 1e-15);
+        assert!((q(4.5, 1.0) - 1.0).abs() < 1e-15);
+        assert!(q(3.9, -1.0).abs() < 1e-15);
+        assert!((q(4.25, -1.0) - 0.25).abs() < 1e-15);
+    }
 }

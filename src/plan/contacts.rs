@@ -28,7 +28,7 @@ mod blocks;
 mod network;
 
 use super::Clock;
-use super::envelope::{Margin, margin, moving};
+use super::envelope::{Margin, critical_solid_time_step, margin, moving};
 use crate::dem::contact::hertz_mindlin::deepest;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
@@ -156,6 +156,16 @@ fn others(scene: &Scene) -> f64 {
     let appear = usize::from(!scene.regions.is_empty()) * 12;
     let all = grains + scene.bodies.len() + scene.walls.len() + appear;
     crate::scene::grid::count(all.saturating_sub(1))
+}
+
+/// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
+pub(crate) fn of_packing(scene: &Scene) -> f64 {
+    match (&scene.contact, critical_solid_time_step(scene)) {
+        (Some(contact), Some(critical)) if !matches!(contact.law, Law::Blocks { .. }) => {
+            of_spheres(scene, contact, 0.0).packing / critical.time_step
+        }
+        _ => f64::INFINITY,
+    }
 }
 
 /// Compares the solid step with the limits of the contacts.

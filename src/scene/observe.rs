@@ -198,6 +198,13 @@ pub(crate) fn probes(
                 "add `fluid`, or take the probe out",
             );
         }
+        if needs_fluid && matches!(case.fluid, Some(Fluid::Darcy(_))) {
+            findings.error(
+                &format!("{path}.at"),
+                "probes of the water sample a fluid on a lattice; this is seepage",
+                "take `output.fluid`, which has the pressure and velocity of every cell, or take the probe out",
+            );
+        }
         let at = match &probe.at {
             WrittenAt::Point { position } => {
                 let path = format!("{path}.at.point.position");

@@ -195,6 +195,8 @@ pub struct Rain<S: Space> {
     pub unbalanced: f64,
     /// Solid steps per rest at most.
     pub limit: u64,
+    /// Solid step over the critical one of the law.
+    pub step_ratio: f64,
 }
 
 /// A centre (m) and a radius (m).
@@ -397,7 +399,7 @@ impl<S: Space> Rain<S> {
             .iter()
             .map(|b| b.radius)
             .fold(f64::INFINITY, f64::min);
-        let time_step = 0.2 * law.critical_time_step::<S>(&bodies, self.materials);
+        let time_step = self.step_ratio * law.critical_time_step::<S>(&bodies, self.materials);
         let mut settings = Settings::new(self.region, time_step, 0.3 * smallest);
         settings.gravity = self.gravity;
         // Grains that fall must not hang in the air; once they have landed, rest comes soonest so.
@@ -544,6 +546,7 @@ mod tests {
             kinetic_energy: 1e-3,
             unbalanced: 0.02,
             limit: 60_000,
+            step_ratio: 0.2,
         }
     }
 

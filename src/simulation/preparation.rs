@@ -10,7 +10,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
-use crate::plan::Plan;
+use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
 use crate::scene::grid::count;
@@ -276,8 +276,14 @@ fn falling<S: Space>(
         kinetic_energy: written.stop.kinetic_energy,
         unbalanced: written.stop.unbalanced_force,
         limit: u64::from(written.stop.at_most_steps),
+        step_ratio: STEP_OF_RAIN.min(PARTNERS * contacts::of_packing(scene)),
     }
 }
+
+/// Solid step of falling grains over the critical one, where no strong dashpots shorten it.
+const STEP_OF_RAIN: f64 = 0.2;
+/// Partners in the densest packing over those in one that has rained: 12 to 6.
+const PARTNERS: f64 = 2.0;
 
 fn preparation<S: Space>(
     plan: &Plan,

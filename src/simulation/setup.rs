@@ -449,7 +449,8 @@ pub fn region<S: Space>(plan: &Plan) -> Region<S> {
 /// When the engine refuses its settings.
 pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     let scene = &plan.scene;
-    let mut settings = Settings::new(region::<S>(plan), plan.clock.solid_time_step, 0.3 * radius);
+    let skin = scene.time.neighbour_skin * radius;
+    let mut settings = Settings::new(region::<S>(plan), plan.clock.solid_time_step, skin);
     settings.gravity = vector::<S>(scene.gravity);
     settings.local_damping = scene.contact.as_ref().map_or(0.0, |c| c.local_damping);
     if scene.flow.is_some() {

@@ -601,6 +601,14 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "probes[1].at.point.position",
     ),
     (
+        "probe of the water in a seepage",
+        "seepage",
+        Set(&[
+            "probes=[{\"name\": \"cut\", \"every\": 1, \"at\": {\"plane\": {\"axis\": \"x\", \"position\": 0}}}]",
+        ]),
+        "probes[0].at",
+    ),
+    (
         "probe of an unknown body",
         "cylinder",
         Set(&["probes[0].at.body.name=cylindre"]),

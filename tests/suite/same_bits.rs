@@ -257,8 +257,10 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
 #[test]
 fn blocks_with_bouncing_links_on_any_ranks() {
     let _beside = beside_others();
-    let study =
-        Study::new(&SCOUR.replace(r#"{"partially_saturated": {}}"#, r#"{"bounce_back": {}}"#));
+    let study = Study::new(&SCOUR.replace(
+        r#"{"partially_saturated": {}}"#,
+        r#"{"bounce_back": {"scheme": "interpolated"}}"#,
+    ));
     study.run("straight", 1, 1, &[]);
     study.run("three", 3, 1, &["domain.split=y"]);
     study.same("straight", "three");

@@ -8,7 +8,8 @@ use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
 use crate::case::geometry::Face;
 use crate::case::grains::{Grading, GrainSource};
 use crate::case::observe::Action;
-use crate::case::solids::Shape;
+use crate::case::solids::{Body, Shape};
+use crate::dem::polyhedron::Polyhedron;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
 
@@ -27,7 +28,10 @@ pub(crate) struct Feature {
 fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
     match coupling {
         Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
-        Coupling::BounceBack(_) if !round => "blocks: half-way links",
+        Coupling::BounceBack(links) if !round && links.scheme == Scheme::HalfWay => {
+            "blocks: half-way links"
+        }
+        Coupling::BounceBack(_) if !round => "blocks: interpolated links",
         Coupling::PartiallySaturated(_) => "partially saturated cells",
         Coupling::BounceBack(links) if links.scheme == Scheme::HalfWay => "half-way links",
         Coupling::BounceBack(_) => "interpolated links",
@@ -49,9 +53,21 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     }
 }
 
+/// What stands in the table where a block leaves less water beside it than its own width: the water that it displaces has to pass there.
+fn in_narrow_gap(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "blocks: viscosity matched" => "blocks in gaps: viscosity matched",
+        "blocks: bounce-back about the solid" => "blocks in gaps: bounce-back about the solid",
+        "blocks: non-equilibrium bounce-back" => "blocks in gaps: non-equilibrium bounce-back",
+        "blocks: half-way links" => "blocks in gaps: half-way links",
+        "blocks: interpolated links" => "blocks in gaps: interpolated links",
+        _ => "blocks in gaps: not measured",
+    }
+}
+
 /// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
 pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
-    let mut list = solids(case, flow);
+    let mut list = solids(case, lbm, flow);
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
             what,
@@ -102,17 +118,24 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Ve
 }
 
 /// Diameters of bodies and grains.
-fn solids(case: &Case, flow: Option<&Flow>) -> Vec<Feature> {
+fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
     let Some(coupling) = coupling_of(case) else {
         return Vec::new();
     };
     let factor = coupling.hydraulic_radius_factor();
-    let bodies = case.bodies.iter().filter_map(|body| {
-        width(&body.shape).map(|size| Feature {
+    let bodies = case.bodies.iter().flat_map(|body| {
+        let obstacle = obstacle(&coupling, flow, body.shape.round());
+        let width = width(&body.shape).map(|size| Feature {
             what: format!("width of `{}`", body.name),
             size,
-            obstacle: obstacle(&coupling, flow, body.shape.round()),
-        })
+            obstacle,
+        });
+        let gap = narrow_gap(case, lbm, body).map(|(width, gap)| Feature {
+            what: format!("mean of width and gap of `{}`", body.name),
+            size: (width * gap).sqrt(),
+            obstacle: in_narrow_gap(obstacle),
+        });
+        width.into_iter().chain(gap)
     });
     let grains = smallest_grain(case).map(|diameter| Feature {
         what: "diameter of the smallest grain".into(),
@@ -120,6 +143,25 @@ fn solids(case: &Case, flow: Option<&Flow>) -> Vec<Feature> {
         obstacle: obstacle(&coupling, flow, true),
     });
     bodies.chain(grains).collect()
+}
+
+/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
+/// volume, as it may turn. None where it fills the way from wall to wall.
+fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
+    let volume = match &body.shape {
+        Shape::Cuboid { edges } => edges.iter().product(),
+        Shape::Vertices(points) => {
+            let points: Vec<_> = points.iter().copied().map(Into::into).collect();
+            Polyhedron::from_vertices(&points).ok()?.shape.volume()
+        }
+        _ => return None,
+    };
+    let diameter = (volume * 6.0 / std::f64::consts::PI).cbrt();
+    let width = width(&body.shape)?;
+    let beside = |(_, length): (usize, f64)| 0.5 * (length - diameter);
+    let gaps = gaps(case, lbm).into_iter().map(beside);
+    let gap = gaps.filter(|gap| *gap > 0.0).reduce(f64::min)?;
+    (gap < width).then_some((width, gap))
 }
 
 /// The smallest width of a shape; of a hull along the axes, none where it is not known yet.

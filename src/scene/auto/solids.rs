@@ -25,7 +25,7 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
-            "bodies with faces: links are interpolated to discs and spheres only",
+            "bodies with faces: joints and gaps narrower than a cell still carry water and its pressure",
         );
     }
     // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
