@@ -50,6 +50,8 @@ pub struct Rules {
     pub first_grain: u64,
     /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
     pub isolated: Option<usize>,
+    /// Links look at the cell behind their outer one, two from the body: interpolation needs water there.
+    pub interpolated: bool,
 }
 
 /// One body, or one image of a body, near this slab.
@@ -642,7 +644,8 @@ impl BodyMap {
     fn settle<S: Stored>(&mut self, populations: &Populations<S>, loads: Option<&mut [Load]>) {
         self.relink.clear();
         self.relink.resize(self.bodies.len(), false);
-        let reach = if self.rules.isolated.is_some() { 2 } else { 1 };
+        let far = self.rules.isolated.is_some() || self.rules.interpolated;
+        let reach = if far { 2 } else { 1 };
         let changes = std::mem::take(&mut self.changes);
         let mut loads = loads;
         for &(cell, before) in &changes {

@@ -91,6 +91,7 @@ fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
         rules: Rules {
             hydraulic_radius_factor: written.hydraulic_radius_factor,
             first_grain: scene.first_grain(),
+            interpolated: written.scheme == WrittenScheme::Interpolated,
             isolated: written
                 .isolated(scene.grid.dimension)
                 .map(|limit| limit as usize),

@@ -238,6 +238,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         scheme: Scheme::HalfWay,
         average: true,
         rules: Rules {
+            interpolated: false,
             hydraulic_radius_factor: 0.8,
             first_grain: 0,
             isolated: None,
