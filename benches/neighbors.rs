@@ -1,6 +1,5 @@
-//! Two searches for neighbours on the same bodies: one grid per size class, as the program does it, and one grid in which every body
-//! stands in all the cells that its box overlaps, the idea of CGRID (Williams, Perkins and Cook 2004, B-05; after its description
-//! alone).
+//! The program's search for neighbours beside the bare idea of CGRID (Williams, Perkins and Cook 2004, B-05; after its description alone):
+//! one grid in which every body stands in all the cells that its box overlaps.
 //!
 //! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding, before any order of
 //! pairs is made; of the second the best of several widths of its cells is shown, which a program would have to guess.
@@ -148,7 +147,7 @@ fn main() {
         "{:>8} {:>6} {:>14} {:>14} {:>7} {:>22} {:>18} {:>10}",
         "bodies",
         "sizes",
-        "classes ns/body",
+        "ours ns/body",
         "one grid",
         "ratio",
         "its cells / mean width",

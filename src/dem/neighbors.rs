@@ -1,8 +1,12 @@
 //! Candidate pairs: who may touch before the lists are next made.
 //!
-//! Linked cells on one grid per size class (classes differ by a factor of 2 in radius): every entry looks for partners in its
-//! own class and in all coarser ones, so that the cost per grain does not depend on the ratio of sizes. Pairs come
-//! out once, the lower (id, shift) first, in the order of first and then second: added up in this order the forces on any
+//! Two searches in one (B-05). What is small stands in every cell of one grid that its box overlaps, the idea of CGRID (Williams, Perkins
+//! and Cook 2004): pairs are sought within each cell alone, and count in the first cell that both have. The cells follow the
+//! cubic mean of the sizes, so that a body is in a few of them. Where cells would hold too many of the others beside a few giants, the largest
+//! stand in a grid per size class (classes differ by a factor of 2 in radius), in which everything that is smaller looks for them. So
+//! the cost per grain depends little on the ratio of sizes, giants or none. `benches/neighbors.rs` measures it.
+//!
+//! Pairs come out once, the lower (id, shift) first, in the order of first and then second: added up in this order the forces on any
 //! grain are summed in the order of the other's id.
 
 use super::particles::Particles;
@@ -11,9 +15,16 @@ use super::space::{Components, Space};
 /// The search, with its buffers kept between calls.
 #[derive(Debug, Default)]
 pub struct Search {
+    /// Of the large; those of finer classes stay empty.
     classes: Vec<Class>,
     class_of: Vec<u8>,
-    places: Vec<[f64; 3]>,
+    /// First class of the small.
+    small: usize,
+    grid: Overlaps,
+    /// Place and radius of each entry.
+    points: Vec<[f64; 4]>,
+    /// The large, and the cell of each in the grid of its class.
+    large: Vec<u32>,
     cell_of: Vec<u32>,
     found: Vec<[u32; 2]>,
     order: Vec<u32>,
@@ -37,6 +48,161 @@ struct Class {
 }
 
 const CLASSES: usize = 24;
+
+/// Width of the cells of the small over the cubic mean of their radii.
+const WIDTH: f64 = 3.4;
+/// The same over their mean diameter, at most: wider cells would hold too many of them.
+const WIDEST: f64 = 8.0;
+
+/// One grid, and in each cell all the small whose box overlaps it.
+#[derive(Debug, Default)]
+struct Overlaps {
+    low: [f64; 3],
+    inverse: f64,
+    counts: [usize; 3],
+    start: Vec<u32>,
+    entries: Vec<u32>,
+    /// Cells of each body, from and to; those of the large are not used.
+    spans: Vec<[[u32; 2]; 3]>,
+}
+
+impl Overlaps {
+    fn cell(&self, at: f64, axis: usize) -> u32 {
+        super::ghosts::index(cells_clamped(
+            (at - self.low[axis]) * self.inverse,
+            self.counts[axis],
+        ))
+    }
+
+    /// Calls `visit` with each cell of a span, by its number and its coordinates.
+    #[inline]
+    fn each_cell(&self, span: &[[u32; 2]; 3], mut visit: impl FnMut(usize, [u32; 3])) {
+        for z in span[2][0]..=span[2][1] {
+            for y in span[1][0]..=span[1][1] {
+                let row = (z as usize * self.counts[1] + y as usize) * self.counts[0];
+                for x in span[0][0]..=span[0][1] {
+                    visit(row + x as usize, [x, y, z]);
+                }
+            }
+        }
+    }
+
+    /// Makes the grid of the members that `is_small` names; boxes reach half a gap beyond surfaces.
+    fn fill<S: Space>(&mut self, points: &[[f64; 4]], is_small: impl Fn(usize) -> bool, gap: f64) {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let (mut members, mut cubes) = (0_usize, 0.0);
+        for (_, at) in points.iter().enumerate().filter(|(k, _)| is_small(*k)) {
+            let r = at[3] + 0.5 * gap;
+            members += 1;
+            cubes += r * r * r;
+            for axis in 0..3 {
+                low[axis] = low[axis].min(at[axis]);
+                high[axis] = high[axis].max(at[axis]);
+            }
+        }
+        self.start.clear();
+        self.entries.clear();
+        self.counts = [0; 3];
+        if members == 0 {
+            return;
+        }
+        let mut width = WIDTH * (cubes / real(members)).cbrt();
+        // Never many more cells than members, however far they are spread.
+        loop {
+            self.counts = [1; 3];
+            for axis in 0..S::DIMENSION {
+                self.counts[axis] = cells((high[axis] - low[axis]) / width);
+            }
+            if self.counts.iter().fold(1.0, |n, &c| n * real(c)) <= 4.0 * real(members) + 64.0 {
+                break;
+            }
+            width *= 1.25;
+        }
+        self.low = low;
+        self.inverse = 1.0 / width;
+        let total = self.counts.iter().product::<usize>();
+        self.start.resize(total + 1, 0);
+        let mut start = std::mem::take(&mut self.start);
+        self.spans.clear();
+        for (k, at) in points.iter().enumerate() {
+            let mut span = [[0; 2]; 3];
+            if is_small(k) {
+                let r = at[3] + 0.5 * gap;
+                for (axis, ends) in span.iter_mut().enumerate().take(S::DIMENSION) {
+                    *ends = [self.cell(at[axis] - r, axis), self.cell(at[axis] + r, axis)];
+                }
+                self.each_cell(&span, |cell, _| start[cell + 1] += 1);
+            }
+            self.spans.push(span);
+        }
+        for cell in 1..=total {
+            start[cell] += start[cell - 1];
+        }
+        let mut entries = std::mem::take(&mut self.entries);
+        entries.resize(start[total] as usize, 0);
+        for (k, span) in self.spans.iter().enumerate().filter(|(k, _)| is_small(*k)) {
+            self.each_cell(span, |cell, _| {
+                // `start` runs ahead while filling and is set back below.
+                entries[start[cell] as usize] = super::ghosts::index(k);
+                start[cell] += 1;
+            });
+        }
+        for cell in (1..=total).rev() {
+            start[cell] = start[cell - 1];
+        }
+        start[0] = 0;
+        (self.start, self.entries) = (start, entries);
+    }
+
+    fn members(&self, cell: usize) -> &[u32] {
+        &self.entries[self.start[cell] as usize..self.start[cell + 1] as usize]
+    }
+
+    /// Calls `visit` with every two whose boxes overlap, once, and some others.
+    #[inline]
+    fn pairs(&self, mut visit: impl FnMut(usize, usize)) {
+        if self.entries.is_empty() {
+            return;
+        }
+        let all = self.counts.map(|n| [0, super::ghosts::index(n - 1)]);
+        self.each_cell(&all, |cell, here| {
+            let members = self.members(cell);
+            for (i, &a) in members.iter().enumerate() {
+                let first = &self.spans[a as usize];
+                for &b in &members[i + 1..] {
+                    let second = &self.spans[b as usize];
+                    let shared: [u32; 3] =
+                        std::array::from_fn(|axis| first[axis][0].max(second[axis][0]));
+                    if shared == here {
+                        visit(a as usize, b as usize);
+                    }
+                }
+            }
+        });
+    }
+
+    /// Calls `visit` with every member whose box overlaps the one between two corners, once, and with some others.
+    fn near<S: Space>(&self, low: &S::Vector, high: &S::Vector, mut visit: impl FnMut(usize)) {
+        if self.entries.is_empty() {
+            return;
+        }
+        let mut span = [[0; 2]; 3];
+        for (axis, ends) in span.iter_mut().enumerate().take(S::DIMENSION) {
+            *ends = [
+                self.cell(low.get(axis), axis),
+                self.cell(high.get(axis), axis),
+            ];
+        }
+        self.each_cell(&span, |cell, here| {
+            for &k in self.members(cell) {
+                let other = &self.spans[k as usize];
+                if (0..3).all(|axis| span[axis][0].max(other[axis][0]) == here[axis]) {
+                    visit(k as usize);
+                }
+            }
+        });
+    }
+}
 
 impl Search {
     /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` (m) apart and of which at least one is owned
@@ -92,6 +258,12 @@ impl Search {
         {
             class.visit::<S>(low, high, class.largest + gap, |m, _| visit(m));
         }
+        let (mut from, mut to) = (*low, *high);
+        for axis in 0..S::DIMENSION {
+            from.set(axis, low.get(axis) - 0.5 * gap);
+            to.set(axis, high.get(axis) + 0.5 * gap);
+        }
+        self.grid.near::<S>(&from, &to, visit);
     }
 
     fn sort_into_classes<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
@@ -109,17 +281,15 @@ impl Search {
                 .map(|body| class(largest, body.radius)),
         );
         self.classes.resize_with(CLASSES, Class::default);
-        self.places.clear();
-        self.places
-            .extend((0..count).map(|k| particles.location(k)).map(|at| {
-                std::array::from_fn(|axis| {
-                    if axis < S::DIMENSION {
-                        at.get(axis)
-                    } else {
-                        0.0
-                    }
-                })
-            }));
+        self.points.clear();
+        self.points.extend((0..count).map(|k| {
+            let at = particles.location(k);
+            let mut point = [0.0, 0.0, 0.0, particles.body[k].radius];
+            for (axis, place) in point.iter_mut().enumerate().take(S::DIMENSION) {
+                *place = at.get(axis);
+            }
+            point
+        }));
         for class in &mut self.classes {
             class.entries.clear();
             class.largest = 0.0;
@@ -127,11 +297,18 @@ impl Search {
             class.high = [f64::NEG_INFINITY; 3];
             class.members = 0;
         }
-        for k in 0..count {
+        self.small = self.first_small(gap);
+        let (class_of, small) = (&self.class_of, self.small);
+        let is_small = |k: usize| usize::from(class_of[k]) >= small;
+        self.grid.fill::<S>(&self.points, is_small, gap);
+        self.large.clear();
+        self.large
+            .extend((0..super::ghosts::index(count)).filter(|&k| !is_small(k as usize)));
+        for k in self.large.iter().map(|&k| k as usize) {
             let class = &mut self.classes[usize::from(self.class_of[k])];
             class.members += 1;
             class.largest = class.largest.max(particles.body[k].radius);
-            for (axis, at) in self.places[k].into_iter().enumerate() {
+            for (axis, at) in self.points[k].into_iter().take(3).enumerate() {
                 class.low[axis] = class.low[axis].min(at);
                 class.high[axis] = class.high[axis].max(at);
             }
@@ -159,9 +336,9 @@ impl Search {
             class.points.resize(class.members, [0.0; 4]);
         }
         self.cell_of.clear();
-        for k in 0..count {
+        for k in self.large.iter().map(|&k| k as usize) {
             let class = &mut self.classes[usize::from(self.class_of[k])];
-            let cell = class.cell_of(&self.places[k]);
+            let cell = class.cell_of(&self.points[k]);
             class.start[cell + 1] += 1;
             self.cell_of.push(super::ghosts::index(cell));
         }
@@ -170,13 +347,13 @@ impl Search {
                 class.start[cell] += class.start[cell - 1];
             }
         }
-        for k in 0..count {
+        for (k, &cell) in self.large.iter().map(|&k| k as usize).zip(&self.cell_of) {
             let class = &mut self.classes[usize::from(self.class_of[k])];
             // `start` runs ahead while filling and is set back below.
-            let slot = &mut class.start[self.cell_of[k] as usize];
+            let slot = &mut class.start[cell as usize];
             class.entries[*slot as usize] = super::ghosts::index(k);
-            let [x, y, z] = self.places[k];
-            class.points[*slot as usize] = [x, y, z, particles.body[k].radius];
+            let point = self.points[k];
+            class.points[*slot as usize] = point;
             *slot += 1;
         }
         for class in self.classes.iter_mut().filter(|class| class.members > 0) {
@@ -187,15 +364,52 @@ impl Search {
         }
     }
 
+    /// The first class of the small: with a giant among them their cells would be too wide.
+    fn first_small(&self, gap: f64) -> usize {
+        let mut sums = [[0.0_f64; 3]; CLASSES];
+        for (class, point) in self.class_of.iter().zip(&self.points) {
+            let r = point[3] + 0.5 * gap;
+            let sum = &mut sums[usize::from(*class)];
+            for (sum, part) in sum.iter_mut().zip([1.0, r, r * r * r]) {
+                *sum += part;
+            }
+        }
+        let fits = |first: &usize| {
+            let total = |k: usize| sums[*first..].iter().map(|sum| sum[k]).sum::<f64>();
+            let count = f64::max(total(0), 1.0);
+            WIDTH * (total(2) / count).cbrt() <= WIDEST * 2.0 * total(1) / count
+        };
+        (0..CLASSES).find(fits).unwrap_or(CLASSES)
+    }
+
     fn find<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
         let owned = particles.owned();
         self.found.clear();
         let moves = |k: usize| particles.mobility[k].free > 0.0;
+        let found = &mut self.found;
+        let points = &self.points;
+        self.grid.pairs(|k, m| {
+            let (one, other) = (&points[k], &points[m]);
+            let mut squared = 0.0;
+            for axis in 0..S::DIMENSION {
+                let d = other[axis] - one[axis];
+                squared += d * d;
+            }
+            let reach = one[3] + other[3] + gap;
+            let counts = (k < owned || m < owned) && (moves(k) || moves(m));
+            if squared <= reach * reach && counts {
+                found.push([super::ghosts::index(k), super::ghosts::index(m)]);
+            }
+        });
+        if self.small == 0 {
+            return;
+        }
         for k in 0..particles.len() {
             let level = usize::from(self.class_of[k]);
             let at = particles.location(k);
             let radius = particles.body[k].radius;
-            for (other, class) in self.classes[..=level].iter().enumerate() {
+            let coarser = self.small.min(level + 1);
+            for (other, class) in self.classes[..coarser].iter().enumerate() {
                 if class.entries.is_empty() {
                     continue;
                 }
@@ -264,7 +478,7 @@ impl Class {
         cells_clamped((at - self.low[axis]) * self.inverse, self.counts[axis])
     }
 
-    fn cell_of(&self, at: &[f64; 3]) -> usize {
+    fn cell_of(&self, at: &[f64; 4]) -> usize {
         let [x, y, z] = std::array::from_fn(|axis| self.cell(at[axis], axis));
         (z * self.counts[1] + y) * self.counts[0] + x
     }
@@ -393,6 +607,40 @@ mod tests {
                 &scatter::<Volume>(if ratio > 50.0 { 700 } else { 300 }, ratio, seed),
                 0.02,
             );
+        }
+    }
+
+    /// One size, a wide range, and a giant among many small ones.
+    #[test]
+    fn what_is_near_a_box_is_found_once() {
+        for (ratio, giant) in [(1.0, false), (100.0, false), (1.5, true)] {
+            let mut particles = scatter::<Volume>(600, ratio, 5);
+            if giant {
+                let motion = Motion::<Volume> {
+                    position: nalgebra::Vector3::repeat(0.5),
+                    ..Motion::default()
+                };
+                particles.insert(Body::uniform::<Volume>(200_000, 0.45, 1.0, 0), motion);
+                check(&particles, 0.02);
+            }
+            let mut search = Search::default();
+            search.look(&particles, 0.02);
+            let (low, high) = (
+                nalgebra::Vector3::new(0.3, 0.2, 0.4),
+                nalgebra::Vector3::new(0.5, 0.9, 0.45),
+            );
+            let mut times = vec![0; particles.len()];
+            search.near::<Volume>(&low, &high, 0.02, |k| times[k] += 1);
+            let mut expected = 0;
+            for (k, &times) in times.iter().enumerate() {
+                let at = particles.location(k);
+                let away = at - at.sup(&low).inf(&high);
+                let near = away.norm() <= particles.body[k].radius + 0.02;
+                assert!(times <= 1, "{k} {times} times");
+                assert!(!near || times == 1, "{k} was not found");
+                expected += usize::from(near);
+            }
+            assert!(expected > 15, "{expected}");
         }
     }
 }
