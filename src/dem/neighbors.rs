@@ -643,4 +643,31 @@ mod tests {
             assert!(expected > 40, "{expected}");
         }
     }
+
+    /// Giants among small ones, where the cells of all would be too wide: they stand in the grids of their classes.
+    #[test]
+    fn giants_are_found_by_class() {
+        let mut particles = Particles::<Volume>::new();
+        for id in 0..3000 {
+            let mut draw = Stream::new(9, id, 0);
+            let motion = Motion::<Volume> {
+                position: nalgebra::Vector3::from_fn(|_, _| draw.uniform()),
+                ..Motion::default()
+            };
+            let radius = if id % 1000 == 0 { 0.4 } else { 0.002 };
+            particles.insert(Body::uniform::<Volume>(id, radius, 1.0, 0), motion);
+        }
+        check(&particles, 0.001);
+        let mut search = Search::default();
+        search.look(&particles, 0.001);
+        assert_eq!((search.small > 0, search.large.len()), (true, 3));
+        let corner = nalgebra::Vector3::repeat(0.5);
+        let mut seen = vec![0; particles.len()];
+        search.near::<Volume>(&corner, &corner, 0.001, |k| seen[k] += 1);
+        assert!(seen.iter().all(|&times| times <= 1));
+        for k in (0..particles.len()).filter(|&k| particles.body[k].radius > 0.1) {
+            let away = (particles.location(k) - corner).norm();
+            assert!(away > 0.401 || seen[k] == 1, "giant {k} at {away} m");
+        }
+    }
 }
