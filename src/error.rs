@@ -55,6 +55,9 @@ pub enum Error {
     /// The numbers failed: not finite, out of the envelope, a particle lost.
     #[error("numerical failure: {0}")]
     Numerical(String),
+    /// The command does not fit what is there: a folder in use, a run that is already finished.
+    #[error("{0}")]
+    Usage(String),
     /// A file could not be read or written.
     #[error("input/output: {0}")]
     Io(String),
@@ -71,6 +74,7 @@ impl Error {
     #[must_use]
     pub fn exit_code(&self) -> i32 {
         match self {
+            Self::Usage(_) => 2,
             Self::Case(_) => 3,
             Self::Numerical(_) => 4,
             Self::Io(_) => 5,
