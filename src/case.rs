@@ -26,6 +26,7 @@ pub mod fluid;
 pub mod geometry;
 pub mod grains;
 pub mod observe;
+pub mod restart;
 pub mod set;
 pub mod solids;
 pub mod text;
@@ -206,5 +207,5 @@ fn anchor(tree: &mut Value, directory: &Path) {
 /// The JSON schema of a case, for editors: every value may also be written with its source.
 #[must_use]
 pub fn schema() -> Value {
-    annotation::allow(check::bare_schema())
+    restart::mark(annotation::allow(check::bare_schema()))
 }

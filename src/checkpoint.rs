@@ -121,8 +121,12 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub particles: &'a Particles<Sp>,
     /// Contacts, if any.
     pub dem: Option<&'a Dem<Sp>>,
+    /// Velocities of the fluid at an earlier step, three numbers a cell in the order [z][y][x], where a preparation compares with
+    /// them; no part of the hash.
+    pub earlier: Option<&'a [f64]>,
 }
 
+const EARLIER: &str = "earlier_velocities";
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
 
 impl<Sp: Space, S: Saved> State<'_, Sp, S> {
@@ -176,6 +180,16 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 start,
                 count,
                 data: Data::from(averages.sums()),
+            });
+        }
+        if let (Some(fluid), Some(velocities)) = (self.fluid, self.earlier) {
+            let [shape, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
+            arrays.push(Array {
+                name: EARLIER,
+                shape,
+                start,
+                count,
+                data: Data::from(velocities),
             });
         }
         if !self.seepage.is_empty() {
@@ -449,6 +463,20 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     Ok(())
 }
 
+/// Velocities at an earlier step of a slab from a checkpoint, as [`State::earlier`].
+///
+/// # Errors
+/// When it holds none.
+pub fn read_earlier<S: Saved>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f64>, Error> {
+    let [_, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
+    reader.read(EARLIER, &start, &count).map_err(as_error)
+}
+
+/// Local cells of a slab in the order in which checkpoints hold them.
+pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
+    cells_of(fluid).map(|(_, cell)| cell).collect()
+}
+
 /// Sums over time of a slab from a checkpoint; they stay at nothing where it holds none.
 ///
 /// # Errors
@@ -506,11 +534,10 @@ pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Er
         tables.push(table);
     }
     let [grains, contacts, walls] = <[Table; 3]>::try_from(tables).unwrap_or_default();
-    let contacts = Contacts {
-        grains: contacts,
-        walls,
-        faces: table_from_json(&attributes["walls"]),
-        steps: attributes["solid_steps"].as_u64().unwrap_or(0),
-    };
-    Ok((grains, contacts))
+    let mut saved = Contacts::default();
+    saved.grains = contacts;
+    saved.walls = walls;
+    saved.faces = table_from_json(&attributes["walls"]);
+    saved.steps = attributes["solid_steps"].as_u64().unwrap_or(0);
+    Ok((grains, saved))
 }

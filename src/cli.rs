@@ -15,7 +15,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Water eroding grains and rock.
 #[derive(Debug, Parser)]
@@ -39,6 +39,12 @@ enum Command {
     Run {
         #[command(flatten)]
         case: CaseArgs,
+        /// Folder for everything the run writes [default: results/NAME-OF-THE-CASE].
+        #[arg(long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        /// Replace the run that the folder holds.
+        #[arg(long)]
+        overwrite: bool,
         #[command(flatten)]
         run: RunArgs,
     },
@@ -74,11 +80,11 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Go on from the newest checkpoint of a run, on any number of ranks.
+    /// Go on from the newest checkpoint of a run, on any number of ranks; with a later `time.end` a finished run too.
     Restart {
         /// The output folder of the run.
         directory: PathBuf,
-        /// Change a field of the case: path=value.
+        /// Change a field of the case that a restart may change (`solver schema` marks them as x-restart): path=value.
         #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
         set: Vec<String>,
         #[command(flatten)]
@@ -194,15 +200,15 @@ struct CaseArgs {
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Folder for everything the run writes [default: results/NAME-OF-THE-CASE].
-    #[arg(long, value_name = "DIR")]
-    output: Option<PathBuf>,
     /// Threads of each rank [default: the cores of the machine over the ranks on it].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// Stop with a checkpoint before this much wall-clock time is over.
     #[arg(long, value_name = "H:M:S", value_parser = walltime)]
     max_walltime: Option<Duration>,
+    /// Do not keep the end of the run as a checkpoint: it cannot be extended then.
+    #[arg(long)]
+    no_final_checkpoint: bool,
 }
 
 /// What the rest of the program does for the commands; returned text is printed by the first rank.
@@ -227,6 +233,7 @@ pub struct Engine {
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
+    let begun = Instant::now();
     let cli = match Cli::try_parse_from(with_default_command(arguments)) {
         Ok(cli) => cli,
         Err(error) => {
@@ -238,7 +245,20 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         }
     };
     let result = match cli.command {
-        Command::Run { case, run } => start(&case, run, engine),
+        Command::Run {
+            case,
+            output,
+            overwrite,
+            run,
+        } => {
+            let options = RunOptions {
+                output: Some(output.unwrap_or_else(|| folder_of(&case.case))),
+                case: Some(case.case.clone()),
+                overwrite,
+                ..options(run, case.json, begun)
+            };
+            start(&case, options, engine)
+        }
         Command::Validate { case } => validate(&case),
         Command::Plan { case } => plan(&case),
         Command::Schema { of: Text::Case } => say(&pretty(&schema())),
@@ -250,7 +270,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => told((engine.restart)(&directory, &set, options(run, json))),
+        } => told((engine.restart)(
+            &directory,
+            &set,
+            options(run, json, begun),
+        )),
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
         }
@@ -328,7 +352,7 @@ fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<Os
     arguments
 }
 
-fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
+fn start(case: &CaseArgs, options: RunOptions, engine: &Engine) -> Result<(), Error> {
     let plan = prepare(case)?;
     warn(&plan.warnings);
     if case.json {
@@ -336,8 +360,6 @@ fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
     } else {
         say(&plan.to_string())?;
     }
-    let mut options = options(run, case.json);
-    options.output.get_or_insert_with(|| folder_of(&case.case));
     told((engine.run)(plan, options))
 }
 
@@ -371,9 +393,13 @@ fn told(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
-fn options(run: RunArgs, json: bool) -> RunOptions {
+fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
     RunOptions {
-        output: run.output,
+        output: None,
+        case: None,
+        overwrite: false,
+        final_checkpoint: !run.no_final_checkpoint,
+        begun,
         threads: run.threads.map(usize::from),
         max_walltime: run.max_walltime,
         json,

@@ -87,13 +87,25 @@ impl Plan {
     /// # Errors
     /// Everything that is wrong with the case, warnings included.
     pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
+        Self::made(document, None)
+    }
+
+    /// Plans a case that goes on with the state of another: what both leave out is as the other plan chose it.
+    ///
+    /// # Errors
+    /// As [`Self::prepare`].
+    pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
+        Self::made(document, Some(like))
+    }
+
+    fn made(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
         let Document {
             case,
             problems: mut all,
             sources,
             canonical,
         } = document;
-        let (plan, found) = Self::attempt(&case);
+        let (plan, found) = Self::attempt(&case, like);
         // A field that is already known to be wrong needs no second sentence.
         let new: Vec<Problem> = found
             .into_iter()
@@ -136,12 +148,12 @@ impl Plan {
         })
     }
 
-    fn attempt(case: &Case) -> (Option<Self>, Vec<Problem>) {
-        let (scene, mut findings) = Scene::attempt(case);
+    fn attempt(case: &Case, like: Option<&Self>) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene));
         let plan = scene.and_then(|scene| {
             let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
             let before = findings.problems.len();
-            let clock = clock(&scene, &mut findings)?;
+            let clock = clock(&scene, like.map(|plan| &plan.clock), &mut findings)?;
             let margins = envelope::margins(&scene, &clock, &mut findings);
             if scene.guards.limits == Limits::Warn {
                 let refused = |p: &&mut Problem| p.severity == Severity::Error;
@@ -168,11 +180,14 @@ impl Plan {
 }
 
 /// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
-fn clock(scene: &Scene, findings: &mut Findings) -> Option<Clock> {
+/// Those of a plan that it goes on from stay.
+fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option<Clock> {
     let time = &scene.time;
     let critical = envelope::critical_solid_time_step(scene);
     let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
-    let (time_step, solid_steps) = if let Some(flow) = &scene.flow {
+    let (time_step, solid_steps) = if let Some(like) = like {
+        (like.time_step, like.solid_steps_per_step)
+    } else if let Some(flow) = &scene.flow {
         let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
         let path = "time.solid_steps_per_fluid_step";
         if needed > 100_000.0 {

@@ -96,23 +96,28 @@ impl Scene {
     /// # Errors
     /// Everything that is wrong with the case, warnings included.
     pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
-        match Self::attempt(case) {
+        match Self::attempt(case, None) {
             (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
             (_, findings) => Err(findings.problems),
         }
     }
 
-    /// The scene as far as it can be made, with what was found on the way.
-    pub(crate) fn attempt(case: &Case) -> (Option<Self>, Findings) {
+    /// The scene as far as it can be made, with what was found on the way. Where it goes on with the state of another, what both leave
+    /// out is as it was chosen `like` there.
+    pub(crate) fn attempt(case: &Case, like: Option<&Self>) -> (Option<Self>, Findings) {
         let mut findings = Findings::new(case);
+        if let Some(like) = like {
+            let spacing = auto::spacing::Spacing::stated(like.grid.spacing);
+            return Self::at(case, &spacing, Some(like), findings);
+        }
         let Some(spacing) = auto::spacing::first(case, &mut findings) else {
             return (None, findings);
         };
-        let (scene, findings) = Self::at(case, &spacing, findings);
+        let (scene, findings) = Self::at(case, &spacing, None, findings);
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
-            Some(finer) => Self::at(case, &finer, Findings::new(case)),
+            Some(finer) => Self::at(case, &finer, None, Findings::new(case)),
             None => (scene, findings),
         }
     }
@@ -121,6 +126,7 @@ impl Scene {
     fn at(
         written: &Case,
         spacing: &auto::spacing::Spacing,
+        like: Option<&Self>,
         mut findings: Findings,
     ) -> (Option<Self>, Findings) {
         let mut chosen = auto::Chosen::default();
@@ -194,7 +200,10 @@ impl Scene {
             ground_collapse,
             chosen,
         };
-        auto::settle(&mut scene, case, written, &names, &mut findings);
+        match like {
+            Some(like) => auto::keep(&mut scene, written, like),
+            None => auto::settle(&mut scene, case, written, &names, &mut findings),
+        }
         (Some(scene), findings)
     }
 

@@ -2,17 +2,20 @@
 //!
 //! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
 
+mod agreement;
 pub mod blocks;
 pub mod collapse;
 pub mod coupled;
 pub mod critical;
 pub mod energy;
 pub mod erosion;
+pub mod folder;
 pub mod guards;
 pub mod phases;
 pub mod preparation;
 pub mod progress;
 pub mod removal;
+mod resume;
 pub mod run;
 pub mod setup;
 mod table;
@@ -87,6 +90,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
             seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
             particles: &self.particles,
             dem: self.dem.as_ref(),
+            earlier: None,
         }
     }
 }

@@ -20,6 +20,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 # shellcheck source=jobs/install.sh
 . "$root/jobs/install.sh"
+# shellcheck source=jobs/runs.sh
+. "$root/jobs/runs.sh"
 
 usage() {
   sed -n '2,/^set -euo/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}" >&2
@@ -68,39 +70,27 @@ case_of() {
   esac
 }
 
+hear_signals
+
 # The packing, without water; sand and clay differ in their bonds only, which are made later.
 prepare() {
   [ ! -s "$output/sample.csv" ] || return 0
   echo "fissure: preparing the packing"
-  rm -rf "$output/preparation"
-  "${launch[@]}" "$solver" "$(case_of sand)" --output "$output/preparation" --threads "$threads" --set fluid=null \
-    --set time.end=1e-6 --set output='{}' --set analysis='{}' >"$output/preparation.log" 2>&1 || {
+  local status=0
+  run_or_go_on "$output/preparation" "$(case_of sand)" --set fluid=null --set time.end=1e-6 --set output='{}' \
+    --set analysis='{}' >>"$output/preparation.log" 2>&1 || status=$?
+  if [ "$status" -eq 75 ]; then
+    echo "fissure: the packing is in the making; the same call goes on"
+    exit 75
+  elif [ "$status" -ne 0 ]; then
     echo "fissure: failed; see $output/preparation.log" >&2
     exit 1
-  }
+  fi
   cp "$output/preparation/sample.csv" "$output/sample.csv.part"
   mv "$output/sample.csv.part" "$output/sample.csv"
 }
 
 sample=(--set "grains.initial={\"file\": {\"path\": \"$output/sample.csv\"}}" --set grains.save=null)
-
-child=
-pass_on() { [ -z "$child" ] || kill -USR2 "$child" 2>/dev/null || true; }
-trap pass_on USR2 TERM
-
-# Waits for a command through any signals that are passed on to it.
-supervise() {
-  local status
-  "$@" &
-  child=$!
-  while :; do
-    status=0
-    wait "$child" || status=$?
-    kill -0 "$child" 2>/dev/null || break
-  done
-  child=
-  return "$status"
-}
 
 # The long section at several times, and at each stage that began.
 pictures() {
@@ -114,20 +104,14 @@ pictures() {
 
 soil() {
   local folder=$output/$1 status=0 args=()
-  if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
+  if is_done "$folder"; then
     echo "fissure: $1 is finished"
     return 0
   fi
-  if compgen -G "$folder/checkpoints/*" >/dev/null; then
-    supervise "${launch[@]}" "$solver" restart "$folder" --threads "$threads" >>"$folder.log" 2>&1 || status=$?
-  else
-    rm -rf "$folder"
-    [ -z "$pressure" ] || args+=(--set "fluid.darcy.boundaries[0].condition.pressure.value=$pressure")
-    [ -z "$end" ] || args+=(--set "time.end=$end")
-    [ -z "$every" ] || args+=(--set "analysis.ground_collapse.every=$every")
-    supervise "${launch[@]}" "$solver" "$(case_of "$1")" --output "$folder" --threads "$threads" "${sample[@]}" "${args[@]}" \
-      >>"$folder.log" 2>&1 || status=$?
-  fi
+  [ -z "$pressure" ] || args+=(--set "fluid.darcy.boundaries[0].condition.pressure.value=$pressure")
+  [ -z "$end" ] || args+=(--set "time.end=$end")
+  [ -z "$every" ] || args+=(--set "analysis.ground_collapse.every=$every")
+  run_or_go_on "$folder" "$(case_of "$1")" "${sample[@]}" "${args[@]}" >>"$folder.log" 2>&1 || status=$?
   [ "$status" -ne 0 ] || pictures "$folder"
   echo "fissure: $1 ended with $status; see $folder.log"
   return "$status"

@@ -27,6 +27,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 # shellcheck source=jobs/install.sh
 . "$root/jobs/install.sh"
+# shellcheck source=jobs/runs.sh
+. "$root/jobs/runs.sh"
 
 usage() {
   sed -n '2,/^set -euo/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}" >&2
@@ -107,9 +109,9 @@ members() {
 
 # finished, resumable, started or new.
 state() {
-  if grep -q '"outcome": *"\(done\|finished\|completed\)"' "$1/summary.json" 2>/dev/null; then
+  if is_done "$1"; then
     echo finished
-  elif compgen -G "$1/checkpoint*/*" >/dev/null; then
+  elif can_go_on "$1"; then
     echo resumable
   elif [ -d "$1" ]; then
     echo started
@@ -127,52 +129,25 @@ build() {
 
 # The packing is grown once, without cohesion and without flow, and shared by every member.
 prepare() {
+  local status=0
   mkdir -p "$output"
-  (
-    # Members of a Slurm array may come here at the same time: the first makes the sample, the others wait.
-    flock 9
-    if [ ! -s "$output/sample.csv" ]; then
-      echo "study: preparing the sample"
-      rm -rf "$output/preparation"
-      "${launch[@]}" "$solver" "$case_file" --output "$output/preparation" --threads "$threads" \
-        --set time.end=1e-4 --set output='{}' --set 'probes=[]' --set 'analysis={}' >"$output/preparation.log" 2>&1 || {
-        echo "study: preparing the sample failed; see $output/preparation.log" >&2
-        exit 1
-      }
+  # Members of a Slurm array may come here at the same time: the first makes the sample, the others wait.
+  exec 9>"$output/preparation.lock"
+  supervise flock 9 || return 75
+  if [ ! -s "$output/sample.csv" ]; then
+    echo "study: preparing the sample"
+    run_or_go_on "$output/preparation" "$case_file" --set time.end=1e-4 --set output='{}' --set 'probes=[]' \
+      --set 'analysis={}' >>"$output/preparation.log" 2>&1 || status=$?
+    if [ "$status" -eq 75 ]; then
+      echo "study: the sample is in the making; the same call goes on"
+    elif [ "$status" -ne 0 ]; then
+      echo "study: preparing the sample failed; see $output/preparation.log" >&2
+    else
       cp "$output/preparation/sample.csv" "$output/sample.csv.part"
       mv "$output/sample.csv.part" "$output/sample.csv"
     fi
-  ) 9>"$output/preparation.lock"
-}
-
-stop=0
-child=
-# Passed on; a member told to stop is not resumed by this call. Counts, so that `wait` knows of every signal.
-pass_on() {
-  stop=$((stop + 1))
-  if [ -n "$child" ]; then
-    kill -USR2 "$child" 2>/dev/null || true
   fi
-}
-
-# Runs a command in the background so that signals are handled while it runs; returns its status.
-supervise() {
-  local status handled
-  "$@" &
-  child=$!
-  # A signal that came between the loop's test and here is not lost.
-  [ "$stop" -eq 0 ] || kill -USR2 "$child" 2>/dev/null || true
-  while :; do
-    handled=$stop
-    status=0
-    wait "$child" || status=$?
-    # `wait` also returns when a signal was handled; then the child is waited for again.
-    if [ "$handled" -ne "$stop" ] && kill -0 "$child" 2>/dev/null; then
-      continue
-    fi
-    break
-  done
-  child=
+  exec 9>&-
   return "$status"
 }
 
@@ -207,14 +182,7 @@ member() {
       return 75
     fi
     status=0
-    if [ "$how" = resumable ]; then
-      supervise "${launch[@]}" "$solver" restart "$folder" --threads "$threads" >>"$log" 2>&1 || status=$?
-    else
-      # Nothing to resume: what a run that died before its first checkpoint left is cleared.
-      rm -rf "$folder"
-      supervise "${launch[@]}" "$solver" "$case_file" --output "$folder" --threads "$threads" "${args[@]}" \
-        >>"$log" 2>&1 || status=$?
-    fi
+    run_or_go_on "$folder" "$case_file" "${args[@]}" >>"$log" 2>&1 || status=$?
     case $status in
       0) ;;
       75) failures=0 ;;
@@ -259,12 +227,13 @@ case $command in
     done < <(members)
     ;;
   prepare)
+    hear_signals
     build
     prepare
     ;;
   member)
     [ $# -ge 2 ] || usage
-    trap pass_on USR2 TERM INT
+    hear_signals
     build
     line=$(members | sed -n "$(($2 + 1))p")
     if [ -z "$line" ]; then
@@ -279,6 +248,7 @@ case $command in
     exit "$status"
     ;;
   all)
+    hear_signals
     build
     prepare
     workers=()

@@ -15,6 +15,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 # shellcheck source=jobs/install.sh
 . "$root/jobs/install.sh"
+# shellcheck source=jobs/runs.sh
+. "$root/jobs/runs.sh"
 
 usage() {
   sed -n '2,/^set -euo/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}" >&2
@@ -51,23 +53,7 @@ output=$(cd "$output" && pwd)
 # shellcheck disable=SC2206 # words on purpose
 launch=(${LAUNCH:-mpirun --oversubscribe -n $ranks})
 
-child=
-pass_on() { [ -z "$child" ] || kill -USR2 "$child" 2>/dev/null || true; }
-trap pass_on USR2 TERM
-
-# Waits for a command through any signals that are passed on to it.
-supervise() {
-  local status
-  "$@" &
-  child=$!
-  while :; do
-    status=0
-    wait "$child" || status=$?
-    kill -0 "$child" 2>/dev/null || break
-  done
-  child=
-  return "$status"
-}
+hear_signals
 
 # The acceleration (m/s2) of a body that slides down a slope (degrees), from the first and last rows of its probe after a tenth of
 # a second, beside g (sin slope - tan friction cos slope).
@@ -117,17 +103,11 @@ stagnation() {
 
 rock() {
   local folder=$output/$1 status=0 args=()
-  if grep -q '"outcome": *"done"' "$folder/summary.json" 2>/dev/null; then
+  if is_done "$folder"; then
     echo "rock: $1 is finished"
   else
-    if compgen -G "$folder/checkpoints/*" >/dev/null; then
-      supervise "${launch[@]}" "$solver" restart "$folder" --threads "$threads" >>"$folder.log" 2>&1 || status=$?
-    else
-      rm -rf "$folder"
-      [ -z "$end" ] || args+=(--set "time.end=$end")
-      supervise "${launch[@]}" "$solver" "$here/$1.json" --output "$folder" --threads "$threads" "${args[@]}" \
-        >>"$folder.log" 2>&1 || status=$?
-    fi
+    [ -z "$end" ] || args+=(--set "time.end=$end")
+    run_or_go_on "$folder" "$here/$1.json" "${args[@]}" >>"$folder.log" 2>&1 || status=$?
     echo "rock: $1 ended with $status; see $folder.log"
   fi
   [ "$status" -eq 0 ] || return "$status"

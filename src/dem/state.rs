@@ -178,6 +178,33 @@ pub struct Contacts {
     pub faces: Table,
     /// Solid steps done.
     pub steps: u64,
+    /// Where each wall of a changed scene was among those saved; none for a new one. Without it the walls are the same.
+    origins: Option<Vec<Option<usize>>>,
+}
+
+impl Contacts {
+    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that are gone go.
+    ///
+    /// # Errors
+    /// Where a column is missing or broken.
+    pub fn take_walls(&mut self, origins: &[Option<usize>]) -> Result<(), Error> {
+        let place = |old: u64| {
+            origins
+                .iter()
+                .position(|origin| origin.is_some_and(|origin| origin as u64 == old))
+        };
+        let numbers = self.walls.get_whole("wall")?.to_vec();
+        self.walls = self.walls.filter(|row| place(numbers[row]).is_some());
+        for (name, values) in &mut self.walls.columns {
+            if let ("wall", Values::Whole(values)) = (name.as_str(), values) {
+                for value in values {
+                    *value = place(*value).map_or(*value, |new| new as u64);
+                }
+            }
+        }
+        self.origins = Some(origins.to_vec());
+        Ok(())
+    }
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -396,6 +423,15 @@ impl<S: Space> Dem<S> {
         of_each_law!(&self.inner, engine => each_contact(engine, grains, walls));
     }
 
+    /// Gives the walls these velocities (m/s), in their order.
+    pub fn drive_walls(&mut self, velocities: &[S::Vector]) {
+        of_each_law!(&mut self.inner, engine => {
+            for (wall, velocity) in engine.walls.iter_mut().zip(velocities) {
+                wall.velocity = *velocity;
+            }
+        });
+    }
+
     /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
     /// [`Particles::from_table`].
     ///
@@ -482,6 +518,7 @@ fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
         walls,
         faces,
         steps: engine.steps,
+        origins: None,
     }
 }
 
@@ -490,7 +527,11 @@ fn restore<S: Space, L: Bodies<S>>(
     contacts: &Contacts,
 ) -> Result<(), Error> {
     let (grains, walls, faces) = (&contacts.grains, &contacts.walls, &contacts.faces);
-    if faces.rows() != engine.walls.len() {
+    let same = || (0..faces.rows()).map(Some).collect();
+    let origins: Vec<Option<usize>> = contacts.origins.clone().unwrap_or_else(same);
+    if origins.len() != engine.walls.len()
+        || origins.iter().flatten().any(|&old| old >= faces.rows())
+    {
         return Err(Error::Io(format!(
             "{} walls saved, {} here",
             faces.rows(),
@@ -501,7 +542,9 @@ fn restore<S: Space, L: Bodies<S>>(
     let normals = read_components::<S::Vector>(faces, "normal")?;
     let velocities = read_components::<S::Vector>(faces, "velocity")?;
     let materials = faces.get_whole("material")?;
-    for (k, wall) in engine.walls.iter_mut().enumerate() {
+    for (wall, origin) in engine.walls.iter_mut().zip(origins) {
+        // A new wall stands as it was made.
+        let Some(k) = origin else { continue };
         wall.point = points[k];
         wall.normal = normals[k];
         wall.velocity = velocities[k];

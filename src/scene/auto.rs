@@ -107,6 +107,25 @@ pub(crate) fn filled<'a>(case: &'a Case, spacing: f64, chosen: &mut Chosen) -> C
     filled
 }
 
+/// Takes what the case leaves out from the scene whose state it goes on with: no choice moves with an end, an output or a drive.
+pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
+    if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
+        flow.time_step = chosen.time_step;
+        flow.relaxation_time = chosen.relaxation_time;
+        flow.turbulence = chosen.turbulence;
+        flow.collision = chosen.collision;
+        flow.lattice = chosen.lattice;
+        flow.storage = chosen.storage;
+    }
+    if let (Some(seepage), Some(chosen)) = (&mut scene.seepage, &like.seepage) {
+        seepage.coupling_time = chosen.coupling_time;
+    }
+    if written.contact.is_none() {
+        scene.contact.clone_from(&like.contact);
+    }
+    scene.chosen = like.chosen.clone();
+}
+
 /// Chooses what depends on the scene as made, from the case as filled and as written.
 pub(crate) fn settle(
     scene: &mut Scene,

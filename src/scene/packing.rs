@@ -16,11 +16,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::waiting::Waiting;
+use super::waiting::{Reached, Waiting};
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
-    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Relaxation, Settings,
-    Space, Wall,
+    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall,
 };
 use crate::error::Error;
 use crate::random::Stream;
@@ -148,12 +147,15 @@ impl<S: Space> Preparation<S> {
     /// Packs.
     ///
     /// # Errors
-    /// Where the request makes no sense, or the packing does not come about within the steps allowed.
-    pub fn pack(&self, waiting: &Waiting<'_>) -> Result<Packing<S>, Error> {
+    /// Where the request makes no sense, or the packing does not come about within the steps allowed; [`Error::Stopped`] where the
+    /// outside wants an end.
+    pub fn pack(&self, waiting: &Waiting<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
-        let mut growth = Growth::new(self, radii, waiting)?;
-        growth.grow_up()?;
-        growth.settle()?;
+        let mut growth = match waiting.take_up() {
+            Some(reached) => Growth::go_on(self, radii, waiting, reached)?,
+            None => Growth::new(self, radii, waiting)?,
+        };
+        growth.run()?;
         growth.packing()
     }
 
@@ -206,14 +208,60 @@ impl<S: Space> Preparation<S> {
     }
 }
 
+/// How far a packing is: all that the next batch of steps depends on beside the grains and their contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    /// Sizes over the asked ones.
+    factor: f64,
+    /// Growth of a packing that falls apart, the next time it does.
+    growth: f64,
+    stage: Stage,
+    /// Steps of the present batch, and those left of it.
+    batch: u64,
+    left: u64,
+}
+
+/// What the present batch of steps is part of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Stage {
+    /// Growth by small stages.
+    Grow,
+    /// Rounds of waiting for rest.
+    Rest {
+        /// What the rest is for.
+        purpose: Purpose,
+        /// Rounds begun before this one, and how many in a row found the packing fallen apart.
+        rounds: u32,
+        apart: u32,
+        /// Steps of this round, and how many it may take.
+        taken: u64,
+        limit: u64,
+    },
+    /// It is packed.
+    Done,
+}
+
+/// What a rest is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Purpose {
+    /// The sizes are those asked for: this rest is the last.
+    Last,
+    /// To see what overlaps there are.
+    Coarse,
+    /// To see whether the overlaps are those asked for.
+    Fine,
+}
+
 /// A packing on its way.
 struct Growth<'a, S: Space> {
     how: &'a Preparation<S>,
-    waiting: &'a Waiting<'a>,
+    waiting: &'a Waiting<'a, S>,
     /// Asked radii (m), by id.
     radii: Vec<f64>,
     mean_diameter: f64,
-    factor: f64,
+    progress: Progress,
     dem: Dem<S>,
     particles: Particles<S>,
 }
@@ -222,10 +270,8 @@ impl<'a, S: Space> Growth<'a, S> {
     fn new(
         how: &'a Preparation<S>,
         radii: Vec<f64>,
-        waiting: &'a Waiting<'a>,
+        waiting: &'a Waiting<'a, S>,
     ) -> Result<Self, Error> {
-        let count = real(radii.len());
-        let mean_diameter = 2.0 * radii.iter().sum::<f64>() / count;
         let places = scatter(how, &radii)?;
         let mut particles = Particles::new();
         for (id, (radius, position)) in (0..).zip(radii.iter().zip(places)) {
@@ -242,6 +288,52 @@ impl<'a, S: Space> Growth<'a, S> {
                 },
             );
         }
+        let progress = Progress {
+            factor: CLOUD,
+            growth: STAGE_GROWTH,
+            stage: Stage::Grow,
+            batch: 0,
+            left: 0,
+        };
+        let mut growth = Self::with(how, radii, waiting, progress, particles)?;
+        growth.grow();
+        Ok(growth)
+    }
+
+    /// From what an earlier attempt reached.
+    fn go_on(
+        how: &'a Preparation<S>,
+        radii: Vec<f64>,
+        waiting: &'a Waiting<'a, S>,
+        reached: Reached<S>,
+    ) -> Result<Self, Error> {
+        let wrong = |what: String| Error::Io(format!("the saved growth of the sample: {what}"));
+        let progress: Progress =
+            serde_json::from_value(reached.progress).map_err(|e| wrong(e.to_string()))?;
+        if reached.particles.owned() != radii.len() {
+            return Err(wrong(format!(
+                "{} grains where the case has {}",
+                reached.particles.owned(),
+                radii.len()
+            )));
+        }
+        let mut growth = Self::with(how, radii, waiting, progress, reached.particles)?;
+        growth.dem.restore(&reached.contacts)?;
+        growth.dem.prepare(&mut growth.particles, &Alone)?;
+        if let Stage::Rest { .. } = progress.stage {
+            growth.dem.set_local_damping(AT_REST);
+        }
+        Ok(growth)
+    }
+
+    fn with(
+        how: &'a Preparation<S>,
+        radii: Vec<f64>,
+        waiting: &'a Waiting<'a, S>,
+        progress: Progress,
+        particles: Particles<S>,
+    ) -> Result<Self, Error> {
+        let mean_diameter = 2.0 * radii.iter().sum::<f64>() / real(radii.len());
         let parameters = Parameters {
             normal_stiffness: how.stiffness_per_diameter,
             stiffness_per_diameter: true,
@@ -266,7 +358,7 @@ impl<'a, S: Space> Growth<'a, S> {
             spacing: how.upper.get(0) - how.lower.get(0),
         };
         let mut settings = Settings::new(region, time_step, 0.1 * mean_diameter);
-        settings.local_damping = 0.3;
+        settings.local_damping = WHILE_GROWING;
         let closed = how.periodic.map(|periodic| !periodic);
         let dem = Dem::new(law, settings, Wall::of_box(how.lower, how.upper, closed, 0))?;
         Ok(Self {
@@ -274,14 +366,14 @@ impl<'a, S: Space> Growth<'a, S> {
             waiting,
             radii,
             mean_diameter,
-            factor: CLOUD,
+            progress,
             dem,
             particles,
         })
     }
 
     fn set_factor(&mut self, factor: f64) {
-        self.factor = factor;
+        self.progress.factor = factor;
         for k in 0..self.particles.owned() {
             let asked = self.radii[usize_of(self.particles.body[k].id)];
             self.particles.set_radius(k, asked * factor);
@@ -313,11 +405,11 @@ impl<'a, S: Space> Growth<'a, S> {
         let ends = real(holding().sum());
         Report {
             grains: count as u64,
-            size_factor: self.factor,
+            size_factor: self.progress.factor,
             solid_fraction: self
                 .radii
                 .iter()
-                .map(|r| S::measure(r * self.factor))
+                .map(|r| S::measure(r * self.progress.factor))
                 .sum::<f64>()
                 / self.how.box_measure(),
             coordination: if held > 0.0 { ends / held } else { 0.0 },
@@ -334,21 +426,77 @@ impl<'a, S: Space> Growth<'a, S> {
         }
     }
 
-    /// Grows by stages to the asked sizes, or until the packing jams.
-    fn grow_up(&mut self) -> Result<(), Error> {
-        let end = match self.how.stop {
+    /// Batches of steps, and after each the decision what comes next, until the packing is done.
+    fn run(&mut self) -> Result<(), Error> {
+        while self.progress.stage != Stage::Done {
+            while self.progress.left > 0 {
+                let left = &mut self.progress.left;
+                self.waiting
+                    .advance(&mut self.dem, &mut self.particles, left)?;
+                self.waiting.listen(&self.dem, &self.particles, || {
+                    serde_json::to_value(self.progress).map_err(|e| Error::Internal(e.to_string()))
+                })?;
+            }
+            self.decide()?;
+        }
+        Ok(())
+    }
+
+    fn decide(&mut self) -> Result<(), Error> {
+        match self.progress.stage {
+            Stage::Grow => self.after_growth(),
+            Stage::Rest {
+                purpose,
+                rounds,
+                apart,
+                taken,
+                limit,
+            } => {
+                let taken = taken + self.progress.batch;
+                let still = self.dem.stillness(&self.particles, &Alone)?;
+                if taken < limit && still.unbalanced() > self.tolerance(purpose) {
+                    self.progress.stage = Stage::Rest {
+                        purpose,
+                        rounds,
+                        apart,
+                        taken,
+                        limit,
+                    };
+                    self.batch(LOOK_EVERY.min(limit - taken));
+                    return Ok(());
+                }
+                self.dem.set_local_damping(WHILE_GROWING);
+                self.after_round(purpose, rounds, apart, still.unbalanced())
+            }
+            Stage::Done => Ok(()),
+        }
+    }
+
+    fn batch(&mut self, steps: u64) {
+        self.progress.batch = steps;
+        self.progress.left = steps;
+    }
+
+    /// The sizes at which growth ends, over the asked ones.
+    fn full_size(&self) -> f64 {
+        match self.how.stop {
             Stop::SolidFraction(_) => 1.0,
             Stop::Coordination(_) | Stop::Overlap(_) => f64::INFINITY,
-        };
-        loop {
-            let next = (self.factor * (1.0 + STAGE_GROWTH)).min(end);
-            self.set_factor(next);
-            self.dem
-                .advance_many(&mut self.particles, &Alone, STAGE_STEPS)?;
-            self.check_limit()?;
-            if self.factor >= end {
-                return Ok(());
-            }
+        }
+    }
+
+    /// The next stage of growth to the asked sizes, or until the packing jams.
+    fn grow(&mut self) {
+        let next = self.progress.factor * (1.0 + STAGE_GROWTH);
+        self.set_factor(next.min(self.full_size()));
+        self.progress.stage = Stage::Grow;
+        self.batch(STAGE_STEPS);
+    }
+
+    fn after_growth(&mut self) -> Result<(), Error> {
+        self.check_limit()?;
+        let mut grown = self.progress.factor >= self.full_size();
+        if !grown {
             let now = self.look();
             let crowded = now.mean_overlap > 0.5 * STAGE_GROWTH;
             let done = match self.how.stop {
@@ -356,73 +504,100 @@ impl<'a, S: Space> Growth<'a, S> {
                 Stop::Overlap(_) => now.coordination >= JAMMED,
                 Stop::SolidFraction(_) => false,
             };
-            if crowded && done {
-                return Ok(());
-            }
+            grown = crowded && done;
+        }
+        match self.how.stop {
+            _ if !grown => self.grow(),
+            Stop::SolidFraction(_) => self.rest(Purpose::Last),
+            Stop::Coordination(_) | Stop::Overlap(_) => self.rest(Purpose::Coarse),
+        }
+        Ok(())
+    }
+
+    /// How still the packing has to be.
+    fn tolerance(&self, purpose: Purpose) -> f64 {
+        match purpose {
+            Purpose::Coarse => COARSE,
+            Purpose::Last | Purpose::Fine => self.how.unbalanced,
         }
     }
 
-    /// Relaxes, and where sizes are free brings the mean overlap to what is asked, in steps down.
-    fn settle(&mut self) -> Result<(), Error> {
+    /// Begins to wait for rest.
+    fn rest(&mut self, purpose: Purpose) {
+        self.round(purpose, 0, 0);
+    }
+
+    fn round(&mut self, purpose: Purpose, rounds: u32, apart: u32) {
+        let left = self.how.limit.saturating_sub(self.dem.steps());
+        let limit = left.clamp(1, 1000);
+        self.progress.stage = Stage::Rest {
+            purpose,
+            rounds,
+            apart,
+            taken: 0,
+            limit,
+        };
+        self.dem.set_local_damping(AT_REST);
+        self.batch(LOOK_EVERY.min(limit));
+    }
+
+    fn after_round(
+        &mut self,
+        purpose: Purpose,
+        rounds: u32,
+        apart: u32,
+        unbalanced: f64,
+    ) -> Result<(), Error> {
+        self.check_limit()?;
+        let apart = if self.look().coordination < JAMMED {
+            apart + 1
+        } else {
+            0
+        };
+        if apart == 0 && unbalanced <= self.tolerance(purpose) {
+            self.after_rest(purpose, true);
+        } else if apart == 3 || rounds + 1 == ROUNDS {
+            // It fell apart, or does not come to rest.
+            self.after_rest(purpose, false);
+        } else {
+            self.round(purpose, rounds + 1, apart);
+        }
+        Ok(())
+    }
+
+    /// Where sizes are free brings the mean overlap to what is asked, in steps down.
+    fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
         let target = match self.how.stop {
             Stop::SolidFraction(_) => {
-                self.relax(self.how.unbalanced)?;
-                return Ok(());
+                self.progress.stage = Stage::Done;
+                return;
             }
             Stop::Overlap(overlap) => overlap,
             Stop::Coordination(_) => self.how.overlap,
         };
-        let mut jammed = self.relax(COARSE)?;
-        let mut growth = STAGE_GROWTH;
-        loop {
-            let now = self.look();
-            if jammed && (0.5 * target..=2.0 * target).contains(&now.mean_overlap) {
-                jammed = self.relax(self.how.unbalanced)?;
-                if jammed && (0.25 * target..=4.0 * target).contains(&self.look().mean_overlap) {
-                    return Ok(());
-                }
-                continue;
-            }
-            // Overlaps follow sizes about one to one; on the way down by two thirds at once. A packing that fell apart was
-            // held by motion only: it is pressed well beyond the target, where it comes to rest soon, and released again.
-            let change = if jammed {
-                growth = 64.0 * target;
-                (now.mean_overlap / 3.0).max(target) - now.mean_overlap
-            } else {
-                growth = (2.0 * growth).min(8.0 * STAGE_GROWTH);
-                0.5 * growth
-            };
-            self.set_factor(self.factor * (1.0 + change));
-            jammed = self.relax(COARSE)?;
+        let now = self.look();
+        if purpose == Purpose::Fine
+            && jammed
+            && (0.25 * target..=4.0 * target).contains(&now.mean_overlap)
+        {
+            self.progress.stage = Stage::Done;
+            return;
         }
-    }
-
-    /// Waits for rest; false where the packing fell apart, or did not come to rest.
-    fn relax(&mut self, tolerance: f64) -> Result<bool, Error> {
-        let mut apart = 0;
-        for _ in 0..40 {
-            let left = self.how.limit.saturating_sub(self.dem.steps());
-            let until = Relaxation {
-                tolerance,
-                look_every: 100,
-                limit: left.clamp(1, 1000),
-                local_damping: 0.7,
-            };
-            let still = self.dem.relax(&mut self.particles, &Alone, &until)?;
-            self.check_limit()?;
-            apart = if self.look().coordination < JAMMED {
-                apart + 1
-            } else {
-                0
-            };
-            if apart == 3 {
-                return Ok(false);
-            }
-            if apart == 0 && still.unbalanced() <= tolerance {
-                return Ok(true);
-            }
+        if jammed && (0.5 * target..=2.0 * target).contains(&now.mean_overlap) {
+            self.rest(Purpose::Fine);
+            return;
         }
-        Ok(false)
+        // Overlaps follow sizes about one to one; on the way down by two thirds at once. A packing that fell apart was
+        // held by motion only: it is pressed well beyond the target, where it comes to rest soon, and released again.
+        let change = if jammed {
+            self.progress.growth = 64.0 * target;
+            (now.mean_overlap / 3.0).max(target) - now.mean_overlap
+        } else {
+            self.progress.growth = (2.0 * self.progress.growth).min(8.0 * STAGE_GROWTH);
+            0.5 * self.progress.growth
+        };
+        self.set_factor(self.progress.factor * (1.0 + change));
+        self.rest(Purpose::Coarse);
     }
 
     fn check_limit(&self) -> Result<(), Error> {
@@ -432,7 +607,7 @@ impl<'a, S: Space> Growth<'a, S> {
                 "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean overlap {:.1e} d",
                 self.particles.owned(),
                 self.dem.steps(),
-                self.factor,
+                self.progress.factor,
                 now.solid_fraction,
                 now.coordination,
                 now.mean_overlap
@@ -469,6 +644,12 @@ impl<'a, S: Space> Growth<'a, S> {
 const JAMMED: f64 = 3.0;
 /// How still a packing is between changes of size.
 const COARSE: f64 = 1e-2;
+/// Local damping while it grows and while it rests.
+const WHILE_GROWING: f64 = 0.3;
+const AT_REST: f64 = 0.7;
+/// Steps between looks at a packing that rests, and rounds of up to a thousand steps before it counts as restless.
+const LOOK_EVERY: u64 = 100;
+const ROUNDS: u32 = 40;
 
 /// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
 fn scatter<S: Space>(how: &Preparation<S>, radii: &[f64]) -> Result<Vec<S::Vector>, Error> {
@@ -753,9 +934,10 @@ fn usize_of(id: u64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::waiting::tests::interrupted;
     use super::*;
     use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use crate::dem::{Plane, Volume};
+    use crate::dem::{Plane, Relaxation, Volume};
     use nalgebra::{Vector2, Vector3};
 
     fn small() -> Preparation<Plane> {
@@ -849,6 +1031,26 @@ mod tests {
         for (k, grain) in packing.grains.iter().enumerate() {
             assert!((particles.motion[k].position - grain.position).norm() < 1e-8);
         }
+    }
+
+    #[test]
+    fn a_packing_that_is_interrupted_comes_to_the_same_bits() {
+        let how = Preparation {
+            upper: Vector2::new(2e-3, 1.5e-3),
+            periodic: [true, false, false],
+            friction: 0.3,
+            ..small()
+        };
+        let straight = how.pack(&Waiting::silent()).unwrap();
+        let (packing, stops) = interrupted(|waiting| how.pack(waiting));
+        assert!(stops > 10, "{stops}");
+        assert_eq!(packing, straight);
+        let given = Preparation {
+            stop: Stop::SolidFraction(0.845),
+            ..how
+        };
+        let (packing, _) = interrupted(|waiting| given.pack(waiting));
+        assert_eq!(packing, given.pack(&Waiting::silent()).unwrap());
     }
 
     #[test]

@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::packing::curve_order;
-use super::waiting::Waiting;
+use super::waiting::{Reached, Waiting};
 use crate::dem::{
     Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
 };
@@ -244,42 +244,49 @@ impl<S: Space> Rain<S> {
     /// Lets it rain: centres and radii (m), along a curve through space.
     ///
     /// # Errors
-    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost.
-    pub fn fall(&self, waiting: &Waiting<'_>) -> Result<(Vec<Placed<S>>, Report), Error> {
-        let refuse = |what: String| Error::Numerical(what);
+    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
+    /// outside wants an end.
+    pub fn fall(&self, waiting: &Waiting<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let (axis, up) = self.height_axis()?;
-        let radii = self
-            .grading
-            .radii(self.number, S::DIMENSION, self.seed)
-            .map_err(refuse)?;
-        let mut report = Report {
-            fallen: radii.len() as u64,
-            settled: true,
-            ..Report::default()
+        let mut falling = match waiting.take_up() {
+            Some(reached) => Falling::go_on(self, waiting, reached)?,
+            None => Falling::begin(self, waiting)?,
         };
-        let places = self.cloud(&radii)?;
-        let mut grains: Vec<Placed<S>> = curve_order::<S>(&places)
-            .into_iter()
-            .map(|k| (places[k], radii[k]))
-            .collect();
         let last = self.laws.len().saturating_sub(1);
-        for (stage, law) in self.laws.iter().enumerate() {
-            grains = self.settle(law, grains, &mut report, waiting)?;
-            if stage == last
-                && let Some(level) = self.trim_above
+        loop {
+            let mut grains = falling.settle()?;
+            let progress = &mut falling.progress;
+            if progress.stage < last {
+                progress.stage += 1;
+            } else if let Some(level) = self.trim_above
+                && !progress.trimmed
             {
+                progress.trimmed = true;
                 let before = grains.len();
                 grains.retain(|(at, _)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
-                    return Err(refuse(format!(
+                    return Err(Error::Numerical(format!(
                         "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.rain.trim_above): raise it above the floor"
                     )));
                 }
-                if grains.len() < before {
-                    grains = self.settle(law, grains, &mut report, waiting)?;
+                if grains.len() == before {
+                    return Ok(self.result(&grains, falling.progress.report, axis, up));
                 }
+            } else {
+                return Ok(self.result(&grains, falling.progress.report, axis, up));
             }
+            falling.start(grains)?;
         }
+    }
+
+    /// The grains along a curve, and the report with what they came to.
+    fn result(
+        &self,
+        grains: &[Placed<S>],
+        mut report: Report,
+        axis: usize,
+        up: f64,
+    ) -> (Vec<Placed<S>>, Report) {
         let places: Vec<S::Vector> = grains.iter().map(|grain| grain.0).collect();
         let grains: Vec<_> = curve_order::<S>(&places)
             .iter()
@@ -291,7 +298,31 @@ impl<S: Space> Rain<S> {
                 .iter()
                 .map(|(at, radius)| at.get(axis) * up + radius)
                 .fold(f64::NEG_INFINITY, f64::max);
-        Ok((grains, report))
+        (grains, report)
+    }
+
+    fn law(&self, stage: usize) -> Result<&Law, Error> {
+        self.laws
+            .get(stage)
+            .ok_or_else(|| Error::Internal(format!("rain has no law {stage}")))
+    }
+
+    /// Grains at rest at these places.
+    fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
+        let mut particles = Particles::new();
+        let mut bodies = Vec::with_capacity(grains.len());
+        for (id, (position, radius)) in (0..).zip(grains) {
+            let body = Body::uniform::<S>(id, radius, self.density, self.material);
+            bodies.push(body);
+            particles.insert(
+                body,
+                Motion {
+                    position,
+                    ..Motion::default()
+                },
+            );
+        }
+        (particles, bodies)
     }
 
     /// The axis of gravity, and the sign of up.
@@ -374,74 +405,26 @@ impl<S: Space> Rain<S> {
         Ok(places)
     }
 
-    /// Falls or rests until the grains have settled.
-    fn settle(
-        &self,
-        law: &Law,
-        grains: Vec<Placed<S>>,
-        report: &mut Report,
-        waiting: &Waiting<'_>,
-    ) -> Result<Vec<Placed<S>>, Error> {
-        let mut particles = Particles::new();
-        let mut bodies = Vec::with_capacity(grains.len());
-        for (id, (position, radius)) in (0..).zip(grains) {
-            let body = Body::uniform::<S>(id, radius, self.density, self.material);
-            bodies.push(body);
-            particles.insert(
-                body,
-                Motion {
-                    position,
-                    ..Motion::default()
-                },
-            );
-        }
+    /// The settings of a rest under a law: the step is that of the stiffest contacts.
+    fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
             .map(|b| b.radius)
             .fold(f64::INFINITY, f64::min);
-        let time_step = self.step_ratio * law.critical_time_step::<S>(&bodies, self.materials);
+        let time_step = self.step_ratio * law.critical_time_step::<S>(bodies, self.materials);
         let mut settings = Settings::new(self.region, time_step, 0.3 * smallest);
         settings.gravity = self.gravity;
-        // Grains that fall must not hang in the air; once they have landed, rest comes soonest so.
-        let mut landed = !report.convergence.is_empty();
-        settings.local_damping = if landed {
+        settings.local_damping = self.damping(landed);
+        Dem::new(law.clone(), settings, self.walls.clone())
+    }
+
+    /// Grains that fall must not hang in the air; once they have landed, rest comes soonest so.
+    fn damping(&self, landed: bool) -> f64 {
+        if landed {
             self.local_damping.max(AT_REST)
         } else {
             self.local_damping
-        };
-        let mut dem = Dem::new(law.clone(), settings, self.walls.clone())?;
-        let began = report.convergence.last().map_or(0, |look| look.steps);
-        let mut settled = false;
-        while dem.steps() < self.limit && !settled {
-            dem.advance_many(&mut particles, &Alone, LOOK_EVERY)?;
-            let now = self.look(&dem, &particles, began);
-            settled =
-                now.kinetic_energy <= self.kinetic_energy && now.unbalanced <= self.unbalanced;
-            report.convergence.push(now);
-            waiting.say(|| {
-                format!(
-                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {:.1e} (until {:.0e})",
-                    particles.owned(),
-                    dem.steps(),
-                    self.limit,
-                    now.kinetic_energy,
-                    self.kinetic_energy,
-                    now.unbalanced,
-                    self.unbalanced
-                )
-            });
-            if !landed && now.kinetic_energy < LANDED && now.unbalanced < LANDED {
-                landed = true;
-                dem.set_local_damping(self.local_damping.max(AT_REST));
-            }
         }
-        report.settled &= settled;
-        let statistics = dem.statistics(&particles);
-        report.coordination = 2.0 * ratio(statistics.contacts, statistics.owned);
-        report.largest_overlap = statistics.largest_overlap;
-        Ok((0..particles.owned())
-            .map(|k| (particles.location(k), particles.body[k].radius))
-            .collect())
     }
 
     fn look(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
@@ -465,6 +448,147 @@ impl<S: Space> Rain<S> {
             steps: began + dem.steps(),
             kinetic_energy: balance(energy, scale),
             unbalanced: balance(resultant * contacts, force * grains),
+        }
+    }
+}
+
+/// How far the rain is: all that the next steps depend on beside the grains and their contacts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    /// Which law, from the softest on.
+    stage: usize,
+    trimmed: bool,
+    landed: bool,
+    /// Steps before this rest.
+    began: u64,
+    /// Steps until the next look.
+    left: u64,
+    report: Report,
+}
+
+/// Grains that fall or come to rest.
+struct Falling<'a, S: Space> {
+    rain: &'a Rain<S>,
+    waiting: &'a Waiting<'a, S>,
+    progress: Progress,
+    particles: Particles<S>,
+    dem: Dem<S>,
+}
+
+impl<'a, S: Space> Falling<'a, S> {
+    fn begin(rain: &'a Rain<S>, waiting: &'a Waiting<'a, S>) -> Result<Self, Error> {
+        let radii = rain
+            .grading
+            .radii(rain.number, S::DIMENSION, rain.seed)
+            .map_err(Error::Numerical)?;
+        let progress = Progress {
+            stage: 0,
+            trimmed: false,
+            landed: false,
+            began: 0,
+            left: 0,
+            report: Report {
+                fallen: radii.len() as u64,
+                settled: true,
+                ..Report::default()
+            },
+        };
+        let places = rain.cloud(&radii)?;
+        let grains: Vec<Placed<S>> = curve_order::<S>(&places)
+            .into_iter()
+            .map(|k| (places[k], radii[k]))
+            .collect();
+        let (particles, bodies) = rain.particles(grains);
+        let mut falling = Self {
+            dem: rain.dem(rain.law(0)?, &bodies, false)?,
+            rain,
+            waiting,
+            progress,
+            particles,
+        };
+        falling.progress.left = LOOK_EVERY;
+        Ok(falling)
+    }
+
+    /// From what an earlier attempt reached.
+    fn go_on(
+        rain: &'a Rain<S>,
+        waiting: &'a Waiting<'a, S>,
+        reached: Reached<S>,
+    ) -> Result<Self, Error> {
+        let progress: Progress = serde_json::from_value(reached.progress)
+            .map_err(|e| Error::Io(format!("the saved rain: {e}")))?;
+        let mut particles = reached.particles;
+        let bodies = particles.body[..particles.owned()].to_vec();
+        let mut dem = rain.dem(rain.law(progress.stage)?, &bodies, progress.landed)?;
+        dem.restore(&reached.contacts)?;
+        dem.prepare(&mut particles, &Alone)?;
+        Ok(Self {
+            rain,
+            waiting,
+            progress,
+            particles,
+            dem,
+        })
+    }
+
+    /// A new rest of these grains, under the law of the present stage.
+    fn start(&mut self, grains: Vec<Placed<S>>) -> Result<(), Error> {
+        let convergence = &self.progress.report.convergence;
+        self.progress.began = convergence.last().map_or(0, |look| look.steps);
+        self.progress.landed = !convergence.is_empty();
+        self.progress.left = LOOK_EVERY;
+        let (particles, bodies) = self.rain.particles(grains);
+        let law = self.rain.law(self.progress.stage)?;
+        self.dem = self.rain.dem(law, &bodies, self.progress.landed)?;
+        self.particles = particles;
+        Ok(())
+    }
+
+    /// Goes on until the grains have settled, or no more steps are allowed.
+    fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
+        let rain = self.rain;
+        loop {
+            while self.progress.left > 0 {
+                let left = &mut self.progress.left;
+                self.waiting
+                    .advance(&mut self.dem, &mut self.particles, left)?;
+                self.waiting.listen(&self.dem, &self.particles, || {
+                    serde_json::to_value(&self.progress).map_err(|e| Error::Internal(e.to_string()))
+                })?;
+            }
+            let (dem, particles) = (&mut self.dem, &self.particles);
+            let now = rain.look(dem, particles, self.progress.began);
+            let settled =
+                now.kinetic_energy <= rain.kinetic_energy && now.unbalanced <= rain.unbalanced;
+            let report = &mut self.progress.report;
+            report.convergence.push(now);
+            self.waiting.say(|| {
+                format!(
+                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {:.1e} (until {:.0e})",
+                    particles.owned(),
+                    dem.steps(),
+                    rain.limit,
+                    now.kinetic_energy,
+                    rain.kinetic_energy,
+                    now.unbalanced,
+                    rain.unbalanced
+                )
+            });
+            if !self.progress.landed && now.kinetic_energy < LANDED && now.unbalanced < LANDED {
+                self.progress.landed = true;
+                dem.set_local_damping(rain.damping(true));
+            }
+            if settled || dem.steps() >= rain.limit {
+                report.settled &= settled;
+                let statistics = dem.statistics(particles);
+                report.coordination = 2.0 * ratio(statistics.contacts, statistics.owned);
+                report.largest_overlap = statistics.largest_overlap;
+                return Ok((0..particles.owned())
+                    .map(|k| (particles.location(k), particles.body[k].radius))
+                    .collect());
+            }
+            self.progress.left = LOOK_EVERY;
         }
     }
 }
@@ -498,6 +622,7 @@ fn whole(value: f64) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::waiting::tests::interrupted;
     use super::*;
     use crate::dem::contact::linear::{self, Linear};
     use crate::dem::{PairTable, Volume};
@@ -584,6 +709,26 @@ mod tests {
                 .to_string()
                 .contains("no room")
         );
+    }
+
+    #[test]
+    fn rain_that_is_interrupted_comes_to_the_same_bits() {
+        let rain = Rain {
+            number: 120,
+            grading: Grading::ByCount(vec![Class {
+                min: 0.8e-3,
+                max: 1.1e-3,
+                part: 1.0,
+            }]),
+            trim_above: Some(5e-3),
+            ..small()
+        };
+        let (grains, report) = rain.fall(&Waiting::silent()).unwrap();
+        assert!(report.grains < report.fallen, "{report:?}");
+        let ((again, other), stops) = interrupted(|waiting| rain.fall(waiting));
+        assert!(stops > 10, "{stops}");
+        assert!(again == grains);
+        assert_eq!(other, report);
     }
 
     /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.

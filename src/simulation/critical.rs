@@ -340,7 +340,9 @@ impl Searching<'_> {
         }
         let plan = planned(self.text, self.search, &more)?;
         let half = plan.clock.steps / 2;
-        run::trial(self.communicator, self.threads, plan, folder.clone())?;
+        if !run::is_done(self.communicator, &plan, &folder)? {
+            run::trial(self.communicator, self.threads, plan, &folder)?;
+        }
         if self.sample.is_none() {
             let sample = folder.join("sample.csv");
             self.sample = Some(std::path::absolute(&sample).unwrap_or(sample));

@@ -4,11 +4,15 @@
 //! contacts are, then rest under damping without the fluid: what breaks here broke before any water moved, and is said.
 //! Everything stands still meanwhile, driven bodies too; then each grain and body has the velocity of the case.
 
+use super::agreement;
+use super::folder::RunFolder;
+use super::watch::Watch;
 use crate::case::contact::Scaled;
 use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
+use crate::checkpoint::{self, State};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Relaxation, Wall};
+use crate::dem::{Dem, Relaxation, Stillness, Wall};
 use crate::error::Error;
 use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
@@ -17,12 +21,15 @@ use crate::scene::grid::count;
 use crate::scene::packing::{Preparation, Sizes, Stop};
 use crate::scene::rock::list;
 use crate::scene::solids::{Grain, GrainSource};
-use crate::scene::waiting::Waiting;
+use crate::scene::waiting::{Outside, Reached, Request, Waiting};
 use crate::scene::{numbering, rain, sample};
-use decomposition::Domain;
+use decomposition::{Communicator, Domain};
+use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path;
+use std::time::Instant;
 
 /// What the preparation came to, for the report and the summary.
 #[derive(Clone, Debug, Default)]
@@ -35,47 +42,135 @@ pub struct Prepared {
     pub line: String,
 }
 
-/// Makes, reads or lists the grains and cuts them, telling how far it is. Collective.
+/// The sample in the making, for whoever makes it on the first rank: it tells, listens, and saves.
+struct Workshop<'a> {
+    watch: RefCell<&'a mut Watch>,
+    tell: &'a dyn Fn(&str),
+    communicator: &'a Communicator,
+    folder: &'a RunFolder,
+    /// What a restart has to know beside the grains.
+    attributes: &'a Value,
+}
+
+impl<S: Space> Outside<S> for Workshop<'_> {
+    fn tell(&self, line: &str) {
+        (self.tell)(line);
+    }
+
+    fn ask(&self) -> Request {
+        self.watch.borrow_mut().ask(self.communicator)
+    }
+
+    fn keep(
+        &self,
+        particles: &Particles<S>,
+        dem: &Dem<S>,
+        progress: &Value,
+        request: Request,
+    ) -> Result<(), Error> {
+        let begun = Instant::now();
+        let folder = self.folder.preparation();
+        std::fs::create_dir_all(&folder)
+            .map_err(|e| Error::Io(format!("{}: {e}", folder.display())))?;
+        let mut attributes = self.attributes.clone();
+        attributes["preparation"] = json!({ "sample": progress });
+        let state = State::<S, f64> {
+            fluid: None,
+            averages: None,
+            seepage: Vec::new(),
+            particles,
+            dem: Some(dem),
+            earlier: None,
+        };
+        let written = state.write(
+            &folder,
+            dem.steps(),
+            0.0,
+            attributes,
+            2,
+            &Communicator::serial(),
+        );
+        match written {
+            Ok(()) => (self.tell)(&format!(
+                "the sample so far is kept: {} grains, {} solid steps",
+                particles.owned(),
+                dem.steps()
+            )),
+            Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
+                (self.tell)(&format!(
+                    "the sample so far is not kept: that needs {needed} bytes, {path} has {free}; it goes on"
+                ));
+            }
+            Err(error) => return Err(Error::Io(error.to_string())),
+        }
+        let mut watch = self.watch.borrow_mut();
+        watch.wrote(begun.elapsed());
+        if request == Request::Stop {
+            watch.forget_file();
+        }
+        Ok(())
+    }
+}
+
+/// What an earlier attempt at the sample left. First rank.
+fn reached<S: Space>(found: &Found) -> Result<Reached<S>, Error> {
+    let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+    let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
+    Ok(Reached {
+        particles: Particles::from_table(&grains)?,
+        contacts,
+        progress: reader.attributes()["preparation"]["sample"].clone(),
+    })
+}
+
+/// Makes, reads or lists the grains and cuts them, telling how far it is; goes on from what an earlier attempt left. `attributes` are
+/// kept with a sample that is saved on the way. Collective.
 ///
 /// # Errors
-/// When the sample cannot be made, read or saved; the same on all ranks.
+/// When the sample cannot be made, read or saved, and [`Error::Stopped`] when it was asked to; the same on all ranks.
 pub fn grains<S: Space>(
     plan: &Plan,
-    folder: &Path,
+    folder: &RunFolder,
     domain: &Domain,
-    waiting: &Waiting<'_>,
+    watch: &mut Watch,
+    tell: &dyn Fn(&str),
+    attributes: &Value,
+    earlier: Option<&Found>,
 ) -> Result<Prepared, Error> {
+    let communicator = domain.communicator();
     let mine = if domain.rank() == 0 {
-        on_first::<S>(plan, folder, waiting)
+        let workshop = Workshop {
+            watch: RefCell::new(watch),
+            tell,
+            communicator,
+            folder,
+            attributes,
+        };
+        let made = earlier
+            .map(reached::<S>)
+            .transpose()
+            .and_then(|reached| on_first(plan, folder, &Waiting::new(&workshop, reached)));
+        workshop.watch.into_inner().finish(communicator);
+        made
     } else {
+        watch.attend(communicator);
         Ok(Prepared::default())
     };
-    let communicator = domain.communicator();
-    match mine {
-        // The error keeps its kind on the rank that has it; the others leave with its words.
-        Err(error) => {
-            let _ = communicator.agree(Err::<(), _>(error.to_string()));
-            Err(error)
-        }
-        Ok(prepared) => {
-            let mut prepared = communicator
-                .agree(Ok::<_, String>(prepared))
-                .map_err(|e| Error::Numerical(e.message))?;
-            // Every rank writes the report into checkpoints and must write the same.
-            let mut report = prepared.report.to_string().into_bytes();
-            communicator.broadcast_bytes(0, &mut report);
-            prepared.report = serde_json::from_slice(&report)
-                .map_err(|e| Error::Internal(format!("the report of the preparation: {e}")))?;
-            Ok(prepared)
-        }
-    }
+    let mut prepared = agreement::agree(communicator, mine)?;
+    // Every rank writes the report into checkpoints and must write the same.
+    let mut report = prepared.report.to_string().into_bytes();
+    communicator.broadcast_bytes(0, &mut report);
+    prepared.report = serde_json::from_slice(&report)
+        .map_err(|e| Error::Internal(format!("the report of the preparation: {e}")))?;
+    Ok(prepared)
 }
 
 fn on_first<S: Space>(
     plan: &Plan,
-    folder: &Path,
-    waiting: &Waiting<'_>,
+    folder: &RunFolder,
+    waiting: &Waiting<'_, S>,
 ) -> Result<Prepared, Error> {
+    let folder = folder.path();
     let mut prepared = Prepared::default();
     if let Some(blocks) = &plan.scene.blocks {
         prepared.line = jointed(plan, blocks, folder)?;
@@ -344,9 +439,12 @@ fn preparation<S: Space>(
     }
 }
 
+/// Velocity and spin by id.
+type Velocities = HashMap<u64, [f64; 6]>;
+
 /// Velocity and spin of whatever moves, by id, the same on all ranks: grains may change their rank before they are needed.
 /// Collective.
-fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> HashMap<u64, [f64; 6]> {
+fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
     for k in 0..particles.owned() {
         let motion = &particles.motion[k];
@@ -381,44 +479,137 @@ fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f6
     }
 }
 
-/// Bonds the contacts and brings the grains to rest without the fluid. Collective; returns a line to print and what goes
-/// into the summary.
-///
-/// # Errors
-/// As [`Dem::advance`].
-pub fn settle<S: Space>(
-    plan: &Plan,
-    dem: &mut Dem<S>,
-    particles: &mut Particles<S>,
-    domain: &Domain,
-) -> Result<(String, Value), Error> {
-    let bonded = plan.scene.grains.as_ref().is_some_and(|g| g.bond_at_start);
-    if !bonded {
-        return Ok((String::new(), Value::Null));
+/// Bonded grains on their way to rest without the fluid.
+#[derive(Clone, Debug)]
+pub struct Settling {
+    bonds: u64,
+    /// Bonds broken on the way.
+    broken: u64,
+    /// Solid steps taken.
+    steps: u64,
+    /// What each grain and body gets back once all is at rest.
+    velocities: Velocities,
+}
+
+impl Settling {
+    /// Bonds the contacts and stops all that moves; none where the case asks for no bonds. Collective.
+    ///
+    /// # Errors
+    /// As [`Dem::advance`].
+    pub fn begin<S: Space>(
+        plan: &Plan,
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<Option<Self>, Error> {
+        if !plan.scene.grains.as_ref().is_some_and(|g| g.bond_at_start) {
+            return Ok(None);
+        }
+        let velocities = velocities(particles, domain);
+        for k in 0..particles.owned() {
+            set_velocity(particles, k, &[0.0; 6]);
+        }
+        let bonds = dem.bond_existing_contacts(particles, domain)?;
+        Ok(Some(Self {
+            bonds: domain.communicator().all_reduce_sum_u64(bonds),
+            broken: 0,
+            steps: 0,
+            velocities,
+        }))
     }
-    let communicator = domain.communicator();
-    let start = velocities(particles, domain);
-    for k in 0..particles.owned() {
-        set_velocity(particles, k, &[0.0; 6]);
+
+    /// What a checkpoint keeps of it; numbers as bits.
+    #[must_use]
+    pub fn state(&self) -> Value {
+        let mut velocities: Vec<(u64, [u64; 6])> = self
+            .velocities
+            .iter()
+            .map(|(id, velocity)| (*id, velocity.map(f64::to_bits)))
+            .collect();
+        velocities.sort_unstable();
+        json!({
+            "bonds": self.bonds,
+            "broken": self.broken,
+            "steps": self.steps,
+            "velocities": velocities,
+        })
     }
-    let bonds = communicator.all_reduce_sum_u64(dem.bond_existing_contacts(particles, domain)?);
-    let still = dem.relax(particles, domain, &Relaxation::default())?;
-    let broken = communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
-    for k in 0..particles.owned() {
-        let velocity = start.get(&particles.body[k].id).unwrap_or(&[0.0; 6]);
-        set_velocity(particles, k, velocity);
+
+    /// From [`Self::state`].
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it is none.
+    pub fn restore(state: &Value) -> Result<Self, Error> {
+        let wrong = || Error::Io("the saved preparation does not say how far it was".into());
+        let number = |key: &str| state[key].as_u64().ok_or_else(wrong);
+        let velocities: Vec<(u64, [u64; 6])> =
+            serde_json::from_value(state["velocities"].clone()).map_err(|_| wrong())?;
+        Ok(Self {
+            bonds: number("bonds")?,
+            broken: number("broken")?,
+            steps: number("steps")?,
+            velocities: velocities
+                .into_iter()
+                .map(|(id, velocity)| (id, velocity.map(f64::from_bits)))
+                .collect(),
+        })
     }
-    let line = format!(
-        "{bonds} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {broken} bonds broke on the way",
-        still.steps,
-        still.unbalanced()
-    );
-    let report = json!({
-        "bonds": bonds,
-        "bonds_broken": broken,
-        "solid_steps": still.steps,
-        "unbalanced_force": still.unbalanced(),
-        "largest_contact_force": still.contact,
-    });
-    Ok((line, report))
+
+    /// Steps with damping until the grains stand still or `listen` wants an end; it is called after every few steps with the state as
+    /// it is. Returns a line to print and what goes into the summary. Collective.
+    ///
+    /// # Errors
+    /// As [`Dem::advance`], and those of `listen`.
+    pub fn run<S: Space>(
+        mut self,
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        watch: &mut Watch,
+        mut listen: impl FnMut(&Self, &Particles<S>, &Dem<S>, &mut Watch, Request) -> Result<(), Error>,
+    ) -> Result<(String, Value), Error> {
+        let until = Relaxation::default();
+        let damping = dem.settings().local_damping;
+        dem.set_local_damping(until.local_damping);
+        let communicator = domain.communicator();
+        let still: Stillness = loop {
+            // Looks come after the same steps, however often a run was interrupted between.
+            let to_look = until.look_every - self.steps % until.look_every;
+            let batch = watch.steps().min(to_look).min(until.limit - self.steps);
+            dem.advance_many(particles, domain, batch)?;
+            self.steps += batch;
+            self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
+            let looks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
+            if looks {
+                let now = dem.stillness(particles, domain)?;
+                if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
+                    break now;
+                }
+            }
+            let request = watch.ask(communicator);
+            if request != Request::None {
+                listen(&self, particles, dem, watch, request)?;
+            }
+        };
+        dem.set_local_damping(damping);
+        for k in 0..particles.owned() {
+            let velocity = self.velocities.get(&particles.body[k].id);
+            set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
+        }
+        let line = format!(
+            "{} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {} bonds broke on the way",
+            self.bonds,
+            self.steps,
+            still.unbalanced(),
+            self.broken
+        );
+        let report = json!({
+            "bonds": self.bonds,
+            "bonds_broken": self.broken,
+            "solid_steps": self.steps,
+            "unbalanced_force": still.unbalanced(),
+            "largest_contact_force": still.contact,
+        });
+        Ok((line, report))
+    }
 }

@@ -289,22 +289,37 @@ impl Removal {
         serde_json::to_value(&self.state).map_err(|error| Error::Internal(error.to_string()))
     }
 
-    /// Takes back the counts of [`Self::state`].
+    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a new one, and
+    /// is not needed where they are the same.
     ///
     /// # Errors
     /// [`Error::Io`] where they are not those of a run with as many regions.
-    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
+    pub fn restore(
+        &mut self,
+        state: &Value,
+        origins: Option<&[Option<usize>]>,
+    ) -> Result<(), Error> {
         let state: State = serde_json::from_value(state.clone())
             .map_err(|error| Error::Io(format!("counts of the regions: {error}")))?;
-        if state.taken.len() != self.state.taken.len() || state.made.len() != self.state.made.len()
+        let regions = self.state.taken.len();
+        let same: Vec<Option<usize>> = (0..state.taken.len()).map(Some).collect();
+        let origins = origins.unwrap_or(&same);
+        let known = state.taken.len().min(state.made.len());
+        if origins.len() != regions
+            || state.made.len() != state.taken.len()
+            || origins.iter().flatten().any(|&old| old >= known)
         {
             return Err(Error::Io(format!(
-                "counts of {} regions saved, {} here",
-                state.taken.len(),
-                self.state.taken.len()
+                "counts of {known} regions saved, {regions} here"
             )));
         }
-        self.state = state;
+        for (region, origin) in origins.iter().enumerate() {
+            if let Some(old) = *origin {
+                self.state.taken[region] = state.taken[old].clone();
+                self.state.made[region] = state.made[old].clone();
+            }
+        }
+        self.state.next_id = state.next_id;
         Ok(())
     }
 
@@ -538,10 +553,14 @@ mod tests {
         let mut other = Removal::new(&plan);
         let text = serde_json::to_string(&saved).unwrap();
         other
-            .restore(&serde_json::from_str(&text).unwrap())
+            .restore(&serde_json::from_str(&text).unwrap(), None)
             .unwrap();
         assert_eq!(other.taken(), removal.taken());
-        assert!(other.restore(&serde_json::json!({"taken": []})).is_err());
+        assert!(
+            other
+                .restore(&serde_json::json!({"taken": []}), None)
+                .is_err()
+        );
     }
 
     const SPRING: &str = r#"{"name": "spring", "box": {"from": [0.002, 0.001], "to": [0.004, 0.002]},
@@ -612,7 +631,7 @@ mod tests {
             first.appearing(&mut resumed, &plan, &domain, time).unwrap();
         }
         let mut second = Removal::new(&plan);
-        second.restore(&first.state().unwrap()).unwrap();
+        second.restore(&first.state().unwrap(), None).unwrap();
         for step in 6..20_u32 {
             let time = f64::from(step) * 1e-3;
             second

@@ -1,25 +1,28 @@
 //! A run from the first step to the last line: start, loop, requests, checkpoints, summary.
 
+use super::agreement;
 use super::blocks;
 use super::collapse::CollapseRecorder;
 use super::coupled;
 use super::energy;
 use super::erosion::ErosionRecorder;
+use super::folder::{Entry, RunFolder};
 use super::guards::Guards;
 use super::phases::{Phase, Phases, Spent};
-use super::preparation;
+use super::preparation::{self, Settling};
 use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
+use super::resume::{self, Resumed, Stage};
 use super::setup;
-use super::watch::{Request, Watch};
+use super::watch::Watch;
 use super::{Present, Simulation};
-use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::case::time::WarmUp;
-use crate::checkpoint::{self, Saved};
+use crate::checkpoint::{self, Saved, State};
 use crate::coupling::Flow;
 use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::water::Water;
+use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
 use crate::error::{Error, Problem, Severity};
@@ -27,25 +30,29 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::averages::Averages;
-use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
 use crate::scene::grid::Grid;
-use crate::scene::waiting::Waiting;
+use crate::scene::waiting::Request;
 use decomposition::{Communicator, Domain, Slabs, World};
-use io::checkpoint::{Found, Reader};
+use io::checkpoint::Reader;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Steps between questions to the outside (signals, files, clocks).
-const ASK_EVERY: u64 = 10;
-
 /// What a run or restart is asked for beside its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Folder for everything the run writes; none for a restart in the same folder.
+    /// Folder for everything the run writes; a restart goes on in its own.
     pub output: Option<PathBuf>,
+    /// The file of the case, which nothing may replace.
+    pub case: Option<PathBuf>,
+    /// Whether a run that the folder holds is replaced.
+    pub overwrite: bool,
+    /// Whether the end of the run is kept as a checkpoint.
+    pub final_checkpoint: bool,
+    /// When the program was started: the walltime counts from here.
+    pub begun: Instant,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
     /// Wall-clock time after which the run is over.
@@ -59,41 +66,57 @@ pub struct RunOptions {
 /// # Errors
 /// Why the run ended before its end; [`Error::Stopped`] when it was asked to.
 pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
-    with_world(plan, options, None)
-}
-
-/// Goes on from the newest checkpoint in a folder.
-///
-/// # Errors
-/// As [`run`], and when there is no checkpoint of this case.
-pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result<(), Error> {
-    let path = folder.join("case.json");
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
-    let plan = Document::read(&text, set, folder)
-        .and_then(Plan::prepare)
-        .map_err(Error::Case)?;
-    options.output = Some(folder.to_owned());
-    with_world(plan, options, Some(!set.is_empty()))
-}
-
-/// Starts MPI and threads, then runs. `resume` says whether to go on from a checkpoint, and whether the case may differ from
-/// the one it was written for.
-fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
     on_world(options.threads, |communicator, threads| {
+        let path = options.output.as_deref().unwrap_or(Path::new("results"));
+        let entry = Entry::Fresh {
+            overwrite: options.overwrite,
+            case: options.case.clone(),
+        };
         let start = Start {
-            folder: options.output.unwrap_or_else(|| PathBuf::from("results")),
+            folder: RunFolder::enter(path, &entry, communicator)?,
+            resumed: None,
             limit: options.max_walltime,
+            begun: options.begun,
             threads,
-            resume,
             json: options.json,
             quiet: false,
+            final_checkpoint: options.final_checkpoint,
         };
         start_on(communicator, plan, start)
     })
 }
 
-/// Runs a plan on ranks that are there already, without a word. Collective.
+/// Goes on from the newest checkpoint in a folder, with changed fields.
+///
+/// # Errors
+/// As [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
+pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(), Error> {
+    let path = folder.join("case.json");
+    let text = std::fs::read_to_string(&path).map_err(|e| {
+        Error::Io(format!(
+            "{}: {e}; a folder that can go on holds the case of its run",
+            path.display()
+        ))
+    })?;
+    on_world(options.threads, |communicator, threads| {
+        let entered = RunFolder::enter(folder, &Entry::Resume, communicator)?;
+        let found = resume::find(&entered, communicator)?;
+        let (plan, resumed) = resume::plan(&text, set, folder, found)?;
+        let start = Start {
+            folder: entered,
+            resumed: Some(resumed),
+            limit: options.max_walltime,
+            begun: options.begun,
+            threads,
+            json: options.json,
+            quiet: false,
+            final_checkpoint: options.final_checkpoint,
+        };
+        start_on(communicator, plan, start)
+    })
+}
+
+/// Runs a plan on ranks that are there already, without a word; goes on where an earlier attempt at it was stopped. Collective.
 ///
 /// # Errors
 /// As [`run`].
@@ -101,17 +124,50 @@ pub(super) fn trial(
     communicator: &Communicator,
     threads: usize,
     plan: Plan,
-    folder: PathBuf,
+    folder: &Path,
 ) -> Result<(), Error> {
+    let resumes = agreement::on_first(communicator, || Ok(resume::is_open(folder, &plan)))?;
+    let resumes = communicator.all_reduce_max_u64(u64::from(resumes)) > 0;
+    let entry = if resumes {
+        Entry::Resume
+    } else {
+        Entry::Fresh {
+            overwrite: true,
+            case: None,
+        }
+    };
+    let entered = RunFolder::enter(folder, &entry, communicator)?;
+    let resumed = resumes
+        .then(|| resume::find(&entered, communicator).map(Resumed::unchanged))
+        .transpose()?;
     let start = Start {
-        folder,
+        folder: entered,
+        resumed,
         limit: None,
+        begun: Instant::now(),
         threads,
-        resume: None,
         json: false,
         quiet: true,
+        final_checkpoint: false,
     };
     start_on(communicator, plan, start)
+}
+
+/// Whether a folder holds this very run, done. Collective.
+///
+/// # Errors
+/// None of its own.
+pub(super) fn is_done(
+    communicator: &Communicator,
+    plan: &Plan,
+    folder: &Path,
+) -> Result<bool, Error> {
+    let done = agreement::on_first(communicator, || {
+        let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+        let summary: Value = serde_json::from_str(&text).unwrap_or_default();
+        Ok(summary["outcome"] == "done" && summary["case_hash"] == plan.case_hash.as_str())
+    })?;
+    Ok(communicator.all_reduce_max_u64(u64::from(done)) > 0)
 }
 
 /// Starts MPI and the threads of this rank, does the work, and leaves no rank hanging should it fail on some only.
@@ -154,12 +210,50 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     Ok(threads)
 }
 
-/// Chooses dimension and storage once, and runs. Collective.
+/// Runs, and writes down how it ended where the run itself could not. Collective.
 fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
+    let summary = start.folder.path().join("summary.json");
+    let folder = start.folder.path().display().to_string();
+    match choose(communicator, plan, start) {
+        Err(Ended::BeforeItsFirstStep(error)) => {
+            let error = match error {
+                Error::Stopped(text) => {
+                    Error::Stopped(format!("{text}; go on with `solver restart {folder}`"))
+                }
+                error => error,
+            };
+            if communicator.rank() == 0 {
+                let outcome = if matches!(error, Error::Stopped(_)) {
+                    "stopped"
+                } else {
+                    "failed"
+                };
+                let text = json!({ "outcome": outcome, "error": error.to_string(), "steps": 0 });
+                // The error itself matters more than that it could not be written down.
+                let _ = io::atomic::write_json(&summary, &text);
+            }
+            Err(error)
+        }
+        Err(Ended::Later(error)) => Err(error),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// When a run ended with an error.
+enum Ended {
+    /// In its preparation: nothing has been written about it.
+    BeforeItsFirstStep(Error),
+    /// Later: the run has told.
+    Later(Error),
+}
+
+/// Chooses dimension and storage once, and runs. Collective.
+fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Ended> {
+    let begun = |error: Error| Ended::BeforeItsFirstStep(error);
     let grid = &plan.scene.grid;
-    let slabs = slabs(grid, communicator.size())?;
-    let domain =
-        Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
+    let slabs = slabs(grid, communicator.size()).map_err(begun)?;
+    let domain = Domain::new(communicator.clone(), slabs)
+        .map_err(|e| begun(Error::Internal(e.to_string())))?;
     let storage = plan
         .scene
         .flow
@@ -216,29 +310,40 @@ pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulatio
     let grid = &plan.scene.grid;
     let (axis, periodic) = (setup::axis(grid.split_axis), grid.periodic[grid.split_axis]);
     let domain = Domain::serial(axis, grid.cells[grid.split_axis], periodic);
+    let entry = Entry::Fresh {
+        overwrite: true,
+        case: None,
+    };
     let start = Start {
-        folder: folder.to_owned(),
+        folder: RunFolder::enter(folder, &entry, domain.communicator())?,
+        resumed: None,
         limit: None,
+        begun: Instant::now(),
         threads: rayon::current_num_threads(),
-        resume: None,
         json: false,
         quiet: true,
+        final_checkpoint: false,
     };
     Runner::begin(plan, domain, start).map(|runner| runner.simulation)
 }
 
 struct Start {
-    folder: PathBuf,
+    folder: RunFolder,
+    resumed: Option<Resumed>,
     limit: Option<Duration>,
+    begun: Instant,
     threads: usize,
-    resume: Option<bool>,
     json: bool,
     quiet: bool,
+    final_checkpoint: bool,
 }
 
 struct Runner<Sp: Space, S: Saved> {
     simulation: Simulation<Sp, S>,
-    folder: PathBuf,
+    folder: RunFolder,
+    final_checkpoint: bool,
+    /// The step of the newest checkpoint, if this run knows of one.
+    saved: Option<u64>,
     watch: Watch,
     progress: Progress,
     threads: usize,
@@ -248,9 +353,9 @@ struct Runner<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
-    fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Error> {
+    fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Ended> {
         let json = start.json;
-        let mut runner = Self::begin(plan, domain, start)?;
+        let mut runner = Self::begin(plan, domain, start).map_err(Ended::BeforeItsFirstStep)?;
         let outcome = runner.run();
         let text = match &outcome {
             Ok(()) => "done",
@@ -259,37 +364,25 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         };
         // A failed rank may be alone: no reductions then.
         if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
-            runner.summarise(text, json)?;
+            runner.summarise(text, json).map_err(Ended::Later)?;
         } else if runner.simulation.now.domain.rank() == 0 {
             let message = outcome.as_ref().err().map(ToString::to_string);
             let summary =
                 json!({ "outcome": text, "error": message, "steps": runner.simulation.now.step });
             // The error itself matters more than that it could not be written down.
-            let _ = io::atomic::write_json(&runner.folder.join("summary.json"), &summary);
+            let _ = io::atomic::write_json(&runner.folder.path().join("summary.json"), &summary);
         }
-        outcome
+        outcome.map_err(Ended::Later)
     }
 
     fn begin(mut plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
         let communicator = domain.communicator().clone();
         let first = communicator.rank() == 0;
         let folder = start.folder;
-        let made = if first {
-            std::fs::create_dir_all(checkpoint_folder(&folder))
-        } else {
-            Ok(())
-        };
-        communicator
-            .agree(made.map_err(|e| format!("{}: {e}", folder.display())))
-            .map_err(|e| Error::Io(e.message))?;
-        let watch = {
+        let mut watch = {
             let every = plan.scene.checkpoint.every_wall_seconds;
             let every = (every > 0.0).then(|| Duration::from_secs_f64(every));
-            Watch::new(&folder, start.limit, every)?
-        };
-        let found = match start.resume {
-            None => None,
-            Some(changed) => Some(find(&plan, &folder, &domain, changed)?),
+            Watch::new(folder.path(), start.begun, start.limit, every)?
         };
         let speaks = first && !start.quiet;
         let mut progress = Progress::new(speaks, 0);
@@ -300,17 +393,28 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             domain.axis(),
             Level::best().name()
         ));
-        if first && found.is_none() {
-            io::atomic::write(&folder.join("case.json"), plan.case_text.as_bytes())
-                .map_err(|e| Error::Io(e.to_string()))?;
+        let resumed = start.resumed;
+        if resumed.as_ref().is_none_or(|resumed| resumed.changed) {
+            agreement::on_first(&communicator, || {
+                io::atomic::write(&folder.path().join("case.json"), plan.case_text.as_bytes())
+                    .map_err(|e| Error::Io(e.to_string()))
+            })?;
         }
+        let stage = resumed.as_ref().map(Resumed::stage).transpose()?;
+        // Where a sample in the making was kept, nothing else is there yet.
+        let found = resumed
+            .as_ref()
+            .map(|resumed| &resumed.found)
+            .filter(|_| !matches!(stage, Some(Stage::Sample)));
+        let runs = matches!(stage, Some(Stage::Run));
+        let flowed = matches!(stage, Some(Stage::Run | Stage::WarmUp(_)));
         let units = plan.units;
         let mut flow = match (&plan.scene.flow, units) {
             (Some(scene), Some(units)) => {
                 let made = setup::fluid(&plan, scene, &units)
                     .and_then(|setup| Fluid::<S>::new(setup, &domain).map_err(Error::Internal));
                 let mut fluid = made?;
-                if found.is_none() {
+                if !flowed {
                     match setup::initial(&plan, scene, &units) {
                         Some(field) => fluid.initialise(field.as_ref()),
                         None => {
@@ -332,50 +436,77 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
         let mut collapse_state = Value::Null;
         let mut dem = None;
-        let resumed = found.is_some();
-        if let Some((found, path)) = &found {
+        let mut earlier: Option<Vec<f64>> = None;
+        let mut kept = resume::attributes(&plan);
+        if let (Some(found), Some(resumed)) = (found, &resumed) {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
-            if let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
+            if flowed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
                 checkpoint::read_fluid(flow.fluid_mut(), &reader)?;
+                if let Some(Stage::WarmUp(_)) = stage {
+                    earlier = Some(checkpoint::read_earlier(flow.fluid(), &reader)?);
+                }
                 flow.restart();
             }
-            if let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
+            if runs && let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
                 flow.restore(&checkpoint::read_seepage(&reader)?)?;
             }
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
             notes = attributes["notes"].clone();
-            removal.restore(&attributes["removal"])?;
-            recorder_state = attributes["recorder"].clone();
-            collapse_state = attributes["collapse"].clone();
-            guards_state = attributes["guards"].clone();
+            if runs {
+                removal.restore(&attributes["removal"], resumed.regions.as_deref())?;
+                recorder_state = attributes["recorder"].clone();
+                collapse_state = attributes["collapse"].clone();
+                guards_state = attributes["guards"].clone();
+            }
             if solid {
-                let (grains, contacts) = checkpoint::read_tables(&reader, domain.rank())?;
+                let (grains, mut contacts) = checkpoint::read_tables(&reader, domain.rank())?;
+                if let Some(walls) = &resumed.walls {
+                    contacts.take_walls(walls)?;
+                }
                 particles = Particles::from_table(&grains)?;
                 setup::blocks::shapes(&plan, &mut particles)?;
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
                 if !plan.scene.follows_grains() {
                     particles.forget_start();
-                } else if !particles.has_start() {
+                } else if flowed && !particles.has_start() {
                     return Err(Error::Io(format!(
                         "{} does not say where the grains started, since its run asked for no displacements; take `output.grains.displacement` and `analysis.ground_collapse` out, or start anew",
-                        path.display()
+                        found.path.display()
                     )));
                 }
                 engine.restore(&contacts)?;
-                engine.open_walls(&setup::temporary_walls(&plan));
+                if let Some(walls) = &resumed.walls {
+                    resume::drive_walls(&plan, &mut engine);
+                    resume::clear_of_new_walls(&plan, walls, &particles, &domain)?;
+                }
+                if flowed {
+                    engine.open_walls(&setup::temporary_walls(&plan));
+                }
                 engine.prepare(&mut particles, &domain)?;
                 notes["typical_radius"] = json!(radius);
                 dem = Some(engine);
             }
             plan.scene.forget_sample();
-            progress.note(&format!("going on from step {step}: {}", path.display()));
+            progress.note(&match &stage {
+                Some(Stage::Run) | None => {
+                    format!("going on from step {step}: {}", found.path.display())
+                }
+                Some(_) => format!("going on in the preparation: {}", found.path.display()),
+            });
         } else if solid {
-            let prepared = {
-                let tell = |line: &str| progress.note(line);
-                preparation::grains::<Sp>(&plan, &folder, &domain, &Waiting::new(&tell))?
-            };
+            let sample = resumed.as_ref().map(|resumed| &resumed.found);
+            if let Some(found) = sample {
+                progress.note(&format!(
+                    "going on with the sample: {}",
+                    found.path.display()
+                ));
+            }
+            let tell = |line: &str| progress.note(line);
+            let prepared = preparation::grains::<Sp>(
+                &plan, &folder, &domain, &mut watch, &tell, &kept, sample,
+            )?;
             progress.note(&prepared.line);
             setup::blocks::shapes(&plan, &mut particles)?;
             setup::bodies(&plan, &domain, &mut particles)?;
@@ -392,8 +523,46 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             plan.scene.forget_sample();
             let mut engine = setup::dem::<Sp>(&plan, radius)?;
             engine.prepare(&mut particles, &domain)?;
-            let (line, report) = preparation::settle(&plan, &mut engine, &mut particles, &domain)?;
-            progress.note(&line);
+            notes = json!({ "preparation": prepared.report, "typical_radius": radius });
+            dem = Some(engine);
+        }
+        kept["typical_radius"] = notes["typical_radius"].clone();
+        if !flowed && let Some(engine) = &mut dem {
+            kept["notes"] = notes.clone();
+            let settling = match &stage {
+                Some(Stage::Settling(state)) => Some(Settling::restore(state)?),
+                _ => Settling::begin(&plan, engine, &mut particles, &domain)?,
+            };
+            if let Some(settling) = settling {
+                let keep = |settling: &Settling,
+                            particles: &Particles<Sp>,
+                            dem: &Dem<Sp>,
+                            watch: &mut Watch,
+                            request: Request| {
+                    kept["preparation"] = json!({ "settling": settling.state() });
+                    let state = State::<Sp, S> {
+                        fluid: None,
+                        averages: None,
+                        seepage: Vec::new(),
+                        particles,
+                        dem: Some(dem),
+                        earlier: None,
+                    };
+                    keep_preparation(
+                        &state,
+                        &folder,
+                        &kept,
+                        watch,
+                        request,
+                        &progress,
+                        &communicator,
+                    )
+                };
+                let (line, report) =
+                    settling.run(engine, &mut particles, &domain, &mut watch, keep)?;
+                progress.note(&line);
+                notes["settling"] = report;
+            }
             let gates = setup::temporary_walls(&plan);
             if !gates.is_empty() {
                 engine.open_walls(&gates);
@@ -403,8 +572,6 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             if plan.scene.follows_grains() {
                 particles.mark_start();
             }
-            notes = json!({ "preparation": prepared.report, "settling": report, "typical_radius": radius });
-            dem = Some(engine);
         }
         if dem.is_some() {
             particles.refresh_ghosts(&domain)?;
@@ -413,32 +580,73 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             flow.follow(&mut particles, &domain)?;
         }
         let mut flow_age = 0.0;
-        if !resumed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
-            let (steps, line) = warm_up(&plan, flow, &mut particles, &domain)?;
+        if !runs && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
+            let begun = match stage {
+                Some(Stage::WarmUp(steps)) => steps,
+                _ => 0,
+            };
+            kept["notes"] = notes.clone();
+            let keep = |steps: u64,
+                        earlier: &[f64],
+                        flow: &dyn LatticeFlow<Sp, S>,
+                        particles: &Particles<Sp>,
+                        watch: &mut Watch,
+                        request: Request| {
+                kept["preparation"] = json!({ "warm_up": steps });
+                let state = State::<Sp, S> {
+                    fluid: Some(flow.fluid()),
+                    averages: None,
+                    seepage: Vec::new(),
+                    particles,
+                    dem: dem.as_ref(),
+                    earlier: Some(earlier),
+                };
+                keep_preparation(
+                    &state,
+                    &folder,
+                    &kept,
+                    watch,
+                    request,
+                    &progress,
+                    &communicator,
+                )
+            };
+            let (steps, line) = warm_up(
+                &plan,
+                flow,
+                &mut particles,
+                &domain,
+                &mut watch,
+                (begun, earlier),
+                keep,
+            )?;
             flow_age = steps_number(steps) * plan.clock.time_step;
             progress.note(&line);
         }
+        let resumed = runs;
         let resumed_at = resumed.then_some(step);
         let outputs = Outputs::create(
             &plan,
-            &folder,
+            folder.path(),
             provenance(&plan, &domain, start.threads),
             &domain,
             resumed_at,
         )?;
-        let mut recorder = ErosionRecorder::create(&plan, &folder, &domain, resumed_at)?;
+        let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
         if resumed {
             recorder.restore(&recorder_state)?;
         } else {
             recorder.set_flow_age(flow_age);
         }
-        let mut collapse = CollapseRecorder::create(&plan, &folder, &domain, resumed_at)?;
+        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
         if resumed {
             collapse.restore(&collapse_state)?;
         }
         let lattice = flow.as_ref().and_then(Water::lattice);
         let mut averages = lattice.and_then(|flow| Averages::new(&plan, flow));
-        if let (Some(averages), Some(flow), Some((found, _))) = (&mut averages, lattice, &found) {
+        if let (Some(averages), Some(flow), Some(found), true) =
+            (&mut averages, lattice, found, runs)
+        {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
             checkpoint::read_averages(averages, flow.fluid(), &reader)?;
         }
@@ -464,6 +672,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 phases: Phases::start(),
             },
             folder,
+            final_checkpoint: start.final_checkpoint,
+            saved: runs.then_some(step),
             watch,
             progress,
             threads: start.threads,
@@ -517,6 +727,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .checkpoint
             .every
             .map(|t| self.simulation.now.plan.clock.interval_to_steps(t));
+        let mut ask_at = self.simulation.now.step + self.watch.steps();
         while self.simulation.now.step < steps {
             self.simulation.step()?;
             for line in self.simulation.collapse.take_news() {
@@ -524,32 +735,45 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             }
             let step = self.simulation.now.step;
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
-                self.save()?;
+                self.save(Occasion::Asked)?;
             }
             if self.eroded() {
                 break;
             }
-            if step.is_multiple_of(ASK_EVERY) {
+            if step >= ask_at {
                 self.tell();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
+                ask_at = step + self.watch.steps();
+                self.folder.beat();
                 self.simulation.phases.done(Phase::Guards);
                 match request {
                     Request::None => {}
-                    Request::Checkpoint => self.save()?,
+                    Request::Checkpoint => self.save(Occasion::Asked)?,
                     Request::Stop => {
-                        self.save()?;
+                        self.save(Occasion::Stop)?;
                         if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
                         let text = format!(
                             "step {step} of {steps}; go on with `solver restart {}`",
-                            self.folder.display()
+                            self.folder.path().display()
                         );
                         return Err(Error::Stopped(text));
                     }
                 }
             }
         }
+        // The state comes first: whatever fails afterwards, a restart ends the run from here.
+        if self.first_step == self.simulation.now.step {
+            self.progress.note(&format!(
+                "the run was at its end already; extend it with `solver restart {} --set time.end=..`",
+                self.folder.path().display()
+            ));
+        }
+        if self.final_checkpoint && self.saved != Some(self.simulation.now.step) {
+            self.save(Occasion::End)?;
+        }
+        self.folder.forget_preparation();
         self.simulation
             .outputs
             .write_all_now(&self.simulation.now.view())?;
@@ -558,7 +782,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .flush(&self.simulation.now.domain)?;
         self.simulation
             .collapse
-            .draw(&self.folder, &self.simulation.now.domain)?;
+            .draw(self.folder.path(), &self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
     }
@@ -614,28 +838,24 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         self.progress.say(&moment);
     }
 
-    fn save(&mut self) -> Result<(), Error> {
+    fn save(&mut self, occasion: Occasion) -> Result<(), Error> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
         simulation.outputs.sync(&simulation.now.domain)?;
         let recorder = simulation.recorder.state(&simulation.now.domain)?;
         let collapse = simulation.collapse.state(&simulation.now.domain)?;
-        let attributes = json!({
-            "case_hash": simulation.now.plan.case_hash,
-            "removal": simulation.removal.state()?,
-            "recorder": recorder,
-            "collapse": collapse,
-            "guards": simulation.guards.state(),
-            "notes": self.notes,
-            "typical_radius": self.notes["typical_radius"],
-            "version": env!("CARGO_PKG_VERSION"),
-            "commit": env!("SOLVER_COMMIT"),
-        });
+        let mut attributes = resume::attributes(&simulation.now.plan);
+        attributes["removal"] = simulation.removal.state()?;
+        attributes["recorder"] = recorder;
+        attributes["collapse"] = collapse;
+        attributes["guards"] = simulation.guards.state();
+        attributes["typical_radius"] = self.notes["typical_radius"].clone();
+        attributes["notes"] = self.notes.clone();
         let keep = simulation.now.plan.scene.checkpoint.keep as usize;
         let (step, time) = (simulation.now.step, simulation.now.time());
         let communicator = simulation.now.domain.communicator();
         let written = simulation.now.state().write(
-            &checkpoint_folder(&self.folder),
+            &self.folder.checkpoints(),
             step,
             time,
             attributes,
@@ -643,11 +863,31 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             communicator,
         );
         match written {
-            Ok(()) => {}
+            Ok(()) => {
+                self.saved = Some(step);
+                self.folder.forget_preparation();
+            }
             Err(io::Error::Space { needed, free, path }) => {
-                self.progress.note(&format!(
-                    "no checkpoint at step {step}: it needs {needed} bytes, {path} has {free}; the run goes on"
-                ));
+                let lack = format!("it needs {needed} bytes, {path} has {free}");
+                match occasion {
+                    Occasion::Asked => self.progress.note(&format!(
+                        "no checkpoint at step {step}: {lack}; the run goes on"
+                    )),
+                    Occasion::End => self.progress.note(&format!(
+                        "no checkpoint of the end: {lack}; the run cannot be extended from here"
+                    )),
+                    Occasion::Stop => {
+                        let newest = self.saved.map_or_else(
+                            || "there is none to go on from".to_owned(),
+                            |saved| format!("the newest is that of step {saved}"),
+                        );
+                        return Err(Error::Io(format!(
+                            "asked to stop at step {step}, but there is no room for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
+                            needed.saturating_sub(free),
+                            self.folder.path().display()
+                        )));
+                    }
+                }
             }
             Err(error) => return Err(Error::Io(error.to_string())),
         }
@@ -734,7 +974,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let first = communicator.rank() == 0;
         let written = if first {
-            io::atomic::write_json(&self.folder.join("summary.json"), &summary)
+            io::atomic::write_json(&self.folder.path().join("summary.json"), &summary)
                 .map_err(|e| e.to_string())
         } else {
             Ok(())
@@ -762,7 +1002,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             ));
             self.progress.note(&format!(
                 "files in {}: open *.xmf in ParaView; summary.json for scripts",
-                self.folder.display()
+                self.folder.path().display()
             ));
         }
         Ok(())
@@ -773,34 +1013,53 @@ fn simulation_phase(phases: &mut Phases) {
     phases.done(Phase::Checkpoint);
 }
 
-fn checkpoint_folder(folder: &Path) -> PathBuf {
-    folder.join("checkpoints")
+/// Why a checkpoint is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Occasion {
+    /// It is due, or a signal asked for it.
+    Asked,
+    /// The run stops.
+    Stop,
+    /// The run is done.
+    End,
 }
 
-fn find(
-    plan: &Plan,
-    folder: &Path,
-    domain: &Domain,
-    changed: bool,
-) -> Result<(Found, PathBuf), Error> {
-    let group = Together(domain.communicator());
-    let found = io::checkpoint::newest(&checkpoint_folder(folder), &group)
-        .map_err(|e| Error::Io(e.to_string()))?;
-    for passed in &found.passed_over {
-        log::warn!("checkpoint passed over: {passed}");
+/// Saves a preparation as a checkpoint at step 0, and ends it where that was asked for. Collective.
+fn keep_preparation<Sp: Space, S: Saved>(
+    state: &State<'_, Sp, S>,
+    folder: &RunFolder,
+    attributes: &Value,
+    watch: &mut Watch,
+    request: Request,
+    progress: &Progress,
+    communicator: &Communicator,
+) -> Result<(), Error> {
+    let begun = Instant::now();
+    let written = state.write(
+        &folder.checkpoints(),
+        0,
+        0.0,
+        attributes.clone(),
+        2,
+        communicator,
+    );
+    match written {
+        Ok(()) => folder.forget_preparation(),
+        Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
+            progress.note(&format!(
+                "the preparation is not saved: that needs {needed} bytes, {path} has {free}; it goes on"
+            ));
+        }
+        Err(error) => return Err(Error::Io(error.to_string())),
     }
-    let theirs = found.manifest.attributes["case_hash"]
-        .as_str()
-        .unwrap_or_default();
-    if theirs != plan.case_hash && !changed {
-        return Err(Error::Io(format!(
-            "{} belongs to another case (hash {theirs}, this case {}); use --set to change a field on purpose",
-            found.path.display(),
-            plan.case_hash
-        )));
+    watch.wrote(begun.elapsed());
+    if request == Request::Stop {
+        if communicator.rank() == 0 {
+            watch.forget_file();
+        }
+        return Err(Error::Stopped("in the preparation".into()));
     }
-    let path = found.path.clone();
-    Ok((found, path))
+    Ok(())
 }
 
 fn generates(plan: &Plan) -> bool {
@@ -831,12 +1090,27 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &
     }
 }
 
-/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. Collective.
+/// Steps between two looks at whether the fluid is steady.
+const LOOK_EVERY: u64 = 100;
+
+/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. It goes on from `reached`,
+/// the steps taken and the velocities at the last look (three numbers a cell, [z][y][x]), and hands the same to `keep` where the
+/// outside asks for it. Collective.
 fn warm_up<Sp: Space, S: Saved>(
     plan: &Plan,
     flow: &mut dyn LatticeFlow<Sp, S>,
     particles: &mut Particles<Sp>,
     domain: &Domain,
+    watch: &mut Watch,
+    reached: (u64, Option<Vec<f64>>),
+    mut keep: impl FnMut(
+        u64,
+        &[f64],
+        &dyn LatticeFlow<Sp, S>,
+        &Particles<Sp>,
+        &mut Watch,
+        Request,
+    ) -> Result<(), Error>,
 ) -> Result<(u64, String), Error> {
     let Some(WarmUp::FluidOnly {
         relative_change, ..
@@ -844,34 +1118,36 @@ fn warm_up<Sp: Space, S: Saved>(
     else {
         return Ok((0, String::new()));
     };
-    const LOOK_EVERY: u64 = 100;
     let communicator = domain.communicator();
-    let cells: Vec<usize> = flow
-        .fluid()
-        .populations()
-        .interior()
-        .map(|(_, cell)| cell)
-        .collect();
-    let mut before: Vec<[f64; 3]> = vec![[0.0; 3]; cells.len()];
+    let cells = checkpoint::cells_in_order(flow.fluid());
+    let (mut step, before) = reached;
+    let mut before = before.unwrap_or_else(|| vec![0.0; 3 * cells.len()]);
     let mut change = f64::INFINITY;
-    let mut step = 0;
+    let mut ask_at = step + watch.steps();
     while step < plan.clock.warm_up_steps {
         flow.advance(particles, domain)?;
         step += 1;
         if step % LOOK_EVERY == 0 {
             let (mut moved, mut size) = (0.0_f64, 0.0_f64);
-            for (&cell, old) in cells.iter().zip(&mut before) {
+            for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {
                 let (_, u) = flow.fluid().state(cell);
                 for a in 0..3 {
                     moved = moved.max((u[a] - old[a]).abs());
                     size = size.max(u[a].abs());
                 }
-                *old = u;
+                old.copy_from_slice(&u);
             }
             change = communicator.all_reduce_max_f64(moved)
                 / communicator.all_reduce_max_f64(size).max(1e-300);
             if change < relative_change {
                 break;
+            }
+        }
+        if step >= ask_at {
+            let request = watch.ask(communicator);
+            ask_at = step + watch.steps();
+            if request != Request::None {
+                keep(step, &before, flow, particles, watch, request)?;
             }
         }
     }

@@ -10,25 +10,26 @@
 //! SIGKILL, and ends with 1 whatever the ranks do. Hence the checkpoint at SIGCONT: it is the first word of what comes. The
 //! two waits come with every end other than success, an abort or 75 included, so a longer timeout has its price.
 //!
-//! All ranks agree on the answer in one reduction, so that they stop at the same step.
+//! All ranks agree on the answer in one reduction, so that they stop at the same step. They ask every [`MOST_STEPS`] steps, or more
+//! often where steps are so slow that this would take more than a second.
+//!
+//! What the first rank does alone, such as growing a sample, is watched too: the others [`attend`](Watch::attend), so that a
+//! request that reaches any rank is heard.
 
 use crate::error::Error;
+use crate::scene::waiting::Request;
 use decomposition::Communicator;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What to do before the next step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Request {
-    /// Go on.
-    None,
-    /// Write a checkpoint and go on.
-    Checkpoint,
-    /// Write a checkpoint and stop.
-    Stop,
-}
+/// Steps between two questions, where steps are fast.
+const MOST_STEPS: u64 = 10;
+/// Between two questions that take longer than the first the steps are halved, below the second doubled [ms].
+const PACE: [u64; 2] = [1000, 250];
+/// The first rank has done what it did alone.
+const DONE: u64 = 3;
 
 /// Listens for requests.
 pub struct Watch {
@@ -41,15 +42,18 @@ pub struct Watch {
     saved: Instant,
     cost: Duration,
     looked: Instant,
+    asked: Instant,
+    steps: u64,
 }
 
 impl Watch {
-    /// Listens; `every` is the wall time between checkpoints, `limit` that of the whole run.
+    /// Listens; `every` is the wall time between checkpoints, `limit` that of the whole run, which began at `start`.
     ///
     /// # Errors
     /// When signals cannot be caught.
     pub fn new(
         folder: &Path,
+        start: Instant,
         limit: Option<Duration>,
         every: Option<Duration>,
     ) -> Result<Self, Error> {
@@ -73,17 +77,69 @@ impl Watch {
             stop,
             save,
             file: folder.join("STOP"),
-            start: now,
+            start,
             limit,
             every,
             saved: now,
             cost: Duration::ZERO,
             looked: now,
+            asked: now,
+            steps: 1,
         })
+    }
+
+    /// Steps until ranks should ask again; the same on all.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// The strongest request of any rank. Collective.
     pub fn ask(&mut self, communicator: &Communicator) -> Request {
+        let took = u64::try_from(self.asked.elapsed().as_millis())
+            .unwrap_or(u64::MAX)
+            .min(u64::from(u32::MAX));
+        // The largest time counts where nobody asks for anything, and nothing else needs it.
+        let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
+        self.asked = Instant::now();
+        let (request, took) = (all >> 32, all & u64::from(u32::MAX));
+        if took > PACE[0] {
+            self.steps = (self.steps / 2).max(1);
+        } else if took < PACE[1] {
+            self.steps = (2 * self.steps).min(MOST_STEPS);
+        }
+        match request {
+            0 => Request::None,
+            1 => Request::Checkpoint,
+            _ => Request::Stop,
+        }
+    }
+
+    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other ranks.
+    pub fn attend(&mut self, communicator: &Communicator) {
+        loop {
+            let mine = self.mine(communicator) as u64;
+            if communicator.all_reduce_max_u64(mine << 32) >> 32 == DONE {
+                break;
+            }
+        }
+        self.begin_anew();
+    }
+
+    /// Lets the others go on. First rank.
+    pub fn finish(&mut self, communicator: &Communicator) {
+        let _ = communicator.all_reduce_max_u64(DONE << 32);
+        self.begin_anew();
+    }
+
+    /// The same pace on all ranks, whoever asked before.
+    fn begin_anew(&mut self) {
+        self.steps = 1;
+        self.asked = Instant::now();
+    }
+
+    /// What reached this rank.
+    fn mine(&mut self, communicator: &Communicator) -> Request {
         let mut mine = Request::None;
         if self.save.load(Ordering::Relaxed) {
             mine = Request::Checkpoint;
@@ -113,11 +169,7 @@ impl Watch {
         if self.stop.load(Ordering::Relaxed) {
             mine = Request::Stop;
         }
-        match communicator.all_reduce_max_u64(mine as u64) {
-            0 => Request::None,
-            1 => Request::Checkpoint,
-            _ => Request::Stop,
-        }
+        mine
     }
 
     /// A checkpoint was written and took `cost`.

@@ -212,7 +212,8 @@ impl<'a> Runner<'a> {
             // What is not there need not be removed.
             let _ = fs::remove_file(folder.join(old));
         }
-        let case = folder.join("case.json");
+        // The run writes its own case.json.
+        let case = folder.join("member_case.json");
         if !again {
             io::atomic::write(&case, prepared.text.as_bytes())
                 .map_err(|e| Error::Io(e.to_string()))?;

@@ -19,6 +19,14 @@ pub(crate) struct Spacing {
 }
 
 impl Spacing {
+    /// One that needs no reason.
+    pub(crate) fn stated(value: f64) -> Self {
+        Self {
+            value,
+            reason: None,
+        }
+    }
+
     pub(crate) fn note(&self, chosen: &mut Chosen) {
         if let Some(reason) = &self.reason {
             chosen.note("spacing", reason.clone());

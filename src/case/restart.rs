@@ -1,0 +1,361 @@
+//! What a restart may change in its case, and what it may not, and why.
+//!
+//! The list is shown by `solver schema` as `x-restart`: on the case itself all of it, and beside each field that it names.
+
+use crate::error::{Problem, Severity};
+use serde_json::{Map, Value, json};
+
+/// A field, or all fields below it, that a restart may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Changeable {
+    /// Path as in messages; `[*]` is any item of a list. Everything below the path is meant too.
+    pub path: &'static str,
+    /// What a change means.
+    pub effect: &'static str,
+}
+
+const fn may(path: &'static str, effect: &'static str) -> Changeable {
+    Changeable { path, effect }
+}
+
+/// What a restart may change.
+pub const CHANGEABLE: [Changeable; 32] = [
+    may("title", "a name only"),
+    may("description", "a text only"),
+    may(
+        "time.end",
+        "a later end extends the run, also one that is done",
+    ),
+    may("time.neighbour_skin", "costs, no result"),
+    may("domain.split", "costs, no result"),
+    may("domain.slab_bounds", "costs, no result"),
+    may("output", "from the checkpoint on"),
+    may("probes", "from the checkpoint on"),
+    may("checkpoint", "from the checkpoint on"),
+    may("guards", "from the checkpoint on"),
+    may(
+        "analysis.erosion_law.end_at_eroded_fraction",
+        "when the run is done",
+    ),
+    may(
+        "walls",
+        "walls may come and go, and change their velocity; a wall that stays keeps its shape and material",
+    ),
+    may("box_walls", "walls on faces may come and go"),
+    may(
+        "regions",
+        "regions may come, go and change; one that keeps its name keeps its counts",
+    ),
+    may("gravity", "acts at once"),
+    may(
+        "fluid.lattice_boltzmann.body_force",
+        "acts at once; phases count from the start of the run",
+    ),
+    may("fluid.lattice_boltzmann.boundaries[*].name", "a name only"),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.velocity.profile",
+        "acts at once",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.velocity.ramp_time",
+        "counts from the first step of the fluid",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.velocity.turbulence",
+        "acts at once",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.pressure.value",
+        "acts at once, unless a ramp is still under way",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.pressure.ramp",
+        "counts from the first step of the fluid",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.moving_wall.velocity",
+        "acts at once",
+    ),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].condition.convective_outflow.velocity",
+        "acts at once",
+    ),
+    may("fluid.darcy.boundaries[*].name", "a name only"),
+    may(
+        "fluid.darcy.boundaries[*].condition.pressure.value",
+        "acts at the next coupling",
+    ),
+    may(
+        "fluid.darcy.boundaries[*].condition.head.value",
+        "acts at the next coupling",
+    ),
+    may(
+        "fluid.darcy.boundaries[*].condition.flux.value",
+        "acts at the next coupling",
+    ),
+    may(
+        "fluid.darcy.boundaries[*].condition.rain.rate",
+        "acts at the next coupling",
+    ),
+    may("fluid.darcy.tolerance", "of the pressure from now on"),
+    may("fluid.darcy.max_iterations", "of the pressure from now on"),
+    may("accuracy", "nothing: what was chosen at the start stays"),
+];
+
+/// Why the rest may not change, by the first part of the path that fits.
+const KEPT: [(&str, &str); 12] = [
+    ("domain", "the saved state has the cells of this domain"),
+    (
+        "materials",
+        "the saved bodies and contacts are of these materials",
+    ),
+    ("contact", "the saved contacts remember forces of this law"),
+    ("grains", "the grains are in the checkpoint"),
+    ("blocks", "the blocks are in the checkpoint"),
+    (
+        "bodies",
+        "the bodies are in the checkpoint as they were and moved",
+    ),
+    (
+        "coupling",
+        "the saved loads and covered cells are those of this coupling",
+    ),
+    (
+        "fluid.lattice_boltzmann.boundaries",
+        "a face keeps its kind of condition; its drive may change",
+    ),
+    (
+        "fluid.darcy.boundaries",
+        "a face keeps its kind of condition; its drive may change",
+    ),
+    ("fluid", "the saved fluid is scaled by it"),
+    ("time", "the saved step counts time in these steps"),
+    ("analysis", "its records began with the run"),
+];
+
+/// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are not equal as
+/// numbers.
+fn differences<'a>(
+    old: &'a Value,
+    new: &'a Value,
+    path: &str,
+    found: &mut Vec<(String, &'a Value, &'a Value)>,
+) {
+    static NOTHING: Value = Value::Null;
+    match (old, new) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            for key in keys {
+                let inner = super::text::join(path, key);
+                let of = |map: &'a Map<String, Value>| map.get(key).unwrap_or(&NOTHING);
+                differences(of(a), of(b), &inner, found);
+            }
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            for (n, (a, b)) in a.iter().zip(b).enumerate() {
+                differences(a, b, &format!("{path}[{n}]"), found);
+            }
+        }
+        (Value::Number(a), Value::Number(b)) if a.as_f64() == b.as_f64() => {}
+        _ if old == new => {}
+        _ => found.push((path.to_owned(), old, new)),
+    }
+}
+
+/// Whether a path is this pattern or lies below it.
+fn fits(pattern: &str, path: &str) -> bool {
+    let mut rest = path;
+    for (n, part) in pattern.split("[*]").enumerate() {
+        if n > 0 {
+            let Some((index, after)) = rest.strip_prefix('[').and_then(|r| r.split_once(']'))
+            else {
+                return false;
+            };
+            if index.parse::<usize>().is_err() {
+                return false;
+            }
+            rest = after;
+        }
+        let Some(after) = rest.strip_prefix(part) else {
+            return false;
+        };
+        rest = after;
+    }
+    rest.is_empty() || rest.starts_with('.') || rest.starts_with('[')
+}
+
+/// What differs between two cases, as serialised with all their defaults: paths that may change, and a problem for each that may not.
+#[must_use]
+pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
+    let mut found = Vec::new();
+    differences(old, new, "", &mut found);
+    let (mut changed, mut refused) = (Vec::new(), Vec::new());
+    for (path, old, new) in found {
+        if let Some(reason) = forbidden(&path, new) {
+            refused.push(problem(path, old, new, reason));
+        } else if CHANGEABLE.iter().any(|one| fits(one.path, &path)) {
+            changed.push(path);
+        } else {
+            let kept = KEPT.iter().find(|(pattern, _)| fits(pattern, &path));
+            let reason = kept.map_or("the saved state depends on it", |(_, reason)| *reason);
+            refused.push(problem(path, old, new, reason));
+        }
+    }
+    (changed, refused)
+}
+
+/// Changes within changeable fields that the saved state cannot follow.
+fn forbidden(path: &str, new: &Value) -> Option<&'static str> {
+    let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
+    let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
+        || path == "output.grains" && asked("/displacement");
+    displacement.then_some("the run did not keep where its grains started")
+}
+
+fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
+    let brief = super::text::brief;
+    Problem {
+        path,
+        value: format!("{} (was {})", brief(new), brief(old)),
+        reason: format!("a restart may not change this: {reason}"),
+        remedy: "take the change back, or start another run with it in a folder of its own; `solver schema` marks as x-restart what may change".into(),
+        severity: Severity::Error,
+    }
+}
+
+/// Puts the list into a schema: whole under `x-restart` of the root, and each effect beside its field.
+#[must_use]
+pub fn mark(mut schema: Value) -> Value {
+    let list: Vec<Value> = CHANGEABLE
+        .iter()
+        .map(|one| json!({"path": one.path, "effect": one.effect}))
+        .collect();
+    for one in CHANGEABLE {
+        if let Some(pointer) = locate(&schema, one.path)
+            && let Some(Value::Object(field)) = schema.pointer_mut(&pointer)
+        {
+            field.insert(
+                "x-restart".into(),
+                format!("may change: {}", one.effect).into(),
+            );
+        }
+    }
+    if let Value::Object(root) = &mut schema {
+        root.insert("x-restart".into(), list.into());
+    }
+    schema
+}
+
+/// The JSON pointer of a field's schema.
+fn locate(root: &Value, path: &str) -> Option<String> {
+    let mut at = String::new();
+    for part in path.split('.') {
+        let (key, item) = match part.strip_suffix("[*]") {
+            Some(key) => (key, true),
+            None => (part, false),
+        };
+        at = property(root, &at, key)?;
+        if item {
+            at = format!("{}/items", follow(root, &at)?);
+        }
+    }
+    Some(at)
+}
+
+/// The schema that a pointer means, `$ref`, optional fields and annotated values looked through.
+fn follow(root: &Value, at: &str) -> Option<String> {
+    let node = root.pointer(at)?;
+    if let Some(name) = node.get("$ref").and_then(Value::as_str) {
+        return follow(root, name.strip_prefix('#')?);
+    }
+    if let Some(options) = node.get("anyOf").and_then(Value::as_array) {
+        let useful = |option: &Value| {
+            let reference = option.get("$ref").and_then(Value::as_str);
+            option.get("type") != Some(&json!("null"))
+                && reference.is_none_or(|name| !name.ends_with("Annotated"))
+        };
+        let n = options.iter().position(useful)?;
+        return follow(root, &format!("{at}/anyOf/{n}"));
+    }
+    Some(at.to_owned())
+}
+
+/// The property of this name of an object, or of one of its variants.
+fn property(root: &Value, at: &str, key: &str) -> Option<String> {
+    let at = follow(root, at)?;
+    let direct = format!("{at}/properties/{key}");
+    if root.pointer(&direct).is_some() {
+        return Some(direct);
+    }
+    let options = root.pointer(&at)?.get("oneOf")?.as_array()?.len();
+    (0..options).find_map(|n| property(root, &format!("{at}/oneOf/{n}"), key))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::{Document, examples};
+    use std::path::Path;
+
+    fn case(name: &str, set: &[&str]) -> Value {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let text = examples::find(name).unwrap().text;
+        let document = Document::read(text, &set, Path::new("")).unwrap();
+        serde_json::to_value(&document.case).unwrap()
+    }
+
+    #[test]
+    fn what_may_change_does_and_the_rest_is_refused_by_name() {
+        let old = case("piping", &[]);
+        let (changed, refused) = compare(
+            &old,
+            &case("piping", &["time.warm_up.fluid_only.at_most=1e3"]),
+        );
+        assert!(changed.is_empty());
+        assert_eq!(refused.len(), 1, "{refused:?}");
+        assert_eq!(refused[0].path, "time.warm_up.fluid_only.at_most");
+        let drive = "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value";
+        let set = [
+            format!("{drive}=3"),
+            "time.end=9".into(),
+            "output={}".into(),
+        ];
+        let set: Vec<&str> = set.iter().map(String::as_str).collect();
+        let (mut changed, refused) = compare(&old, &case("piping", &set));
+        assert!(refused.is_empty(), "{refused:?}");
+        changed.retain(|path| !path.starts_with("output"));
+        assert_eq!(changed, [drive, "time.end"]);
+        let kind = "fluid.lattice_boltzmann.boundaries[0].condition={\"outflow\": {}}";
+        let (_, refused) = compare(&old, &case("piping", &[kind, "domain.spacing=1e-5"]));
+        let paths: Vec<&str> = refused.iter().map(|p| p.path.as_str()).collect();
+        assert!(paths.contains(&"domain.spacing"), "{paths:?}");
+        assert!(
+            paths.iter().any(|p| p.contains("boundaries[0].condition")),
+            "{paths:?}"
+        );
+    }
+
+    #[test]
+    fn the_same_numbers_written_otherwise_do_not_differ() {
+        let (changed, refused) = compare(&json!({"a": 1, "b": null}), &json!({"a": 1.0}));
+        assert!(changed.is_empty() && refused.is_empty());
+        assert!(fits("a.b[*].c", "a.b[12].c[0].d") && !fits("a.b[*].c", "a.b.c"));
+        assert!(!fits("time.end", "time.ending"));
+    }
+
+    #[test]
+    fn every_field_of_the_list_is_marked_in_the_schema() {
+        let schema = crate::case::schema();
+        assert_eq!(
+            schema["x-restart"].as_array().unwrap().len(),
+            CHANGEABLE.len()
+        );
+        for one in CHANGEABLE {
+            let at = locate(&schema, one.path).unwrap_or_else(|| panic!("no field {}", one.path));
+            assert!(
+                schema.pointer(&at).unwrap()["x-restart"].is_string(),
+                "{at}"
+            );
+        }
+    }
+}

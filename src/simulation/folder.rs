@@ -1,0 +1,570 @@
+//! The folder of a run: one run at a time uses it, and a new run never mixes its files with those of an earlier one.
+//!
+//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process however that ends,
+//! and the host, process and start of the holder for whoever reads it. On a file system whose locks do not reach other hosts, a
+//! lock of another host counts while its file has been touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job
+//! that its batch system has requeued takes over from its earlier attempt at once.
+//!
+//! A fresh run refuses a folder that holds another run, unless told to replace it. Then all files of the earlier run go before the
+//! first file of the new one comes, checkpoints first: at no moment does a restart find a state that belongs to other files.
+
+use super::agreement;
+use super::progress::clock;
+use crate::error::Error;
+use decomposition::Communicator;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+/// The lock's name in the folder.
+pub const LOCK: &str = "run.lock";
+/// The folder of the checkpoints within that of the run.
+pub const CHECKPOINTS: &str = "checkpoints";
+/// The folder of what a preparation has reached so far, within that of the run.
+pub const PREPARATION: &str = "preparation";
+/// How often a run touches its lock.
+const BEAT_EVERY: Duration = Duration::from_secs(20);
+/// A lock of another host that has not been touched for so long belongs to a job that is gone.
+const STALE_AFTER: Duration = Duration::from_secs(600);
+/// No file of a lock is larger [bytes].
+const LOCK_BYTES: u64 = 4096;
+
+/// Tables and pictures that runs write beside series and probes.
+const FILES: [&str; 13] = [
+    "case.json",
+    "summary.json",
+    "erosion.csv",
+    "removed.csv",
+    "bonds.csv",
+    "collapse.csv",
+    "collapse_points.csv",
+    "surface.csv",
+    "clusters.csv",
+    "collapse.svg",
+    "settlement.svg",
+    "averages_profile.csv",
+    "run.lock",
+];
+/// Series that runs write: `NAME.xmf` and `NAME_000000100.vtkhdf`.
+const SERIES: [&str; 5] = ["fluid", "grains", "contacts", "blocks", "averages"];
+
+/// Whether a run writes a file of this name into its folder.
+#[must_use]
+pub fn is_of_a_run(name: &str) -> bool {
+    let whole = name.strip_suffix(".part").unwrap_or(name);
+    FILES.contains(&whole)
+        || whole.starts_with("probe_") && whole.ends_with(".csv")
+        || SERIES.iter().any(|series| {
+            whole.strip_prefix(series).is_some_and(|rest| {
+                rest == ".xmf" || rest.starts_with('_') && rest.ends_with(".vtkhdf")
+            })
+        })
+}
+
+/// How a run comes to its folder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// It begins.
+    Fresh {
+        /// Whether an earlier run there is replaced.
+        overwrite: bool,
+        /// The file that the case was read from.
+        case: Option<PathBuf>,
+    },
+    /// It goes on with the run that is there.
+    Resume,
+}
+
+/// Who holds a folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Holder {
+    host: String,
+    process: u32,
+    /// Seconds since 1970.
+    started: u64,
+    /// Job and attempt of a batch system.
+    #[serde(default)]
+    job: Option<[String; 2]>,
+}
+
+impl Holder {
+    fn me() -> Self {
+        Self {
+            host: fs::read_to_string("/proc/sys/kernel/hostname")
+                .map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned()),
+            process: std::process::id(),
+            started: SystemTime::now()
+                .duration_since(SystemTime::UNIX_EPOCH)
+                .map_or(0, |since| since.as_secs()),
+            job: job(),
+        }
+    }
+
+    fn describe(&self) -> String {
+        let since = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .map_or(0, |now| now.as_secs().saturating_sub(self.started));
+        let job = self
+            .job
+            .as_ref()
+            .map_or(String::new(), |[job, _]| format!(" (job {job})"));
+        format!(
+            "process {} on {}{job} runs there since {} (h:min:s)",
+            self.process,
+            self.host,
+            clock(Duration::from_secs(since).as_secs_f64())
+        )
+    }
+
+    /// Whether this is an earlier attempt of the job that asks: batch systems end one before they begin the next.
+    fn was_requeued_as(&self, me: &Self) -> bool {
+        match (&self.job, &me.job) {
+            (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
+            _ => false,
+        }
+    }
+}
+
+/// The job of a batch system that this process belongs to, and which attempt at it this is.
+fn job() -> Option<[String; 2]> {
+    let of = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
+    let attempt = || {
+        ["SLURM_RESTART_COUNT", "PBS_RUNCOUNT"]
+            .iter()
+            .find_map(|name| of(name))
+            .unwrap_or_default()
+    };
+    ["SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID"]
+        .iter()
+        .find_map(|name| of(name))
+        .map(|job| [job, attempt()])
+}
+
+/// A folder in use by this run. The lock goes when this is dropped.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    /// On the first rank.
+    lock: Option<File>,
+    beaten: Instant,
+}
+
+impl RunFolder {
+    /// Takes the folder for this run, makes it where it is missing, and clears it of an earlier run where that was asked for.
+    /// Collective; the first rank acts.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on all ranks.
+    pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
+        let lock = agreement::on_first(communicator, || {
+            if let Entry::Fresh {
+                case: Some(case), ..
+            } = entry
+            {
+                keep_case(path, case)?;
+            }
+            fs::create_dir_all(path.join(CHECKPOINTS)).map_err(|e| failed(path, &e))?;
+            let lock = take(&path.join(LOCK))?;
+            if let Entry::Fresh { overwrite, .. } = entry
+                && let Some(found) = Found::in_folder(path)?
+            {
+                if !overwrite {
+                    // What was found stays as it is, without a trace of this process.
+                    drop(Release(path.join(LOCK), &lock));
+                    return Err(Error::Usage(format!(
+                        "{} holds another run ({}); go on with it by `solver restart {0}`, choose another --output, or replace it with --overwrite",
+                        path.display(),
+                        found.describe()
+                    )));
+                }
+                found.remove(path)?;
+            }
+            Ok(Some(lock))
+        })?;
+        Ok(Self {
+            path: path.to_owned(),
+            lock,
+            beaten: Instant::now(),
+        })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where its checkpoints are.
+    #[must_use]
+    pub fn checkpoints(&self) -> PathBuf {
+        self.path.join(CHECKPOINTS)
+    }
+
+    /// Where a sample in the making is kept.
+    #[must_use]
+    pub fn preparation(&self) -> PathBuf {
+        self.path.join(PREPARATION)
+    }
+
+    /// Removes a kept sample: a checkpoint of the run holds more now. First rank.
+    pub fn forget_preparation(&self) {
+        if self.lock.is_some() {
+            // What stays is older than the checkpoint, which a restart prefers.
+            let _ = fs::remove_dir_all(self.preparation());
+        }
+    }
+
+    /// Touches the lock now and then, so that other hosts see that this run lives.
+    pub fn beat(&mut self) {
+        if let Some(lock) = &self.lock
+            && self.beaten.elapsed() >= BEAT_EVERY
+        {
+            self.beaten = Instant::now();
+            // A folder that is gone shows when something is written.
+            let _ = lock.set_modified(SystemTime::now());
+        }
+    }
+}
+
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        if let Some(lock) = &self.lock {
+            drop(Release(self.path.join(LOCK), lock));
+        }
+    }
+}
+
+/// Removes the file of a lock that is held, when dropped.
+struct Release<'a>(PathBuf, &'a File);
+
+impl Drop for Release<'_> {
+    fn drop(&mut self) {
+        if is_at(self.1, &self.0) {
+            // What cannot be removed is stale as soon as this process has ended.
+            let _ = fs::remove_file(&self.0);
+        }
+    }
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> Error {
+    Error::Io(format!("{}: {error}", path.display()))
+}
+
+/// Whether an open file is the one of this name.
+fn is_at(file: &File, path: &Path) -> bool {
+    match (file.metadata(), fs::metadata(path)) {
+        (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
+        _ => false,
+    }
+}
+
+/// Refuses to replace the file of the case by what the run writes.
+fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
+    let (Ok(folder), Ok(file)) = (fs::canonicalize(folder), fs::canonicalize(case)) else {
+        // A folder that is not there holds nothing.
+        return Ok(());
+    };
+    let name = file.file_name().and_then(|name| name.to_str());
+    if file.parent() == Some(&folder) && name.is_some_and(is_of_a_run) {
+        return Err(Error::Usage(format!(
+            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another --output, or rename the case",
+            case.display(),
+            folder.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Takes the lock of this name, or says who holds it.
+fn take(path: &Path) -> Result<File, Error> {
+    // A holder that ends between opening and locking leaves a file without a name: try again then.
+    for _ in 0..100 {
+        let mut file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(|e| failed(path, &e))?;
+        let locks = match file.try_lock() {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => {
+                return Err(in_use(path, read(&mut file).as_ref()));
+            }
+            // A file system without locks.
+            Err(TryLockError::Error(_)) => false,
+        };
+        if !is_at(&file, path) {
+            continue;
+        }
+        let me = Holder::me();
+        if let Some(holder) = read(&mut file)
+            && lives(&holder, &me, locks, &file)
+        {
+            return Err(in_use(path, Some(&holder)));
+        }
+        let text = serde_json::to_string(&me).map_err(|e| Error::Internal(e.to_string()))?;
+        file.set_len(0)
+            .and_then(|()| file.seek(SeekFrom::Start(0)))
+            .and_then(|_| file.write_all(text.as_bytes()))
+            .map_err(|e| failed(path, &e))?;
+        return Ok(file);
+    }
+    Err(in_use(path, None))
+}
+
+fn read(file: &mut File) -> Option<Holder> {
+    let mut text = String::new();
+    file.seek(SeekFrom::Start(0)).ok()?;
+    file.take(LOCK_BYTES).read_to_string(&mut text).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Whether the holder that a lock names may still run although its lock could be taken.
+fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
+    if holder.host == me.host {
+        // The system's lock decides; where there is none, the process.
+        return !locks
+            && holder.process != me.process
+            && Path::new("/proc").join(holder.process.to_string()).exists();
+    }
+    let touched = file
+        .metadata()
+        .and_then(|data| data.modified())
+        .ok()
+        .and_then(|time| time.elapsed().ok());
+    !holder.was_requeued_as(me) && touched.is_none_or(|since| since < STALE_AFTER)
+}
+
+fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
+    let folder = path.parent().unwrap_or(path).display();
+    let who = holder.map_or_else(|| "another process runs there".to_owned(), Holder::describe);
+    Error::Usage(format!(
+        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if that process is gone for certain, remove {}",
+        path.display()
+    ))
+}
+
+/// What an earlier run left in a folder.
+struct Found {
+    /// Its files, but for checkpoints and the lock.
+    files: Vec<PathBuf>,
+    checkpoints: usize,
+    outcome: Option<String>,
+}
+
+impl Found {
+    /// None where there is nothing but the lock.
+    fn in_folder(folder: &Path) -> Result<Option<Self>, Error> {
+        let mut files = Vec::new();
+        for entry in fs::read_dir(folder).map_err(|e| failed(folder, &e))? {
+            let entry = entry.map_err(|e| failed(folder, &e))?;
+            let name = entry.file_name();
+            let ours = name
+                .to_str()
+                .is_some_and(|name| is_of_a_run(name) && name != LOCK);
+            if ours {
+                files.push(entry.path());
+            }
+        }
+        let saved = |name: &str| -> usize {
+            fs::read_dir(folder.join(name)).map_or(0, |entries| {
+                entries
+                    .flatten()
+                    .filter(|entry| entry.path().extension().is_some_and(|e| e == "json"))
+                    .count()
+            })
+        };
+        let checkpoints = saved(CHECKPOINTS) + saved(PREPARATION);
+        if files.is_empty() && checkpoints == 0 {
+            return Ok(None);
+        }
+        let json = |name: &str| -> Option<Value> {
+            serde_json::from_str(&fs::read_to_string(folder.join(name)).ok()?).ok()
+        };
+        let outcome = json("summary.json")
+            .and_then(|summary| Some(summary.get("outcome")?.as_str()?.to_owned()));
+        // Samples that the case had saved are files of the run too.
+        if let Some(case) = json("case.json") {
+            for part in ["grains", "blocks"] {
+                let name = case[part]["save"].as_str().map(Path::new);
+                let plain = name.filter(|name| name.components().count() == 1);
+                files.extend(plain.map(|name| folder.join(name)).filter(|p| p.is_file()));
+            }
+        }
+        Ok(Some(Self {
+            files,
+            checkpoints,
+            outcome,
+        }))
+    }
+
+    fn describe(&self) -> String {
+        let outcome = self.outcome.as_deref().unwrap_or("not ended");
+        format!(
+            "{outcome}, {} checkpoint{}, {} other file{}",
+            self.checkpoints,
+            if self.checkpoints == 1 { "" } else { "s" },
+            self.files.len(),
+            if self.files.len() == 1 { "" } else { "s" }
+        )
+    }
+
+    /// Removes all of it, checkpoints first.
+    fn remove(&self, folder: &Path) -> Result<(), Error> {
+        for name in [CHECKPOINTS, PREPARATION] {
+            let inner = folder.join(name);
+            match fs::remove_dir_all(&inner) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(failed(&inner, &e));
+                }
+                _ => {}
+            }
+        }
+        for file in &self.files {
+            match fs::remove_file(file) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(file, &e)),
+                _ => {}
+            }
+        }
+        let inner = folder.join(CHECKPOINTS);
+        fs::create_dir_all(&inner).map_err(|e| failed(&inner, &e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fresh(overwrite: bool) -> Entry {
+        Entry::Fresh {
+            overwrite,
+            case: None,
+        }
+    }
+
+    fn enter(path: &Path, entry: &Entry) -> Result<RunFolder, Error> {
+        RunFolder::enter(path, entry, &Communicator::serial())
+    }
+
+    #[test]
+    fn names_of_a_run_are_known_and_others_are_not() {
+        for name in [
+            "case.json",
+            "probe_flux.csv",
+            "fluid.xmf",
+            "grains_000000100.vtkhdf",
+            "fluid_000000100.vtkhdf.part",
+        ] {
+            assert!(is_of_a_run(name), "{name}");
+        }
+        for name in ["STOP", "my.json", "log.txt", "fluid.png", "sample.csv"] {
+            assert!(!is_of_a_run(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn one_run_at_a_time_uses_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let held = enter(folder.path(), &fresh(false)).unwrap();
+        for entry in [fresh(true), Entry::Resume] {
+            let error = enter(folder.path(), &entry).unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+            let text = error.to_string();
+            assert!(
+                text.contains("in use") && text.contains(&std::process::id().to_string()),
+                "{text}"
+            );
+        }
+        drop(held);
+        assert!(!folder.path().join(LOCK).exists());
+        enter(folder.path(), &Entry::Resume).unwrap();
+    }
+
+    #[test]
+    fn a_lock_of_a_process_that_is_gone_is_taken_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LOCK);
+        let me = Holder::me();
+        let holder = |host: &str, job: Option<[&str; 2]>| Holder {
+            host: host.into(),
+            process: 4_000_000,
+            started: me.started,
+            job: job.map(|job| job.map(str::to_owned)),
+        };
+        let write = |holder: &Holder| {
+            fs::write(&path, serde_json::to_string(holder).unwrap()).unwrap();
+        };
+        write(&holder(&me.host, None));
+        drop(enter(folder.path(), &Entry::Resume).unwrap());
+        // Another host whose run has touched its lock lately lives, for all that can be known.
+        write(&holder("elsewhere", None));
+        assert!(enter(folder.path(), &Entry::Resume).is_err());
+        let long_ago = SystemTime::now() - 2 * STALE_AFTER;
+        let file = OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_modified(long_ago).unwrap();
+        drop(enter(folder.path(), &Entry::Resume).unwrap());
+        // Damaged words hold nobody up.
+        fs::write(&path, "{").unwrap();
+        drop(enter(folder.path(), &Entry::Resume).unwrap());
+        let first = holder("elsewhere", Some(["7", ""]));
+        assert!(first.was_requeued_as(&holder("here", Some(["7", "1"]))));
+        assert!(!first.was_requeued_as(&holder("here", Some(["7", ""]))));
+        assert!(!first.was_requeued_as(&holder("here", None)));
+    }
+
+    #[test]
+    fn another_run_is_refused_or_removed_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at(CHECKPOINTS)).unwrap();
+        for name in [
+            "checkpoints/checkpoint_000000100.json",
+            "checkpoints/checkpoint_000000100.h5",
+            "probe_a.csv",
+            "erosion.csv",
+            "mine.csv",
+            "notes.txt",
+        ] {
+            fs::write(at(name), "x").unwrap();
+        }
+        fs::write(at("case.json"), r#"{"grains": {"save": "mine.csv"}}"#).unwrap();
+        fs::write(at("summary.json"), r#"{"outcome": "done"}"#).unwrap();
+        let error = enter(folder.path(), &fresh(false)).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        let text = error.to_string();
+        assert!(
+            text.contains("done, 1 checkpoint, 5 other files") && text.contains("--overwrite"),
+            "{text}"
+        );
+        assert!(!at(LOCK).exists() && at("erosion.csv").exists());
+        drop(enter(folder.path(), &fresh(true)).unwrap());
+        let mut left: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        left.sort();
+        assert_eq!(left, ["checkpoints", "notes.txt"]);
+        assert_eq!(fs::read_dir(at(CHECKPOINTS)).unwrap().count(), 0);
+        drop(enter(folder.path(), &fresh(false)).unwrap());
+    }
+
+    #[test]
+    fn the_case_itself_is_never_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let case = folder.path().join("case.json");
+        fs::write(&case, "{}").unwrap();
+        let entry = Entry::Fresh {
+            overwrite: true,
+            case: Some(case.clone()),
+        };
+        let error = enter(folder.path(), &entry).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("its own case"), "{error}");
+        assert_eq!(fs::read_to_string(&case).unwrap(), "{}");
+    }
+}

@@ -1,0 +1,348 @@
+//! What a run goes on from: its newest checkpoint, and a case that fits it.
+//!
+//! A checkpoint carries the case that it was written for. The case in the folder, with what `--set` changes, is compared with it field
+//! by field: what a restart may change ([`crate::case::restart`]) it does, anything else is refused by name. What both cases leave out
+//! stays as it was chosen for the run, so that a later end or another output moves no time step.
+
+use super::folder::RunFolder;
+use super::setup;
+use crate::case::{Case, Document, restart};
+use crate::dem::Dem;
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::error::{Error, Problem, Severity};
+use crate::output::together::Together;
+use crate::plan::Plan;
+use crate::scene::observe::Action;
+use crate::scene::solids::Wall;
+use decomposition::{Communicator, Domain};
+use io::checkpoint::Found;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A checkpoint and how the scene differs from that of its run.
+#[derive(Clone, Debug)]
+pub(super) struct Resumed {
+    pub(super) found: Found,
+    /// Whether the case in the folder is to be written anew.
+    pub(super) changed: bool,
+    /// Which of the run's walls each wall is; none where they are the same.
+    pub(super) walls: Option<Vec<Option<usize>>>,
+    /// Which of the run's regions each region is.
+    pub(super) regions: Option<Vec<Option<usize>>>,
+}
+
+/// Where a run was when it was saved.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Stage {
+    /// Past its preparation.
+    Run,
+    /// A sample in the making.
+    Sample,
+    /// Bonded grains on their way to rest.
+    Settling(Value),
+    /// The fluid on its way to being steady, after so many steps.
+    WarmUp(u64),
+}
+
+impl Resumed {
+    /// With the case of the checkpoint itself.
+    pub(super) fn unchanged(found: Found) -> Self {
+        Self {
+            found,
+            changed: false,
+            walls: None,
+            regions: None,
+        }
+    }
+
+    pub(super) fn stage(&self) -> Result<Stage, Error> {
+        let stage = &self.found.manifest.attributes["preparation"];
+        if stage.is_null() {
+            return Ok(Stage::Run);
+        }
+        if !stage["sample"].is_null() {
+            return Ok(Stage::Sample);
+        }
+        if !stage["settling"].is_null() {
+            return Ok(Stage::Settling(stage["settling"].clone()));
+        }
+        stage["warm_up"].as_u64().map(Stage::WarmUp).ok_or_else(|| {
+            Error::Io(format!(
+                "{} does not say how far the preparation was",
+                self.found.path.display()
+            ))
+        })
+    }
+}
+
+/// What every checkpoint says of its run.
+pub(super) fn attributes(plan: &Plan) -> Value {
+    json!({
+        "case": plan.case_text,
+        "case_hash": plan.case_hash,
+        "scales": scales(plan),
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": env!("SOLVER_COMMIT"),
+    })
+}
+
+/// What the numbers of a state count in.
+fn scales(plan: &Plan) -> Value {
+    json!({
+        "cells": plan.scene.grid.cells,
+        "spacing": plan.scene.grid.spacing,
+        "time_step": plan.clock.time_step,
+        "solid_steps_per_step": plan.clock.solid_steps_per_step,
+    })
+}
+
+/// The newest checkpoint of a folder: of the run, or else of its preparation. Collective.
+///
+/// # Errors
+/// [`Error::Io`] where there is none, the same on all ranks.
+pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Found, Error> {
+    let group = Together(communicator);
+    let found = match io::checkpoint::newest(&folder.checkpoints(), &group) {
+        Err(io::Error::NoCheckpoint { path, reason }) => {
+            let sample = folder.preparation();
+            let kept = communicator.all_reduce_max_u64(u64::from(sample.is_dir())) > 0;
+            if !kept {
+                return Err(Error::Io(format!(
+                    "no checkpoint in {path}{reason}; begin again with `solver {0}/case.json --output ..` or, in the same folder, with a copy of that case and --overwrite",
+                    folder.path().display()
+                )));
+            }
+            io::checkpoint::newest(&sample, &group)
+        }
+        other => other,
+    };
+    let found = found.map_err(|e| Error::Io(e.to_string()))?;
+    for passed in &found.passed_over {
+        log::warn!("checkpoint passed over: {passed}");
+    }
+    Ok(found)
+}
+
+/// Whether a folder holds a run of this very plan that can go on. First rank.
+pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
+    let case = std::fs::read_to_string(folder.join("case.json"));
+    let saved = |name: &str| {
+        std::fs::read_dir(folder.join(name)).is_ok_and(|mut entries| entries.next().is_some())
+    };
+    case.is_ok_and(|text| text == plan.case_text)
+        && (saved(super::folder::CHECKPOINTS) || saved(super::folder::PREPARATION))
+}
+
+/// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
+///
+/// # Errors
+/// Every change that the state cannot follow, and what is wrong with the case.
+pub(super) fn plan(
+    text: &str,
+    set: &[String],
+    folder: &Path,
+    found: Found,
+) -> Result<(Plan, Resumed), Error> {
+    let document = Document::read(text, set, folder).map_err(Error::Case)?;
+    let attributes = &found.manifest.attributes;
+    let mut resumed = Resumed::unchanged(found.clone());
+    let Some(saved) = attributes["case"].as_str() else {
+        return of_an_older_version(document, resumed);
+    };
+    let base = Document::read(saved, &[], folder).map_err(Error::Case)?;
+    let tree = |case: &Case| {
+        serde_json::to_value(case).map_err(|e| Error::Internal(format!("a case as text: {e}")))
+    };
+    let (changed, mut refused) = restart::compare(&tree(&base.case)?, &tree(&document.case)?);
+    refused.extend(walls_that_differ(&base.case, &document.case));
+    if !refused.is_empty() {
+        return Err(Error::Case(refused));
+    }
+    let plan = if changed.is_empty() {
+        Plan::prepare(document).map_err(Error::Case)?
+    } else {
+        let old = Plan::prepare(base).map_err(Error::Case)?;
+        let plan = Plan::prepare_like(document, &old).map_err(Error::Case)?;
+        resumed.walls = Some(wall_origins(&old.scene.walls, &plan.scene.walls))
+            .filter(|_| changed.iter().any(|path| path.contains("walls")));
+        resumed.regions = Some(region_origins(&old, &plan)?);
+        plan
+    };
+    check_scales(&plan, attributes, &resumed)?;
+    resumed.changed = plan.case_text != text;
+    Ok((plan, resumed))
+}
+
+/// Checkpoints of earlier versions know the hash of their case only.
+fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Resumed), Error> {
+    let plan = Plan::prepare(document).map_err(Error::Case)?;
+    let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
+    if theirs != Some(plan.case_hash.as_str()) {
+        return Err(Error::Io(format!(
+            "{} was written by a version that did not keep its case, and belongs to another one (hash {}, this case {}); restart it without --set",
+            resumed.found.path.display(),
+            theirs.unwrap_or("missing"),
+            plan.case_hash
+        )));
+    }
+    Ok((plan, resumed))
+}
+
+fn refusal(path: &str, value: String, reason: impl Into<String>, remedy: &str) -> Problem {
+    Problem {
+        path: path.into(),
+        value,
+        reason: reason.into(),
+        remedy: remedy.into(),
+        severity: Severity::Error,
+    }
+}
+
+/// The state must count in the cells and steps of the plan, and lie before its end.
+fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<(), Error> {
+    let mut problems = Vec::new();
+    let (theirs, ours) = (&attributes["scales"], scales(plan));
+    for (name, ours) in ours.as_object().into_iter().flatten() {
+        let theirs = &theirs[name];
+        if theirs != ours {
+            problems.push(refusal(
+                name,
+                format!("{ours} (was {theirs})"),
+                "the saved state counts in the old one",
+                "restart with the version and the case that the run was started with",
+            ));
+        }
+    }
+    let step = resumed.found.manifest.step;
+    if plan.clock.steps < step {
+        problems.push(refusal(
+            "time.end",
+            plan.scene.time.end.to_string(),
+            format!(
+                "the checkpoint is at {} s already",
+                resumed.found.manifest.time
+            ),
+            &format!("use at least {}", resumed.found.manifest.time),
+        ));
+    }
+    if problems.is_empty() {
+        Ok(())
+    } else {
+        Err(Error::Case(problems))
+    }
+}
+
+/// Walls that stay keep all but their velocity.
+fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for (n, wall) in new.walls.iter().enumerate() {
+        let Some(before) = old.walls.iter().find(|before| before.name == wall.name) else {
+            continue;
+        };
+        for (field, same) in [
+            ("shape", before.shape == wall.shape),
+            ("material", before.material == wall.material),
+            ("during", before.during == wall.during),
+        ] {
+            if !same {
+                problems.push(refusal(
+                    &format!("walls[{n}].{field}"),
+                    format!("changed, of the wall `{}`", wall.name),
+                    "a restart may not change this: the saved contacts are with the wall as it was",
+                    "take this wall out and add one of another name",
+                ));
+            }
+        }
+    }
+    problems
+}
+
+/// Which of the old walls each new one is: of the same name, or on the same face of the domain.
+fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
+    new.iter()
+        .map(|wall| {
+            old.iter()
+                .position(|before| before.name == wall.name && before.face == wall.face)
+        })
+        .collect()
+}
+
+/// Which of the old regions each new one is: of the same name.
+fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
+    let generates = |plan: &Plan| {
+        let regions = plan.scene.regions.iter();
+        regions
+            .clone()
+            .position(|region| matches!(region.action, Action::Generate { .. }))
+    };
+    if let (None, Some(n)) = (generates(old), generates(new)) {
+        return Err(Error::Case(vec![refusal(
+            &format!("regions[{n}].action.generate"),
+            "new".into(),
+            "the run did not generate grains: which ids are free is not known",
+            "start another run with it",
+        )]));
+    }
+    let regions = new.scene.regions.iter();
+    Ok(regions
+        .map(|region| {
+            old.scene
+                .regions
+                .iter()
+                .position(|before| before.name == region.name)
+        })
+        .collect())
+}
+
+/// Gives walls the velocities of the case: those of the checkpoint may be older.
+pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
+    let velocities: Vec<S::Vector> = setup::walls::<S>(plan)
+        .iter()
+        .map(|wall| wall.velocity)
+        .collect();
+    dem.drive_walls(&velocities);
+}
+
+/// No grain may stand in a wall that comes now. Collective.
+pub(super) fn clear_of_new_walls<S: Space>(
+    plan: &Plan,
+    origins: &[Option<usize>],
+    particles: &Particles<S>,
+    domain: &Domain,
+) -> Result<(), Error> {
+    /// Of a radius: contacts bear overlaps up to this, deeper ones would burst apart.
+    const ALLOWED: f64 = 0.05;
+    let walls = setup::walls::<S>(plan);
+    let new = walls.iter().zip(&plan.scene.walls).zip(origins);
+    let mut struck = None;
+    for ((wall, written), _) in new.filter(|(_, origin)| origin.is_none()) {
+        for k in 0..particles.owned() {
+            let at = particles.location(k);
+            let distance = match &wall.surface {
+                None => wall.distance(&at),
+                Some(surface) => surface.clearance(&S::to_volume(&at)),
+            };
+            let radius = particles.body[k].radius;
+            if distance < (1.0 - ALLOWED) * radius {
+                struck.get_or_insert_with(|| {
+                    format!(
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); put it where nothing stands",
+                        written.name, particles.body[k].id, distance
+                    )
+                });
+            }
+        }
+    }
+    domain
+        .communicator()
+        .agree(struck.map_or(Ok(()), Err))
+        .map_err(|e| {
+            Error::Case(vec![refusal(
+                "walls",
+                "new".into(),
+                e.message,
+                "or take the wall out",
+            )])
+        })
+}
