@@ -121,6 +121,9 @@ enum Command {
         output: Option<PathBuf>,
         #[command(flatten)]
         task: TaskArgs,
+        /// Ask the members to stop before this much wall-clock time is over; the same command goes on.
+        #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+        max_walltime: Option<Duration>,
     },
     /// Search the smallest drive of a seepage that erodes, by runs of the case that differ in nothing else.
     CriticalGradient {
@@ -147,6 +150,9 @@ enum Command {
         /// Threads of each rank [default: the cores of the machine over the ranks on it].
         #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
         threads: Option<u16>,
+        /// Stop before this much wall-clock time is over; the same command goes on.
+        #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+        max_walltime: Option<Duration>,
     },
 }
 
@@ -282,11 +288,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             study,
             output,
             task,
+            max_walltime,
         } => sweep(
             &Sweep {
                 study,
                 output,
                 task: task.task(),
+                max_walltime,
             },
             engine,
         ),
@@ -299,6 +307,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             grains,
             output,
             threads,
+            max_walltime,
         } => {
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
@@ -310,6 +319,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 tolerance,
                 grains,
                 threads: threads.map(usize::from),
+                begun,
+                max_walltime,
             };
             told((engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)))
         }

@@ -27,6 +27,7 @@ use members::{Member, Verdict};
 use record::Record;
 use runner::{Runner, solver_version};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use study::Study;
 
 /// What is asked of a sweep.
@@ -38,6 +39,8 @@ pub struct Sweep {
     pub output: Option<PathBuf>,
     /// What to do.
     pub task: Task,
+    /// Wall-clock time after which members are asked to stop.
+    pub max_walltime: Option<Duration>,
 }
 
 /// What to do.
@@ -87,11 +90,11 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
                     format!("use 1 to {}", members.len()),
                 )
             })?;
-            run(&study, std::slice::from_ref(member), &output, say)
+            run(&study, std::slice::from_ref(member), &output, sweep, say)
         }
         Task::Run => {
             enough_cores(&study)?;
-            run(&study, &members, &output, say)?;
+            run(&study, &members, &output, sweep, say)?;
             collect(&study, &members, beside, &output, say)
         }
     }
@@ -128,8 +131,14 @@ fn enough_cores(study: &Study) -> Result<(), Error> {
     ))
 }
 
-fn run(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
-    let runner = Runner::new(study, output, say)?;
+fn run(
+    study: &Study,
+    members: &[Member],
+    output: &Path,
+    sweep: &Sweep,
+    say: Say<'_>,
+) -> Result<(), Error> {
+    let runner = Runner::new(study, output, sweep.max_walltime, say)?;
     runner.run(members)
 }
 

@@ -5,9 +5,11 @@
 //! is gone by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of
 //! their centres. Beside it stands Terzaghi's for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below
 //! the critical one and G_s the density of the grains over that of the water (Terzaghi 1943).
+//!
+//! A search that was stopped goes on when it is called again: runs that are done are read, and one that was stopped is resumed.
 
 use super::progress::Progress;
-use super::run;
+use super::run::{self, Bounds};
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
 use crate::case::darcy::SeepageCondition;
@@ -19,6 +21,7 @@ use decomposition::Communicator;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// What is searched.
 #[derive(Clone, Debug)]
@@ -41,6 +44,10 @@ pub struct Search {
     pub output: PathBuf,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
+    /// When the program was started, and the wall time after which the search stops; the same search goes on.
+    pub begun: Instant,
+    /// See above.
+    pub max_walltime: Option<Duration>,
 }
 
 /// A run of the search.
@@ -340,8 +347,13 @@ impl Searching<'_> {
         }
         let plan = planned(self.text, self.search, &more)?;
         let half = plan.clock.steps / 2;
+        let bounds = Bounds {
+            folder: self.search.output.clone(),
+            begun: self.search.begun,
+            limit: self.search.max_walltime,
+        };
         if !run::is_done(self.communicator, &plan, &folder)? {
-            run::trial(self.communicator, self.threads, plan, &folder)?;
+            run::trial(self.communicator, self.threads, plan, &folder, &bounds)?;
         }
         if self.sample.is_none() {
             let sample = folder.join("sample.csv");

@@ -74,6 +74,7 @@ pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
         };
         let start = Start {
             folder: RunFolder::enter(path, &entry, communicator)?,
+            parent: None,
             resumed: None,
             limit: options.max_walltime,
             begun: options.begun,
@@ -104,6 +105,7 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
         let (plan, resumed) = resume::plan(&text, set, folder, found)?;
         let start = Start {
             folder: entered,
+            parent: None,
             resumed: Some(resumed),
             limit: options.max_walltime,
             begun: options.begun,
@@ -116,6 +118,16 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
     })
 }
 
+/// Until when work of several runs may go on.
+#[derive(Clone, Debug)]
+pub(super) struct Bounds {
+    /// Folder in which a file STOP ends it.
+    pub(super) folder: PathBuf,
+    /// When it began, and the wall time that it may take.
+    pub(super) begun: Instant,
+    pub(super) limit: Option<Duration>,
+}
+
 /// Runs a plan on ranks that are there already, without a word; goes on where an earlier attempt at it was stopped. Collective.
 ///
 /// # Errors
@@ -125,6 +137,7 @@ pub(super) fn trial(
     threads: usize,
     plan: Plan,
     folder: &Path,
+    bounds: &Bounds,
 ) -> Result<(), Error> {
     let resumes = agreement::on_first(communicator, || Ok(resume::is_open(folder, &plan)))?;
     let resumes = communicator.all_reduce_max_u64(u64::from(resumes)) > 0;
@@ -142,9 +155,10 @@ pub(super) fn trial(
         .transpose()?;
     let start = Start {
         folder: entered,
+        parent: Some(bounds.folder.clone()),
         resumed,
-        limit: None,
-        begun: Instant::now(),
+        limit: bounds.limit,
+        begun: bounds.begun,
         threads,
         json: false,
         quiet: true,
@@ -316,6 +330,7 @@ pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulatio
     };
     let start = Start {
         folder: RunFolder::enter(folder, &entry, domain.communicator())?,
+        parent: None,
         resumed: None,
         limit: None,
         begun: Instant::now(),
@@ -329,6 +344,8 @@ pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulatio
 
 struct Start {
     folder: RunFolder,
+    /// A folder in which a file STOP ends this run too.
+    parent: Option<PathBuf>,
     resumed: Option<Resumed>,
     limit: Option<Duration>,
     begun: Instant,
@@ -382,7 +399,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut watch = {
             let every = plan.scene.checkpoint.every_wall_seconds;
             let every = (every > 0.0).then(|| Duration::from_secs_f64(every));
-            Watch::new(folder.path(), start.begun, start.limit, every)?
+            let mut folders = vec![folder.path()];
+            folders.extend(start.parent.as_deref());
+            Watch::new(&folders, start.begun, start.limit, every)?
         };
         let speaks = first && !start.quiet;
         let mut progress = Progress::new(speaks, 0);

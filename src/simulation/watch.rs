@@ -35,7 +35,7 @@ const DONE: u64 = 3;
 pub struct Watch {
     stop: Arc<AtomicBool>,
     save: Arc<AtomicBool>,
-    file: PathBuf,
+    files: Vec<PathBuf>,
     start: Instant,
     limit: Option<Duration>,
     every: Option<Duration>,
@@ -47,12 +47,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Listens; `every` is the wall time between checkpoints, `limit` that of the whole run, which began at `start`.
+    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that of the whole run,
+    /// which began at `start`.
     ///
     /// # Errors
     /// When signals cannot be caught.
     pub fn new(
-        folder: &Path,
+        folders: &[&Path],
         start: Instant,
         limit: Option<Duration>,
         every: Option<Duration>,
@@ -76,7 +77,7 @@ impl Watch {
         Ok(Self {
             stop,
             save,
-            file: folder.join("STOP"),
+            files: folders.iter().map(|folder| folder.join("STOP")).collect(),
             start,
             limit,
             every,
@@ -161,7 +162,7 @@ impl Watch {
             }
             if self.looked.elapsed() >= Duration::from_millis(500) {
                 self.looked = Instant::now();
-                if self.file.exists() {
+                if self.files.iter().any(|file| file.exists()) {
                     mine = Request::Stop;
                 }
             }
@@ -179,10 +180,12 @@ impl Watch {
         self.cost = self.cost.max(cost);
     }
 
-    /// Removes the STOP file, so that the next run does not stop at once.
+    /// Removes the STOP files, so that the next run does not stop at once.
     pub fn forget_file(&self) {
         // Nobody else is hurt if it stays: the next run stops again and says why.
-        let _ = std::fs::remove_file(&self.file);
+        for file in &self.files {
+            let _ = std::fs::remove_file(file);
+        }
     }
 
     /// Wall time since the start of the run.

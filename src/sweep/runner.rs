@@ -1,8 +1,8 @@
 //! Members as processes of this program, one or several at a time.
 //!
 //! A member is asked to stop by the file `STOP` in its folder, at which a run writes a checkpoint and ends with 75 on any
-//! number of ranks; one that has not ended a minute later is ended by force. So it is when a signal ends the sweep, and
-//! when a member reaches its time limit.
+//! number of ranks; one that has not ended a minute later is ended by force. This happens when a signal, a file `STOP` in the folder
+//! of the sweep or its wall time ends the sweep, and when a member reaches its time limit.
 //!
 //! Environment, as for the scripts under `jobs`: SOLVER (the program; this one without it), LAUNCH (what starts MPI;
 //! `mpirun -n RANKS` without it, and nothing for one rank).
@@ -26,6 +26,8 @@ use std::time::{Duration, Instant};
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// How long a member may take to write its checkpoint.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// What is kept back of the wall time of a sweep, for the checkpoints of its members.
+const RESERVE: Duration = Duration::from_secs(5);
 /// Ticks of a second in `/proc/PID/stat`: USER_HZ, 100 on all machines that Linux runs on today.
 const TICKS: f64 = 100.0;
 
@@ -37,6 +39,7 @@ pub struct Runner<'a> {
     solver: PathBuf,
     version: String,
     stop: Arc<AtomicBool>,
+    end: Option<Instant>,
 }
 
 /// A member that runs.
@@ -92,7 +95,12 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// [`Error::Io`] for the folder, [`Error::Internal`] where signals cannot be caught.
-    pub fn new(study: &'a Study, output: &'a Path, say: Say<'a>) -> Result<Self, Error> {
+    pub fn new(
+        study: &'a Study,
+        output: &'a Path,
+        walltime: Option<Duration>,
+        say: Say<'a>,
+    ) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR2};
         fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -107,7 +115,15 @@ impl<'a> Runner<'a> {
             solver: solver()?,
             version: solver_version()?,
             stop,
+            end: walltime.map(|walltime| Instant::now() + walltime.saturating_sub(RESERVE)),
         })
+    }
+
+    /// Whether a signal, the file STOP or the clock asks for an end.
+    fn is_to_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+            || self.end.is_some_and(|end| Instant::now() >= end)
+            || self.output.join("STOP").exists()
     }
 
     /// Runs the members that are not done, and waits for all of them.
@@ -124,7 +140,7 @@ impl<'a> Runner<'a> {
         let mut jobs: Vec<Job<'_>> = Vec::new();
         let (mut spent, mut of_plan, mut stopped) = (0.0, 0.0, 0_usize);
         loop {
-            let stopping = self.stop.load(Ordering::Relaxed);
+            let stopping = self.is_to_stop();
             while !stopping && jobs.len() < self.run.at_once as usize {
                 let Some((number, member)) = queue.pop_front() else {
                     break;
@@ -151,6 +167,8 @@ impl<'a> Runner<'a> {
             }
             std::thread::sleep(LOOK_EVERY);
         }
+        // The next call is not to stop at once.
+        let _ = fs::remove_file(self.output.join("STOP"));
         if stopped + queue.len() == 0 {
             return Ok(());
         }
