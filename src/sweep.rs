@@ -22,7 +22,7 @@ pub mod slurm;
 pub mod study;
 pub mod table;
 
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, controls};
 use members::{Member, Verdict};
 use record::Record;
 use runner::{Runner, solver_version};
@@ -80,6 +80,17 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
         Task::Member(number) => {
             let chosen = number.checked_sub(1).and_then(|n| members.get(n));
             let member = chosen.ok_or_else(|| {
+            for path in [file, &output] {
+                let text = path.display().to_string();
+                if text.chars().any(controls) {
+                    return Err(one_problem(
+                        "the study",
+                        format!("{text:?}"),
+                        "its path holds a line break or another control character, which would end a line of the script".into(),
+                        "rename it, or choose another --output".into(),
+                    ));
+                }
+            }
                 one_problem(
                     "--member",
                     number.to_string(),
