@@ -7,6 +7,7 @@
 use crate::case::contact::Scaled;
 use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
 use crate::dem::particles::Particles;
+use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Relaxation, Wall};
 use crate::error::Error;
@@ -104,7 +105,7 @@ fn on_first<S: Space>(
             let (grains, report) = falling::<S>(plan, block, grading, rain).fall(waiting)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
-                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {:.1e}",
+                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
                 report.grains,
                 report.fallen,
                 last.steps,
@@ -116,7 +117,7 @@ fn on_first<S: Space>(
                 report.coordination,
                 report.largest_overlap,
                 last.kinetic_energy,
-                last.unbalanced
+                unbalanced_text(last.unbalanced)
             );
             prepared.report = json!({ "rain": report });
             grains
@@ -138,13 +139,13 @@ fn on_first<S: Space>(
             let packing = preparation::<S>(plan, block, *number, growth).pack(waiting)?;
             let r = &packing.report;
             prepared.line = format!(
-                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {:.1e}, sizes x {:.4}",
+                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {}, sizes x {:.4}",
                 r.grains,
                 r.steps,
                 r.solid_fraction,
                 r.coordination,
                 r.mean_overlap,
-                r.unbalanced,
+                unbalanced_text(r.unbalanced),
                 r.size_factor
             );
             prepared.report = json!({ "growth": r });
@@ -409,9 +410,9 @@ pub fn settle<S: Space>(
         set_velocity(particles, k, velocity);
     }
     let line = format!(
-        "{bonds} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {broken} bonds broke on the way",
+        "{bonds} bonds; at rest after {} solid steps (unbalanced force {}); {broken} bonds broke on the way",
         still.steps,
-        still.unbalanced()
+        unbalanced_text(still.unbalanced())
     );
     let report = json!({
         "bonds": bonds,
