@@ -17,6 +17,7 @@ pub mod run;
 pub mod setup;
 mod table;
 pub mod watch;
+pub mod versions;
 
 use crate::checkpoint::{Saved, State};
 use crate::coupling::drag::Seepage;

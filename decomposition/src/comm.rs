@@ -122,6 +122,19 @@ impl World {
 }
 
 /// Ends the job when any thread of this rank panics.
+/// Name and version of the MPI library that this program is linked with, one line; MPI need not have been started.
+#[must_use]
+pub fn mpi_library() -> String {
+    let (major, minor) = environment::version();
+    let library = environment::library_version().unwrap_or_default();
+    let library = library
+        .split(['\n', '\0'])
+        .next()
+        .unwrap_or_default()
+        .trim();
+    format!("MPI {major}.{minor}, {library}")
+}
+
 fn install_panic_hook(rank: usize, size: usize) {
     let previous = panic::take_hook();
     panic::set_hook(Box::new(move |info| {
@@ -293,14 +306,7 @@ impl Communicator {
         if self.raw().is_none() {
             return "serial, no MPI".to_owned();
         }
-        let (major, minor) = environment::version();
-        let library = environment::library_version().unwrap_or_default();
-        let library = library
-            .split(['\n', '\0'])
-            .next()
-            .unwrap_or_default()
-            .trim();
-        format!("MPI {major}.{minor}, {library}")
+        mpi_library()
     }
 
     /// Returns when all ranks have called it.

@@ -50,7 +50,7 @@ mod persistent;
 mod slab;
 mod state_hash;
 
-pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World};
+pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World, mpi_library};
 pub use exact_sum::{ExactSum, Fixed, quantise};
 pub use exchange::{FixedExchange, exchange};
 pub use halo::{HaloBytes, HaloExchange};

@@ -37,6 +37,24 @@ pub enum Mode {
     Gather,
 }
 
+/// Version of the HDF5 library that this program is linked with.
+#[must_use]
+pub fn version() -> String {
+    let (major, minor, patch) = hdf5::library_version();
+    format!("{major}.{minor}.{patch}")
+}
+
+/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI, without which this
+/// crate does not build, and `threadsafe`.
+#[must_use]
+pub fn features() -> Vec<&'static str> {
+    let mut features = vec!["mpio"];
+    if hdf5::is_library_threadsafe() {
+        features.push("threadsafe");
+    }
+    features
+}
+
 impl Mode {
     /// The communicator for the MPI driver where this mode and this group use it. One rank alone writes serially:
     /// the same bytes, and closing after an error cannot hang.

@@ -12,6 +12,7 @@ use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
 use super::setup;
 use super::watch::{Request, Watch};
+use super::versions::versions;
 use super::{Present, Simulation};
 use crate::case::Document;
 use crate::case::fluid::Precision;
@@ -72,12 +73,21 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
         .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
     let plan = Document::read(&text, set, folder)
         .and_then(Plan::prepare)
-        .map_err(Error::Case)?;
+        .map_err(|problems| Error::Case(of_file(&path, problems)))?;
     options.output = Some(folder.to_owned());
     with_world(plan, options, Some(!set.is_empty()))
 }
 
 /// Starts MPI and threads, then runs. `resume` says whether to go on from a checkpoint, and whether the case may differ from
+/// Problems with the file named: nobody gave it on the command line.
+fn of_file(file: &Path, problems: Vec<Problem>) -> Vec<Problem> {
+    let named = |problem: Problem| Problem {
+        path: format!("{}: {}", file.display(), problem.path),
+        ..problem
+    };
+    problems.into_iter().map(named).collect()
+}
+
 /// the one it was written for.
 fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
     on_world(options.threads, |communicator, threads| {
@@ -923,15 +933,6 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
         );
     }
     all
-}
-
-fn versions(communicator: &Communicator) -> Value {
-    json!({
-        "solver": env!("CARGO_PKG_VERSION"),
-        "commit": env!("SOLVER_COMMIT"),
-        "lanes": Level::best().name(),
-        "mpi": communicator.mpi_version(),
-    })
 }
 
 /// Peak resident memory of this process [bytes].

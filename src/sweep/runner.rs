@@ -68,7 +68,7 @@ fn solver() -> Result<PathBuf, Error> {
 /// [`Error::Io`] where it cannot be started.
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
-    let done = alone(Command::new(&path).arg("--version"))
+    let done = alone(Command::new(&path).arg("-V"))
         .output()
         .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
     Ok(String::from_utf8_lossy(&done.stdout).trim().to_owned())
