@@ -20,6 +20,7 @@
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per body and per pair |
+//! | `escape` | a grain that left the box |
 //! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
 //! | `state` | grains and contacts as named columns |
@@ -28,6 +29,7 @@
 mod blocks;
 pub mod contact;
 mod engine;
+pub mod escape;
 mod ghosts;
 mod integrate;
 mod neighbors;

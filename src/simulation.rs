@@ -8,6 +8,7 @@ pub mod coupled;
 pub mod critical;
 pub mod energy;
 pub mod erosion;
+mod escape;
 pub mod guards;
 pub mod phases;
 pub mod preparation;
@@ -16,8 +17,8 @@ pub mod removal;
 pub mod run;
 pub mod setup;
 mod table;
-pub mod watch;
 pub mod versions;
+pub mod watch;
 
 use crate::checkpoint::{Saved, State};
 use crate::coupling::drag::Seepage;

@@ -5,6 +5,7 @@ use super::collapse::CollapseRecorder;
 use super::coupled;
 use super::energy;
 use super::erosion::ErosionRecorder;
+use super::escape;
 use super::guards::Guards;
 use super::phases::{Phase, Phases, Spent};
 use super::preparation;
@@ -261,7 +262,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Error> {
         let json = start.json;
         let mut runner = Self::begin(plan, domain, start)?;
-        let outcome = runner.run();
+        let outcome = runner.run().map_err(|error| {
+            let now = &runner.simulation.now;
+            escape::explained(error, &now.plan, now.step, now.time())
+        });
         let text = match &outcome {
             Ok(()) => "done",
             Err(Error::Stopped(_)) => "stopped",
