@@ -7,7 +7,7 @@ use super::energy;
 use super::erosion::ErosionRecorder;
 use super::escape;
 use super::guards::Guards;
-use super::phases::{Phase, Phases, Spent};
+use super::phases::{Phase, Phases};
 use super::preparation;
 use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
@@ -673,9 +673,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
         let simulation = &self.simulation;
         let communicator = simulation.now.domain.communicator();
-        let phases = simulation.phases.reduce(communicator);
+        let account = simulation.phases.reduce(communicator);
         let wall = self.watch.elapsed().as_secs_f64();
-        let looped: f64 = phases.iter().map(|p| p.mean).sum();
+        let looped = account.looped();
         let steps = steps_number(simulation.now.step - self.first_step);
         let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count()
@@ -701,7 +701,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "time": simulation.now.time(),
             "wall_seconds": wall,
             "loop_seconds": looped,
-            "phases": phases,
+            "phases": account.phases,
+            "waiting_seconds": account.waiting,
+            "imbalance": account.imbalance,
             "mlups": mlups,
             "particle_steps_per_second": rate,
             "grains": grains,
@@ -760,7 +762,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.progress
                 .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
         } else {
-            self.progress.note(&table(&phases, looped));
+            self.progress.note(&account.table());
             self.progress.note(&format!(
                 "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
                 simulation.now.step - self.first_step,
@@ -948,26 +950,4 @@ fn peak_rss() -> u64 {
             line.split_whitespace().nth(1)?.parse::<u64>().ok()
         })
         .map_or(0, |kib| kib * 1024)
-}
-
-fn table(phases: &[Spent], looped: f64) -> String {
-    let mut text = format!(
-        "{:<12} {:>9} {:>9} {:>9} {:>7}\n",
-        "phase", "min s", "mean s", "max s", "share"
-    );
-    for p in phases {
-        let name = serde_json::to_value(p.phase)
-            .ok()
-            .and_then(|v| v.as_str().map(str::to_owned))
-            .unwrap_or_default();
-        text += &format!(
-            "{name:<12} {:>9.3} {:>9.3} {:>9.3} {:>6.1}%\n",
-            p.min,
-            p.mean,
-            p.max,
-            100.0 * p.mean / looped.max(1e-9)
-        );
-    }
-    text.pop();
-    text
 }
