@@ -220,6 +220,13 @@ impl<S: Space> Dem<S> {
         if settings.region.any_periodic() && walls.iter().any(|wall| wall.surface.is_some()) {
             return refuse("a wall of facets in a box with a periodic axis".into());
         }
+        log::info!(
+            "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",
+            settings.time_step,
+            settings.skin,
+            settings.local_damping,
+            walls.len()
+        );
         let inner = match law {
             Law::Linear(law) => Inner::Linear(Box::new(Engine::new(law, settings, walls))),
             Law::CohesiveFrictional(law) => {

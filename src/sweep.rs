@@ -70,16 +70,16 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
     let study = Study::read(&text).map_err(Error::Case)?;
     let members = members::members(&study, beside).map_err(Error::Case)?;
     let output = (sweep.output.clone()).unwrap_or_else(|| file.with_extension(""));
+    log::debug!(
+        "study {}: {} members, {} outputs, into {}",
+        file.display(),
+        members.len(),
+        study.outputs.0.len(),
+        output.display()
+    );
     match sweep.task {
         Task::List => list(&study, &members, &output, say),
         Task::Slurm => {
-            say(&slurm::script(&study, members.len(), file, &output));
-            Ok(())
-        }
-        Task::Collect => collect(&study, &members, beside, &output, say),
-        Task::Member(number) => {
-            let chosen = number.checked_sub(1).and_then(|n| members.get(n));
-            let member = chosen.ok_or_else(|| {
             for path in [file, &output] {
                 let text = path.display().to_string();
                 if text.chars().any(controls) {
@@ -91,6 +91,13 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
                     ));
                 }
             }
+            say(&slurm::script(&study, members.len(), file, &output));
+            Ok(())
+        }
+        Task::Collect => collect(&study, &members, beside, &output, say),
+        Task::Member(number) => {
+            let chosen = number.checked_sub(1).and_then(|n| members.get(n));
+            let member = chosen.ok_or_else(|| {
                 one_problem(
                     "--member",
                     number.to_string(),

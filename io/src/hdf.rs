@@ -268,6 +268,7 @@ pub(crate) fn write_part(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<()> {
+    let begun = std::time::Instant::now();
     content.check(group)?;
     let part = atomic::part_of(path);
     // One rank finds a full disk, a missing folder or a missing right, before all open the file together.
@@ -279,7 +280,18 @@ pub(crate) fn write_part(
     match mode.communicator(group) {
         Some(communicator) => write_together(&part, content, group, communicator),
         None => write_through_root(&part, content, group).map_err(|e| e.broken(&part)),
+    }?;
+    if group.rank() == 0 {
+        log::debug!(
+            "{}: {} datasets, at most {} bytes, written by {} rank(s) in {:.3} s",
+            part.display(),
+            content.parts.len(),
+            content.bytes(),
+            group.size(),
+            begun.elapsed().as_secs_f64()
+        );
     }
+    Ok(())
 }
 
 /// Give a complete `.part` file its name.

@@ -12,8 +12,8 @@ use super::preparation;
 use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
 use super::setup;
-use super::watch::{Request, Watch};
 use super::versions::versions;
+use super::watch::{Request, Watch};
 use super::{Present, Simulation};
 use crate::case::Document;
 use crate::case::fluid::Precision;
@@ -79,7 +79,6 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
     with_world(plan, options, Some(!set.is_empty()))
 }
 
-/// Starts MPI and threads, then runs. `resume` says whether to go on from a checkpoint, and whether the case may differ from
 /// Problems with the file named: nobody gave it on the command line.
 fn of_file(file: &Path, problems: Vec<Problem>) -> Vec<Problem> {
     let named = |problem: Problem| Problem {
@@ -89,6 +88,7 @@ fn of_file(file: &Path, problems: Vec<Problem>) -> Vec<Problem> {
     problems.into_iter().map(named).collect()
 }
 
+/// Starts MPI and threads, then runs. `resume` says whether to go on from a checkpoint, and whether the case may differ from
 /// the one it was written for.
 fn with_world(plan: Plan, options: RunOptions, resume: Option<bool>) -> Result<(), Error> {
     on_world(options.threads, |communicator, threads| {
@@ -498,6 +498,16 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             collapse.record_due(&now.view(), &[])?;
             outputs.write_due(&now.view())?;
         }
+        let now = &runner.simulation.now;
+        log::debug!(
+            "rank {}: ready at step {} of {} after {:.3} s, {} grains and bodies here, {} bytes of memory at most so far",
+            now.domain.rank(),
+            now.step,
+            now.plan.clock.steps,
+            runner.watch.elapsed().as_secs_f64(),
+            now.particles.owned(),
+            peak_rss()
+        );
         runner.simulation.phases = Phases::start();
         Ok(runner)
     }
@@ -747,6 +757,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         if let Some(collapse) = simulation.collapse.summary()? {
             summary["collapse"] = collapse;
+        }
+        if log::log_enabled!(log::Level::Debug)
+            && let Some(dem) = &simulation.now.dem
+        {
+            let lists = dem.statistics(&simulation.now.particles);
+            log::debug!(
+                "rank {}: lists of neighbours made {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                communicator.rank(),
+                lists.rebuilds,
+                lists.tested,
+                lists.contacts,
+                lists.bonds
+            );
         }
         let first = communicator.rank() == 0;
         let written = if first {

@@ -229,6 +229,11 @@ impl<'a> Runner<'a> {
         let log = how.open(folder.join("log.txt")).map_err(fail)?;
         let errors = fs::File::create(folder.join("errors.txt")).map_err(fail)?;
         command.stdin(Stdio::null()).stdout(log).stderr(errors);
+        log::debug!(
+            "member {} {}: {command:?}",
+            member.name,
+            if again { "goes on" } else { "begins" }
+        );
         let child = command
             .spawn()
             .map_err(|e| Error::Io(format!("{:?}: {e}", command.get_program())))?;

@@ -19,6 +19,8 @@ mod extremes;
 mod ranks;
 mod same_bits;
 mod seepage;
+mod speaking;
 mod stopping;
 mod sweep;
+mod usage;
 mod verification;
