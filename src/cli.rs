@@ -301,6 +301,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             output,
             threads,
         } => {
+            if let Some(warning) = usage::too_many_threads(threads) {
+                complain(&warning);
+            }
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
                 case: case.case,

@@ -165,7 +165,7 @@ fn flying() -> Value {
             {"position": [0.008, 0.0025], "radius": 5e-4, "velocity": [2, 0]}
         ]}},
         "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}}},
-        "box_walls": ["y_min"],
+        "box_walls": ["x_min", "y_min"],
         "time": {"end": 0.02}
     })
 }
@@ -184,7 +184,7 @@ fn a_grain_that_left_names_face_place_time_and_remedies() {
             "grain 1 is more than a box length outside the box, beyond x_max: position (",
             " m/s, in step ",
             " at t = ",
-            r#""box_walls": ["x_max","y_min"]"#,
+            r#""box_walls": ["x_min","x_max","y_min"]"#,
         ] {
             assert!(errors.contains(part), "{part}: {errors}");
         }
@@ -202,7 +202,7 @@ fn a_grain_that_left_names_face_place_time_and_remedies() {
     let mut helped = flying();
     helped["regions"] = region.unwrap();
     let mut closed = flying();
-    closed["box_walls"] = json!(["x_max", "y_min"]);
+    closed["box_walls"] = json!(["x_min", "x_max", "y_min"]);
     for (name, case, left) in [("helped", helped, 1), ("closed", closed, 2)] {
         let path = write(folder.path(), &format!("{name}.json"), &case);
         let output = folder.path().join(name);
