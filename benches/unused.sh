@@ -20,6 +20,6 @@ export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 machine="$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -1), $(nproc --all) cores"
-python3 "$here/unused.py" "$work" "$("$SOLVER" --version)" "$machine" > "$work/unused.csv"
+python3 "$here/unused.py" "$work" "$("$SOLVER" -V)" "$machine" > "$work/unused.csv"
 cp "$work/unused.csv" "$here/results/unused.csv"
 cat "$here/results/unused.csv"

@@ -45,7 +45,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// One line that names the run.
+    /// One line that names the run, without control characters.
     #[serde(default)]
     pub title: String,
     /// What the run is for.

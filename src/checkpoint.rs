@@ -18,6 +18,7 @@ use io::checkpoint::{Array, Reader};
 use io::data::Data;
 use serde_json::{Value, json};
 use std::path::Path;
+use std::time::Instant;
 
 fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
@@ -143,6 +144,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         keep: usize,
         communicator: &Communicator,
     ) -> Result<(), io::Error> {
+        let begun = Instant::now();
         let group = Together(communicator);
         let populations = self.fluid.map(gather);
         let velocities = self.fluid.and_then(gather_velocities);
@@ -279,6 +281,13 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             io::hdf::Mode::default(),
             keep,
         )?;
+        if communicator.rank() == 0 {
+            log::info!(
+                "checkpoint of step {step} with {} arrays written and verified in {:.3} s",
+                arrays.len(),
+                begun.elapsed().as_secs_f64()
+            );
+        }
         Ok(())
     }
 

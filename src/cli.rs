@@ -4,8 +4,11 @@
 //! result; only the first rank says so. What needs the rest of the program (running, restarting, reading outputs)
 //! is handed over to [`Engine`] by `main`.
 
+mod manual;
+mod usage;
+
 use crate::case::{Document, examples, schema};
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, printable_lines};
 use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
@@ -25,7 +28,7 @@ struct Cli {
     command: Command,
 }
 
-/// With the commit, by which a sweep knows whether a member was run by this program.
+/// With the commit, by which a sweep knows whether a member was run by this program. `--version` says more.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("SOLVER_COMMIT"), ")");
 
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
@@ -125,6 +128,13 @@ enum Command {
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
         max_walltime: Option<Duration>,
     },
+    /// Print a script that completes commands and options in a shell.
+    Completions {
+        /// Of which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page of the program and its commands: `solver man | man -l -`.
+    Man,
     /// Search the smallest drive of a seepage that erodes, by runs of the case that differ in nothing else.
     CriticalGradient {
         #[command(flatten)]
@@ -147,8 +157,8 @@ enum Command {
         /// Folder of the runs [default: results/NAME-OF-THE-CASE].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
-        /// Threads of each rank [default: the cores of the machine over the ranks on it].
-        #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+        /// Threads of each rank, at most 1024 [default: the cores of the machine over the ranks on it].
+        #[arg(long, value_parser = usage::threads)]
         threads: Option<u16>,
         /// Stop before this much wall-clock time is over; the same command goes on.
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
@@ -206,8 +216,8 @@ struct CaseArgs {
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Threads of each rank [default: the cores of the machine over the ranks on it].
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    /// Threads of each rank, at most 1024 [default: the cores of the machine over the ranks on it].
+    #[arg(long, value_parser = usage::threads)]
     threads: Option<u16>,
     /// Stop with a checkpoint before this much wall-clock time is over.
     #[arg(long, value_name = "H:M:S", value_parser = walltime)]
@@ -232,6 +242,8 @@ pub struct Engine {
     pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
     /// Carries out a sweep; the function takes lines for the reader.
     pub sweep: fn(&Sweep, Say<'_>) -> Result<(), Error>,
+    /// Says which libraries, processor and settings this program was built with and runs on, a line for each.
+    pub version: fn() -> String,
     /// Searches a critical gradient; as JSON or not.
     pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
 }
@@ -240,7 +252,16 @@ pub struct Engine {
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
     let begun = Instant::now();
-    let cli = match Cli::try_parse_from(with_default_command(arguments)) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if arguments.get(1).is_some_and(|first| first == "--version") {
+        let text = format!("solver {VERSION}\n{}", (engine.version)());
+        return ended(say(&text));
+    }
+    let arguments = match with_default_command(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => return ended(Err(error)),
+    };
+    let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => {
             if first_rank() {
@@ -281,6 +302,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             &set,
             options(run, json, begun),
         )),
+        Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
+        Command::Man => manual::page::<Cli>()
+            .map_err(|e| Error::Internal(format!("the manual page: {e}")))
+            .and_then(|page| put(&page)),
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
         }
@@ -309,6 +334,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             threads,
             max_walltime,
         } => {
+            if let Some(warning) = usage::too_many_threads(threads) {
+                complain(&warning);
+            }
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
                 case: case.case,
@@ -328,6 +356,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
         }
     };
+    ended(result)
+}
+
+/// Tells an error and returns the exit code.
+fn ended(result: Result<(), Error>) -> i32 {
     match result {
         Ok(()) => 0,
         Err(error) => {
@@ -348,8 +381,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// `solver case.json` is `solver run case.json`.
-fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
-    let mut arguments: Vec<OsString> = arguments.into_iter().collect();
+///
+/// # Errors
+/// [`Error::Usage`] where the first word is neither a command nor a file.
+fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, Error> {
     let command = Cli::command();
     let known = |word: &str| {
         matches!(word, "help" | "-h" | "--help" | "-V" | "--version")
@@ -358,9 +393,11 @@ fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<Os
     if let Some(first) = arguments.get(1)
         && !first.to_str().is_some_and(known)
     {
+        let commands: Vec<&str> = command.get_subcommands().map(|c| c.get_name()).collect();
+        usage::command_or_file(first, &commands)?;
         arguments.insert(1, "run".into());
     }
-    arguments
+    Ok(arguments)
 }
 
 fn start(case: &CaseArgs, options: RunOptions, engine: &Engine) -> Result<(), Error> {
@@ -405,6 +442,9 @@ fn told(outcome: Result<(), Error>) -> Result<(), Error> {
 }
 
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
+    if let Some(warning) = usage::too_many_threads(run.threads) {
+        complain(&warning);
+    }
     RunOptions {
         output: None,
         case: None,
@@ -501,18 +541,13 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
         Some(example) => say(example.text.trim_end()),
         None => {
             let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();
-            let problem = Problem {
-                path: "example".into(),
-                value: format!("\"{name}\""),
-                reason: "there is no example of this name".into(),
-                remedy: match crate::case::check::nearest(name, &known) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => format!("use one of: {}", known.join(", ")),
-                },
-                severity: Severity::Error,
+            let meant = match crate::case::check::nearest(name, &known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("use one of: {}", known.join(", ")),
             };
-            list(std::slice::from_ref(&problem));
-            Err(Error::Case(vec![problem]))
+            Err(Error::Usage(format!(
+                "there is no example `{name}`; {meant}"
+            )))
         }
     }
 }
@@ -554,7 +589,16 @@ fn say(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
-    match writeln!(std::io::stdout(), "{text}") {
+    put(format!("{}\n", printable_lines(text)).as_bytes())
+}
+
+/// Bytes to the standard output as they are; a reader that has gone away is no error.
+fn put(bytes: &[u8]) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::Io(format!(
             "cannot write to the standard output: {error}"
         ))),
@@ -565,7 +609,7 @@ fn say(text: &str) -> Result<(), Error> {
 /// A text to the standard error; nothing can be done if that fails.
 fn complain(text: &str) {
     if first_rank() {
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));
     }
 }
 
@@ -603,7 +647,8 @@ mod tests {
     #[test]
     fn a_case_without_a_command_is_run() {
         let line = |words: &[&str]| {
-            with_default_command(words.iter().map(OsString::from))
+            with_default_command(words.iter().map(OsString::from).collect())
+                .unwrap()
                 .into_iter()
                 .map(|w| w.into_string().unwrap())
                 .collect::<Vec<_>>()
@@ -613,6 +658,36 @@ mod tests {
         assert_eq!(line(&["solver", "validate", "a.json"])[1], "validate");
         assert_eq!(line(&["solver", "--help"])[1], "--help");
         assert_eq!(line(&["solver"]).len(), 1);
+        let words = ["solver", "frobnicate"].map(OsString::from);
+        assert!(with_default_command(words.to_vec()).is_err());
+    }
+
+    #[test]
+    fn completions_and_manual_know_every_command() {
+        use clap::ValueEnum;
+        let page = String::from_utf8(manual::page::<Cli>().unwrap()).unwrap();
+        let scripts = clap_complete::Shell::value_variants().iter().map(|&shell| {
+            let script = manual::completions::<Cli>(shell);
+            (shell.to_string(), String::from_utf8(script).unwrap())
+        });
+        let mut seen = 0;
+        for (what, text) in scripts.chain([("man".to_owned(), page.replace("\\-", "-"))]) {
+            for command in Cli::command().get_subcommands() {
+                assert!(text.contains(command.get_name()), "{what}: {text}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 60, "{seen}");
+        assert_eq!(
+            page.matches("\n.TH ").count() + usize::from(page.starts_with(".TH ")),
+            1
+        );
+        for word in ["SOLVER RESTART", "EXIT CODES", "max\\-walltime"] {
+            assert!(
+                page.to_uppercase().contains(&word.to_uppercase()),
+                "{word}: {page}"
+            );
+        }
     }
 
     #[test]

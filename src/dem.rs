@@ -20,6 +20,7 @@
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per body and per pair |
+//! | `escape` | a grain that left the box |
 //! | `relax` | waiting until grains stand still |
 //! | `engine` | the step |
 //! | `state` | grains and contacts as named columns |
@@ -28,6 +29,7 @@
 mod blocks;
 pub mod contact;
 mod engine;
+pub mod escape;
 mod ghosts;
 mod integrate;
 mod neighbors;
@@ -218,6 +220,13 @@ impl<S: Space> Dem<S> {
         if settings.region.any_periodic() && walls.iter().any(|wall| wall.surface.is_some()) {
             return refuse("a wall of facets in a box with a periodic axis".into());
         }
+        log::info!(
+            "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",
+            settings.time_step,
+            settings.skin,
+            settings.local_damping,
+            walls.len()
+        );
         let inner = match law {
             Law::Linear(law) => Inner::Linear(Box::new(Engine::new(law, settings, walls))),
             Law::CohesiveFrictional(law) => {

@@ -4,6 +4,7 @@
 //! 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
 //! 75 stopped early with a good checkpoint (requeue), 101 panic.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// How much a [`Problem`] weighs.
@@ -42,8 +43,43 @@ impl fmt::Display for Problem {
             remedy,
             ..
         } = self;
-        write!(f, "{path} = {value}: {reason}; {remedy}")
+        let line = format!("{path} = {value}: {reason}; {remedy}");
+        f.write_str(&printable(&line))
     }
+}
+
+/// Whether a character controls a terminal instead of standing for something: C0, DEL and C1, line breaks and tabs among them.
+#[must_use]
+pub fn controls(c: char) -> bool {
+    c.is_control()
+}
+
+/// A text of unknown origin as one line that a terminal shows and does not obey: control characters as `\u001b`, which
+/// in the text of JSON means the same character.
+#[must_use]
+pub fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, |_| false)
+}
+
+/// As [`printable`], but line breaks and tabs stay: for texts that the program composes of lines.
+#[must_use]
+pub fn printable_lines(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| matches!(c, '\n' | '\t'))
+}
+
+fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.chars().any(|c| controls(c) && !stays(c)) {
+        return Cow::Borrowed(text);
+    }
+    let mut safe = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        if controls(c) && !stays(c) {
+            safe.push_str(&format!("\\u{:04x}", u32::from(c)));
+        } else {
+            safe.push(c);
+        }
+    }
+    Cow::Owned(safe)
 }
 
 /// Why a run ended before its end.
@@ -81,5 +117,28 @@ impl Error {
             Self::Internal(_) => 6,
             Self::Stopped(_) => 75,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(
+            printable("a\u{1b}[2Jb\nc\u{7f}\u{9b}"),
+            r"a\u001b[2Jb\u000ac\u007f\u009b"
+        );
+        assert_eq!(printable_lines("a\n\tb\r"), "a\n\tb\\u000d");
+        assert!(matches!(printable("Größe 3 µm"), Cow::Borrowed(_)));
+        let problem = Problem {
+            path: "title".into(),
+            value: "\u{9b}31m".into(),
+            reason: "reason".into(),
+            remedy: "remedy".into(),
+            severity: Severity::Error,
+        };
+        assert_eq!(problem.to_string(), r"title = \u009b31m: reason; remedy");
     }
 }

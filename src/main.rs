@@ -12,6 +12,7 @@ fn main() {
         picture: output::picture::picture,
         erosion_law: analysis::study::command,
         sweep: sweep::command,
+        version: simulation::versions::report,
         critical_gradient: simulation::critical::command,
     };
     std::process::exit(cli::main(std::env::args_os(), &engine));

@@ -47,6 +47,7 @@ use probes::Probe;
 use schedule::Schedule;
 use seepage::SeepageFields;
 use std::path::Path;
+use std::time::Instant;
 use together::Together;
 
 /// A series of files and when it is due.
@@ -164,6 +165,20 @@ impl Outputs {
             next: 0,
         };
         outputs.next = outputs.earliest();
+        let series = [
+            ("fluid", outputs.fluid.is_some()),
+            ("grains", outputs.grains.is_some()),
+            ("contacts", outputs.contacts.is_some()),
+            ("blocks", outputs.blocks.is_some()),
+            ("averages", outputs.averages.is_some()),
+        ];
+        let series: Vec<&str> = series.iter().filter(|s| s.1).map(|s| s.0).collect();
+        log::debug!(
+            "series {series:?} and {} probes in {}, the first due at step {}",
+            outputs.probes.len(),
+            folder.display(),
+            outputs.next
+        );
         Ok(outputs)
     }
 
@@ -176,6 +191,7 @@ impl Outputs {
         if view.step < self.next {
             return Ok(());
         }
+        let begun = Instant::now();
         self.write_series(view, |schedule| schedule.is_due(view.step))?;
         for probe in &mut self.probes {
             if probe.schedule.is_due(view.step) {
@@ -184,6 +200,12 @@ impl Outputs {
             probe.schedule.pass(view.step);
         }
         self.next = self.earliest();
+        log::debug!(
+            "what was due at step {} took {:.4} s; next at step {}",
+            view.step,
+            begun.elapsed().as_secs_f64(),
+            self.next
+        );
         Ok(())
     }
 

@@ -118,6 +118,27 @@ impl Plan {
                 plan.sources = sources;
                 plan.case_hash = blake3::hash(canonical.as_bytes()).to_hex().to_string();
                 plan.case_text = canonical;
+                let Clock {
+                    time_step,
+                    steps,
+                    solid_steps_per_step,
+                    ..
+                } = plan.clock;
+                log::info!(
+                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
+                    plan.estimate.memory_bytes / 1e6,
+                    plan.estimate.seconds_on_one_core,
+                    plan.margins.len(),
+                    plan.warnings.len()
+                );
+                for choice in &plan.models {
+                    log::debug!(
+                        "plan: {}: {}, for {}",
+                        choice.what,
+                        choice.model,
+                        choice.reason
+                    );
+                }
                 Ok(plan)
             }
             _ => {

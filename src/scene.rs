@@ -204,6 +204,18 @@ impl Scene {
             Some(like) => auto::keep(&mut scene, written, like),
             None => auto::settle(&mut scene, case, written, &names, &mut findings),
         }
+        log::debug!(
+            "scene: cells {:?} of {} m, {} materials, {} bodies, {} blocks, {} walls, {} regions, {} probes, {} sentences about it",
+            scene.grid.cells,
+            scene.grid.spacing,
+            scene.materials.len(),
+            scene.bodies.len(),
+            scene.blocks.as_ref().map_or(0, |blocks| blocks.number),
+            scene.walls.len(),
+            scene.regions.len(),
+            scene.probes.len(),
+            findings.problems.len()
+        );
         (Some(scene), findings)
     }
 

@@ -9,6 +9,7 @@ pub mod coupled;
 pub mod critical;
 pub mod energy;
 pub mod erosion;
+mod escape;
 pub mod folder;
 pub mod guards;
 pub mod phases;
@@ -19,6 +20,7 @@ mod resume;
 pub mod run;
 pub mod setup;
 mod table;
+pub mod versions;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};

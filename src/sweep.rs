@@ -22,7 +22,7 @@ pub mod slurm;
 pub mod study;
 pub mod table;
 
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, controls};
 use members::{Member, Verdict};
 use record::Record;
 use runner::{Runner, solver_version};
@@ -73,9 +73,27 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
     let study = Study::read(&text).map_err(Error::Case)?;
     let members = members::members(&study, beside).map_err(Error::Case)?;
     let output = (sweep.output.clone()).unwrap_or_else(|| file.with_extension(""));
+    log::debug!(
+        "study {}: {} members, {} outputs, into {}",
+        file.display(),
+        members.len(),
+        study.outputs.0.len(),
+        output.display()
+    );
     match sweep.task {
         Task::List => list(&study, &members, &output, say),
         Task::Slurm => {
+            for path in [file, &output] {
+                let text = path.display().to_string();
+                if text.chars().any(controls) {
+                    return Err(one_problem(
+                        "the study",
+                        format!("{text:?}"),
+                        "its path holds a line break or another control character, which would end a line of the script".into(),
+                        "rename it, or choose another --output".into(),
+                    ));
+                }
+            }
             say(&slurm::script(&study, members.len(), file, &output));
             Ok(())
         }

@@ -5,6 +5,7 @@
 //! MPI's own error handler stays "errors are fatal": with errors returned instead, Open MPI 4.1
 //! delivers a truncated message without a word.
 
+use crate::waiting::{Wait, timed};
 use mpi::Threading;
 use mpi::environment::{self, Universe};
 use mpi::ffi::{self, MPI_Comm, MPI_Datatype, MPI_Op, MPI_Request};
@@ -119,6 +120,19 @@ impl World {
     pub fn communicator(&self) -> Communicator {
         self.communicator.clone()
     }
+}
+
+/// Name and version of the MPI library that this program is linked with, one line; MPI need not have been started.
+#[must_use]
+pub fn mpi_library() -> String {
+    let (major, minor) = environment::version();
+    let library = environment::library_version().unwrap_or_default();
+    let library = library
+        .split(['\n', '\0'])
+        .next()
+        .unwrap_or_default()
+        .trim();
+    format!("MPI {major}.{minor}, {library}")
 }
 
 /// Ends the job when any thread of this rank panics.
@@ -293,21 +307,14 @@ impl Communicator {
         if self.raw().is_none() {
             return "serial, no MPI".to_owned();
         }
-        let (major, minor) = environment::version();
-        let library = environment::library_version().unwrap_or_default();
-        let library = library
-            .split(['\n', '\0'])
-            .next()
-            .unwrap_or_default()
-            .trim();
-        format!("MPI {major}.{minor}, {library}")
+        mpi_library()
     }
 
     /// Returns when all ranks have called it.
     pub fn barrier(&self) {
         if let Some(raw) = self.raw() {
             // SAFETY: a live communicator.
-            unsafe { ffi::MPI_Barrier(raw) };
+            self.waits(Wait::Collectives, || unsafe { ffi::MPI_Barrier(raw) });
         }
     }
 
@@ -348,6 +355,15 @@ impl Communicator {
         std::process::exit(code)
     }
 
+    /// Makes a call that waits for other ranks, and takes its time where there are any.
+    fn waits<T>(&self, wait: Wait, call: impl FnOnce() -> T) -> T {
+        if self.size() > 1 {
+            timed(wait, call)
+        } else {
+            call()
+        }
+    }
+
     // ---- reductions -------------------------------------------------------------------------
 
     fn reduce<T: Reducible>(&self, values: &mut [T], reduction: Reduction) {
@@ -357,7 +373,7 @@ impl Communicator {
         let mut result = [T::default(); REDUCTION_CHUNK];
         for chunk in values.chunks_mut(REDUCTION_CHUNK) {
             // SAFETY: both buffers hold `chunk.len()` values of the datatype and do not overlap.
-            unsafe {
+            self.waits(Wait::Collectives, || unsafe {
                 ffi::MPI_Allreduce(
                     chunk.as_ptr().cast(),
                     result.as_mut_ptr().cast(),
@@ -366,7 +382,7 @@ impl Communicator {
                     reduction.raw(),
                     raw,
                 )
-            };
+            });
             chunk.copy_from_slice(&result[..chunk.len()]);
         }
     }
@@ -490,7 +506,7 @@ impl Communicator {
         };
         let mut offset = 0_u64;
         // SAFETY: one value in, one value out, both of the datatype.
-        unsafe {
+        self.waits(Wait::Collectives, || unsafe {
             ffi::MPI_Exscan(
                 ptr::from_ref(&value).cast(),
                 ptr::from_mut(&mut offset).cast(),
@@ -499,7 +515,7 @@ impl Communicator {
                 Reduction::Sum.raw(),
                 raw,
             )
-        };
+        });
         if self.rank() == 0 {
             // MPI leaves the first rank's result undefined.
             offset = 0;
@@ -561,7 +577,7 @@ impl Communicator {
         let Some(raw) = self.raw() else { return };
         for piece in bytes.chunks_mut(self.message_limit) {
             // SAFETY: `piece` holds that many bytes; all ranks pass the same length.
-            unsafe {
+            self.waits(Wait::Collectives, || unsafe {
                 ffi::MPI_Bcast(
                     piece.as_mut_ptr().cast(),
                     count(piece.len()),
@@ -569,7 +585,7 @@ impl Communicator {
                     raw_rank(root),
                     raw,
                 )
-            };
+            });
         }
     }
 
@@ -621,7 +637,7 @@ impl Communicator {
         let mut values = vec![value; self.size()];
         if let Some(raw) = self.raw() {
             // SAFETY: one value in, `size` values out, all of the datatype.
-            unsafe {
+            self.waits(Wait::Collectives, || unsafe {
                 ffi::MPI_Allgather(
                     ptr::from_ref(&value).cast(),
                     1,
@@ -631,7 +647,7 @@ impl Communicator {
                     u64::datatype(),
                     raw,
                 )
-            };
+            });
         }
         values
     }
@@ -645,7 +661,7 @@ impl Communicator {
         let sizes: Vec<u64> = outgoing.iter().map(|bytes| bytes.len() as u64).collect();
         let mut lengths = vec![0_u64; self.size()];
         // SAFETY: `size` values in and out, one for each rank, all of the datatype.
-        unsafe {
+        self.waits(Wait::Messages, || unsafe {
             ffi::MPI_Alltoall(
                 sizes.as_ptr().cast(),
                 1,
@@ -655,7 +671,7 @@ impl Communicator {
                 u64::datatype(),
                 raw,
             )
-        };
+        });
         let mut incoming = vec![Vec::new(); self.size()];
         let mut requests = Vec::new();
         for (rank, &length) in lengths.iter().enumerate() {
@@ -771,13 +787,13 @@ pub(crate) enum Direction {
 fn wait_all(requests: &mut Vec<MPI_Request>) {
     if !requests.is_empty() {
         // SAFETY: live requests of a running MPI.
-        unsafe {
+        timed(Wait::Messages, || unsafe {
             ffi::MPI_Waitall(
                 count(requests.len()),
                 requests.as_mut_ptr(),
                 ffi::RSMPI_STATUSES_IGNORE,
             )
-        };
+        });
         requests.clear();
     }
 }

@@ -95,6 +95,12 @@ impl HaloExchange {
         let receives: Vec<Message> = receives.into_iter().flatten().collect();
         communicator.agree(check_sizes(communicator, &sends, &receives))?;
         let pattern = communicator.agree(Persistent::new(communicator, &sends, &receives))?;
+        log::debug!(
+            "rank {}: halo {tag} with lower neighbour {lower:?} and upper {upper:?}, bytes out {:?}, in {:?}",
+            communicator.rank(),
+            [sizes.to_lower, sizes.to_upper],
+            [sizes.from_lower, sizes.from_upper]
+        );
         Ok(Self {
             pattern,
             has_lower: lower.is_some(),

@@ -49,11 +49,13 @@ mod halo;
 mod persistent;
 mod slab;
 mod state_hash;
+mod waiting;
 
-pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World};
+pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World, mpi_library};
 pub use exact_sum::{ExactSum, Fixed, quantise};
 pub use exchange::{FixedExchange, exchange};
 pub use halo::{HaloBytes, HaloExchange};
 pub use persistent::PatternError;
 pub use slab::{Axis, Domain, SlabError, Slabs};
 pub use state_hash::{StateHash, field_key};
+pub use waiting::{Waited, waited};

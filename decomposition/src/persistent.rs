@@ -6,6 +6,7 @@
 //! MPI; whoever reaches for one waits first, so that no order of calls can race with the network.
 
 use crate::comm::{Communicator, Direction, count};
+use crate::waiting::{Wait, timed};
 use bytemuck::Pod;
 use mpi::ffi::{self, MPI_Request};
 use std::alloc::{self, Layout};
@@ -204,13 +205,13 @@ impl Persistent {
     pub(crate) fn finish(&self) {
         if self.under_way.replace(false) {
             // SAFETY: live requests; persistent ones become inactive and stay valid.
-            unsafe {
+            timed(Wait::Messages, || unsafe {
                 ffi::MPI_Waitall(
                     count(self.requests.len()),
                     self.raw_requests(),
                     ffi::RSMPI_STATUSES_IGNORE,
                 )
-            };
+            });
         }
     }
 

@@ -259,6 +259,13 @@ impl Domain {
                 ranks: communicator.size(),
             });
         }
+        let rank = communicator.rank();
+        log::debug!(
+            "rank {rank} of {}: planes {:?} along {:?}",
+            communicator.size(),
+            slabs.range(rank),
+            slabs.axis
+        );
         Ok(Self {
             communicator,
             slabs,

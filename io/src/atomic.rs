@@ -64,6 +64,10 @@ pub fn publish(part: &Path, path: &Path) -> Result<()> {
         .and_then(|file| file.sync_all())
         .map_err(|e| Error::io("flush", part, &e))?;
     fs::rename(part, path).map_err(|e| Error::io("rename into place", path, &e))?;
+    if log::log_enabled!(log::Level::Debug) {
+        let bytes = fs::metadata(path).map_or(0, |data| data.len());
+        log::debug!("{} is complete, {bytes} bytes", path.display());
+    }
     sync_folder(path)
 }
 

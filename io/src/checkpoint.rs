@@ -237,6 +237,10 @@ pub fn write(
         atomic::write(&manifest, text.as_bytes())?;
         // What is on the disk now, not what was meant.
         Manifest::read(&manifest)?.verify_file(&manifest)?;
+        log::debug!(
+            "{} and its {bytes} bytes read back as they were written",
+            manifest.display()
+        );
         remove_old(folder, keep.max(FEWEST))
     })?;
     Ok(manifest)
@@ -459,6 +463,12 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
         for (path, manifest) in candidates {
             match manifest.verify_file(&path) {
                 Ok(()) => {
+                    log::debug!(
+                        "{} of step {} verified, {} bytes",
+                        path.display(),
+                        manifest.step,
+                        manifest.bytes
+                    );
                     return Ok(Found {
                         path,
                         manifest,

@@ -37,6 +37,24 @@ pub enum Mode {
     Gather,
 }
 
+/// Version of the HDF5 library that this program is linked with.
+#[must_use]
+pub fn version() -> String {
+    let (major, minor, patch) = hdf5::library_version();
+    format!("{major}.{minor}.{patch}")
+}
+
+/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI, without which this
+/// crate does not build, and `threadsafe`.
+#[must_use]
+pub fn features() -> Vec<&'static str> {
+    let mut features = vec!["mpio"];
+    if hdf5::is_library_threadsafe() {
+        features.push("threadsafe");
+    }
+    features
+}
+
 impl Mode {
     /// The communicator for the MPI driver where this mode and this group use it. One rank alone writes serially:
     /// the same bytes, and closing after an error cannot hang.
@@ -250,6 +268,7 @@ pub(crate) fn write_part(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<()> {
+    let begun = std::time::Instant::now();
     content.check(group)?;
     let part = atomic::part_of(path);
     // One rank finds a full disk, a missing folder or a missing right, before all open the file together.
@@ -261,7 +280,18 @@ pub(crate) fn write_part(
     match mode.communicator(group) {
         Some(communicator) => write_together(&part, content, group, communicator),
         None => write_through_root(&part, content, group).map_err(|e| e.broken(&part)),
+    }?;
+    if group.rank() == 0 {
+        log::debug!(
+            "{}: {} datasets, at most {} bytes, written by {} rank(s) in {:.3} s",
+            part.display(),
+            content.parts.len(),
+            content.bytes(),
+            group.size(),
+            begun.elapsed().as_secs_f64()
+        );
     }
+    Ok(())
 }
 
 /// Give a complete `.part` file its name.

@@ -2,7 +2,7 @@
 //! of range, in one go. The ranges are those written beside the fields.
 
 use super::text::{brief, join};
-use crate::error::{Problem, Severity};
+use crate::error::{Problem, Severity, controls};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value};
@@ -36,7 +36,67 @@ pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
         problems: Vec::new(),
     };
     walk.node(tree, root, "");
+    walk.problems.extend(control_characters(tree));
     walk.problems
+}
+
+/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They
+/// are refused here, once, so that no output has to guard against them. A description may have lines.
+fn control_characters(tree: &Value) -> Vec<Problem> {
+    let mut found = Vec::new();
+    look_for_controls(tree, &Place::Case, false, &mut found);
+    found
+}
+
+/// Where a value stands; made into text only where something is wrong there: lists have a hundred thousand values.
+enum Place<'a> {
+    Case,
+    Key(&'a Place<'a>, &'a str),
+    Index(&'a Place<'a>, usize),
+}
+
+impl Place<'_> {
+    fn path(&self) -> String {
+        match self {
+            Self::Case => String::new(),
+            Self::Key(above, key) => join(&above.path(), key),
+            Self::Index(above, index) => format!("{}[{index}]", above.path()),
+        }
+    }
+}
+
+fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>) {
+    let check = |text: &str, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>| {
+        let stays = |c| lines && matches!(c, '\n' | '\r' | '\t');
+        if let Some(c) = text.chars().find(|&c| controls(c) && !stays(c)) {
+            found.push(Problem {
+                path: place.path(),
+                value: brief(&text.into()),
+                reason: format!(
+                    "the text holds the control character U+{:04X}, which a terminal or a file would obey",
+                    u32::from(c)
+                ),
+                remedy: "write a text of one line without control characters".into(),
+                severity: Severity::Error,
+            });
+        }
+    };
+    match value {
+        Value::String(text) => check(text, place, lines, found),
+        Value::Array(list) => {
+            for (n, child) in list.iter().enumerate() {
+                look_for_controls(child, &Place::Index(place, n), lines, found);
+            }
+        }
+        Value::Object(map) => {
+            for (key, child) in map {
+                let here = Place::Key(place, key);
+                check(key, &here, false, found);
+                look_for_controls(child, &here, key == "description", found);
+            }
+        }
+        _ => {}
+    }
 }
 
 /// Words by which a schema asks for something; without one of them any value will do.
@@ -434,6 +494,30 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_characters_are_refused_where_they_stand() {
+        let mut tree = serde_json::json!({
+            "title": "a\u{1b}]0;b\u{7}",
+            "description": "two\nlines",
+            "regions": [{"name": "out\nrm"}],
+            "materials": {"so\u{9b}il": {"density": 2000}},
+        });
+        let paths: Vec<String> = control_characters(&tree)
+            .into_iter()
+            .map(|problem| problem.path)
+            .collect();
+        let key = "materials.so\u{9b}il";
+        assert_eq!(paths, [key, "regions[0].name", "title"]);
+        tree["description"] = "\u{1b}[2J".into();
+        let problems = against_schema(&mut tree);
+        let about = |path: &str| {
+            problems
+                .iter()
+                .any(|p| p.path == path && p.reason.contains("control"))
+        };
+        assert!(about("description") && about("title"), "{problems:?}");
+    }
 
     #[test]
     fn the_nearest_name_is_by_edit_distance() {

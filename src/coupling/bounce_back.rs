@@ -62,6 +62,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             spacing: units.spacing,
         };
         let map = BodyMap::new(fluid.populations(), grid, settings.rules);
+        log::info!("coupling by moving bounce-back: {settings:?}");
         Self {
             fluid,
             map,
@@ -158,6 +159,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         if self.fresh {
             self.fresh = false;
             self.map.follow(particles, self.fluid.populations(), None);
+            log::debug!(
+                "rank {}: {} bodies on the lattice by {} links",
+                ranks.rank(),
+                particles.len(),
+                self.map.links().iter().map(Vec::len).sum::<usize>()
+            );
             return Ok(());
         }
         self.clear_loads(particles.len());

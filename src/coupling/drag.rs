@@ -128,6 +128,7 @@ impl<Sp: Space> Seepage<Sp> {
         communicator: &Communicator,
     ) -> Self {
         let n = openness.grid.count();
+        log::info!("coupling of grains and seepage by drag, {n} cells of pores: {settings:?}");
         Self {
             settings,
             openness,

@@ -69,6 +69,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             origin,
             spacing: units.spacing,
         };
+        log::info!("coupling by partially saturated cells: {settings:?}");
         Self {
             map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
             fluid,

@@ -176,8 +176,10 @@ impl Multigrid {
     ) -> Result<Self, super::Error> {
         let mut levels = Vec::new();
         let mut cells = cells;
+        let mut sizes = Vec::new();
         let mut gather = None;
         loop {
+            sizes.push(cells);
             let layout = Layout::new(cells);
             let last = layout.count() <= DIRECT;
             let joined = if last { [1; 3] } else { joined(cells, spacing) };
@@ -223,6 +225,11 @@ impl Multigrid {
                 tag,
             )?);
         }
+        log::debug!(
+            "multigrid of {} levels, the last solved directly: cells {:?}",
+            levels.len(),
+            sizes
+        );
         let last = levels.last().map(|l| l.layout);
         let positions: Vec<usize> =
             last.map_or(Vec::new(), |l| l.rows(&l.whole()).flatten().collect());

@@ -468,6 +468,21 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.list(particles, gap);
         particles.stale = false;
         self.listed = true;
+        // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
+        if self.rebuilds.is_power_of_two() {
+            log::debug!(
+                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
+                ranks.rank(),
+                self.rebuilds,
+                self.steps,
+                particles.owned(),
+                particles.len() - particles.owned(),
+                self.pairs.len(),
+                self.wall_pairs.len(),
+                self.facets.pairs.len(),
+                self.settings.skin
+            );
+        }
         Ok(())
     }
 

@@ -5,6 +5,7 @@
 //! widened by the largest radius *that rank* owns, comes within the interaction range, so that one giant does not make all
 //! grains ghosts everywhere. A body larger than a slab is a normal case: every rank in its range is listed.
 
+use super::escape::Escape;
 use super::particles::{GhostPlan, Particles, pack_ghost, unpack_ghost};
 use super::ranks::{Ranks, Reader, Writer, gather_all};
 use super::space::{Components, Space};
@@ -108,11 +109,12 @@ pub(super) fn wrap<S: Space>(
                 let raw = particles.motion[k].position.get(axis);
                 particles.shift[k][axis] = wraps(raw, lower, length);
             } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
-                return Err(lost(
-                    particles,
-                    k,
-                    "is more than a box length outside the box",
-                ));
+                let escape = Escape {
+                    grain: particles.body[k].id,
+                    axis,
+                    upper: at > lower,
+                };
+                return Err(named(particles, k, &escape.to_string()));
             }
         }
     }
@@ -121,6 +123,15 @@ pub(super) fn wrap<S: Space>(
 
 /// The error that names a grain.
 pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
+    named(
+        particles,
+        k,
+        &format!("grain {} {what}", particles.body[k].id),
+    )
+}
+
+/// A sentence about a grain with where it is and how it moves.
+fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     let motion = &particles.motion[k];
     let show = |v: &S::Vector| {
         let numbers: Vec<String> = (0..S::DIMENSION)
@@ -129,8 +140,7 @@ pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> 
         numbers.join(", ")
     };
     Error::Numerical(format!(
-        "grain {} {what}: position ({}) m, velocity ({}) m/s",
-        particles.body[k].id,
+        "{what}: position ({}) m, velocity ({}) m/s",
         show(&particles.location(k)),
         show(&motion.velocity)
     ))

@@ -58,6 +58,16 @@ impl Stillness {
     }
 }
 
+/// An unbalanced force for a line of text: a share of the contact forces, which means nothing where there are none.
+#[must_use]
+pub fn unbalanced_text(share: f64) -> String {
+    if share.is_finite() && share < f64::MAX {
+        format!("{share:.1e}")
+    } else {
+        "- (no contacts)".into()
+    }
+}
+
 impl<S: Space> Dem<S> {
     /// How still the grains are. Collective.
     ///
@@ -113,5 +123,18 @@ impl<S: Space> Dem<S> {
         };
         self.set_local_damping(damping);
         outcome
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unbalanced_text;
+
+    #[test]
+    fn an_unbalanced_force_without_contacts_is_no_number() {
+        assert_eq!(unbalanced_text(0.0123), "1.2e-2");
+        for none in [f64::MAX, f64::INFINITY, f64::NAN] {
+            assert_eq!(unbalanced_text(none), "- (no contacts)");
+        }
     }
 }

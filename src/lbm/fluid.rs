@@ -430,6 +430,24 @@ impl<S: Stored> Fluid<S> {
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
+        log::info!(
+            "rank {}: lattice {:?} of {} cells, {} numbers of {} bytes each; this slab {cells:?}, {} bytes, {threads} threads",
+            domain.rank(),
+            setup.set,
+            setup.cells.iter().product::<usize>(),
+            populations.velocities().q(),
+            size_of::<S>(),
+            cells.iter().product::<usize>() * populations.velocities().q() * size_of::<S>()
+        );
+        log::debug!(
+            "rank {}: operator {:?}, relaxation time {tau}, eddy viscosity {:?}, force {:?}, periodic {:?}, patches {:?}",
+            domain.rank(),
+            setup.operator,
+            setup.turbulence,
+            setup.force,
+            setup.periodic,
+            boundaries.names().collect::<Vec<_>>()
+        );
         Ok(Self {
             populations,
             boundaries,

@@ -54,6 +54,13 @@ impl Halo {
         let bytes = plane.len() * down.len() * size_of::<S>();
         let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
             .map_err(|e| e.to_string())?;
+        log::debug!(
+            "rank {}: {} of {} populations cross a cut each way, {} cells a plane, {bytes} bytes a message",
+            domain.rank(),
+            down.len(),
+            velocities.q(),
+            plane.len()
+        );
         Ok(Self {
             exchange,
             down,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::packing::curve_order;
 use super::waiting::{Reached, Waiting};
+use crate::dem::relax::unbalanced_text;
 use crate::dem::{
     Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
 };
@@ -209,7 +210,8 @@ pub struct Look {
     pub steps: u64,
     /// Mean kinetic energy over m g d of the mean grain.
     pub kinetic_energy: f64,
-    /// Mean resultant force on a grain over the mean normal force of a contact; above 1 without contacts.
+    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null, without contacts.
+    #[serde(serialize_with = "or_null", deserialize_with = "or_largest")]
     pub unbalanced: f64,
 }
 
@@ -452,6 +454,16 @@ impl<S: Space> Rain<S> {
     }
 }
 
+/// A share as a number, or null where there is nothing that it is a share of.
+fn or_null<T: serde::Serializer>(share: &f64, to: T) -> Result<T::Ok, T::Error> {
+    Some(*share).filter(|share| *share < f64::MAX).serialize(to)
+}
+
+/// What [`or_null`] wrote.
+fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
+}
+
 /// How far the rain is: all that the next steps depend on beside the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -565,13 +577,13 @@ impl<'a, S: Space> Falling<'a, S> {
             report.convergence.push(now);
             self.waiting.say(|| {
                 format!(
-                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {:.1e} (until {:.0e})",
+                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {} (until {:.0e})",
                     particles.owned(),
                     dem.steps(),
                     rain.limit,
                     now.kinetic_energy,
                     rain.kinetic_energy,
-                    now.unbalanced,
+                    unbalanced_text(now.unbalanced),
                     rain.unbalanced
                 )
             });

@@ -292,13 +292,13 @@ impl Searching<'_> {
     fn find(mut self) -> Result<Critical, Error> {
         let (mut low, mut high) = (self.search.from, self.search.to);
         if self.erodes(low)? {
-            return Err(Error::Numerical(format!(
+            return Err(Error::Usage(format!(
                 "{} erodes at {low} {} already; start with a lower --from",
                 self.inlet.name, self.inlet.quantity
             )));
         }
         if !self.erodes(high)? {
-            return Err(Error::Numerical(format!(
+            return Err(Error::Usage(format!(
                 "{} holds at {high} {}; go on to a higher --to, or run longer (time.end)",
                 self.inlet.name, self.inlet.quantity
             )));

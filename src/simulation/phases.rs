@@ -1,6 +1,6 @@
-//! Where the time goes: phases of the step, reduced over ranks for the table at the end.
+//! Where the time goes: phases of the step, and how much of them is waiting for other ranks; reduced over ranks for the table at the end.
 
-use decomposition::Communicator;
+use decomposition::{Communicator, Waited, waited};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -37,18 +37,26 @@ const PHASES: [Phase; 8] = [
     Phase::Guards,
 ];
 
+impl Phase {
+    /// Whether its time is computing, apart from waiting. Files are written by all ranks together, and the waits inside of that are not
+    /// seen.
+    fn computes(self) -> bool {
+        !matches!(self, Self::Output | Self::Checkpoint)
+    }
+}
+
 /// Stopwatch over phases: time runs into the phase last entered.
 #[derive(Debug)]
 pub struct Phases {
     spent: [Duration; PHASES.len()],
+    waited: [Waited; PHASES.len()],
     last: Instant,
+    last_waited: Waited,
 }
 
-/// Seconds of one phase over the ranks.
+/// Seconds over the ranks.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Spent {
-    /// Which.
-    pub phase: Phase,
+pub struct Spread {
     /// Least of any rank [s].
     pub min: f64,
     /// Mean [s].
@@ -57,43 +65,192 @@ pub struct Spent {
     pub max: f64,
 }
 
+/// Seconds of one phase over the ranks.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Spent {
+    /// Which.
+    pub phase: Phase,
+    /// How much.
+    #[serde(flatten)]
+    pub seconds: Spread,
+}
+
+/// Seconds of waiting for other ranks: a part of the phases.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Waiting {
+    /// All of it.
+    pub total: Spread,
+    /// For messages from one rank to another: halos, ghosts, migration.
+    pub messages: Spread,
+    /// In calls in which all ranks take part: reductions, broadcasts.
+    pub collectives: Spread,
+}
+
+/// Where the time went, over the ranks.
+#[derive(Clone, Debug)]
+pub struct Account {
+    /// The phases; together they are the time of the steps.
+    pub phases: Vec<Spent>,
+    /// How much of that was waiting.
+    pub waiting: Waiting,
+    /// Time that the busiest rank computed over the mean of the ranks: 1 where the load is even.
+    pub imbalance: f64,
+}
+
 impl Phases {
     /// Starts the watch.
     #[must_use]
     pub fn start() -> Self {
         Self {
             spent: [Duration::ZERO; PHASES.len()],
+            waited: [Waited::default(); PHASES.len()],
             last: Instant::now(),
+            last_waited: waited(),
         }
     }
 
     /// The time since the last call belongs to `phase`.
     pub fn done(&mut self, phase: Phase) {
-        let now = Instant::now();
+        let (now, now_waited) = (Instant::now(), waited());
         if let Some(k) = PHASES.iter().position(|&p| p == phase) {
             self.spent[k] += now - self.last;
+            self.waited[k] += now_waited.since(&self.last_waited);
         }
         self.last = now;
+        self.last_waited = now_waited;
+    }
+
+    /// Waiting in all phases.
+    fn waited(&self) -> Waited {
+        let mut all = Waited::default();
+        for &one in &self.waited {
+            all += one;
+        }
+        all
+    }
+
+    /// Time of the phases that compute, without the waiting in them.
+    fn computed(&self) -> Duration {
+        PHASES
+            .iter()
+            .zip(self.spent.iter().zip(&self.waited))
+            .filter(|(phase, _)| phase.computes())
+            .map(|(_, (spent, waited))| spent.saturating_sub(waited.total()))
+            .sum()
     }
 
     /// Least, mean and most of the ranks. Collective.
     #[must_use]
-    pub fn reduce(&self, communicator: &Communicator) -> Vec<Spent> {
-        let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
-        PHASES
+    pub fn reduce(&self, communicator: &Communicator) -> Account {
+        let (waited, computed) = (self.waited(), self.computed());
+        let phases = PHASES
             .iter()
             .zip(self.spent)
-            .map(|(&phase, spent)| {
-                let seconds = spent.as_secs_f64();
-                let nanoseconds = u64::try_from(spent.as_nanos()).unwrap_or(u64::MAX);
-                let total = Duration::from_nanos(communicator.all_reduce_sum_u64(nanoseconds));
-                Spent {
-                    phase,
-                    min: communicator.all_reduce_min_f64(seconds),
-                    mean: total.as_secs_f64() / ranks,
-                    max: communicator.all_reduce_max_f64(seconds),
-                }
+            .map(|(&phase, spent)| Spent {
+                phase,
+                seconds: spread(spent, communicator),
             })
-            .collect()
+            .collect();
+        let computing = spread(computed, communicator);
+        Account {
+            phases,
+            waiting: Waiting {
+                total: spread(waited.total(), communicator),
+                messages: spread(waited.messages, communicator),
+                collectives: spread(waited.collectives, communicator),
+            },
+            imbalance: if computing.mean > 0.0 {
+                computing.max / computing.mean
+            } else {
+                1.0
+            },
+        }
+    }
+}
+
+impl Account {
+    /// The time of the steps: that of all phases, in the mean over the ranks [s].
+    #[must_use]
+    pub fn looped(&self) -> f64 {
+        self.phases.iter().map(|p| p.seconds.mean).sum()
+    }
+
+    /// A table of it.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let looped = self.looped().max(1e-9);
+        let row = |name: &str, seconds: &Spread| {
+            let Spread { min, mean, max } = seconds;
+            let share = 100.0 * mean / looped;
+            format!("{name:<12} {min:>9.3} {mean:>9.3} {max:>9.3} {share:>6.1}%")
+        };
+        let mut lines = vec![format!(
+            "{:<12} {:>9} {:>9} {:>9} {:>7}",
+            "phase", "min s", "mean s", "max s", "share"
+        )];
+        for spent in &self.phases {
+            let name = serde_json::to_value(spent.phase).ok();
+            let name = name.as_ref().and_then(|v| v.as_str()).unwrap_or_default();
+            lines.push(row(name, &spent.seconds));
+        }
+        let Waiting {
+            total,
+            messages,
+            collectives,
+        } = &self.waiting;
+        lines.push(format!(
+            "of these, waiting for other ranks (load imbalance {:.2}: computing time of the busiest rank over the mean):",
+            self.imbalance
+        ));
+        lines.push(row("waiting", total));
+        lines.push(row("- messages", messages));
+        lines.push(row("- reductions", collectives));
+        lines.join("\n")
+    }
+}
+
+/// Least, mean and most of the ranks. Collective.
+fn spread(mine: Duration, communicator: &Communicator) -> Spread {
+    let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
+    let seconds = mine.as_secs_f64();
+    let nanoseconds = u64::try_from(mine.as_nanos()).unwrap_or(u64::MAX);
+    let total = Duration::from_nanos(communicator.all_reduce_sum_u64(nanoseconds));
+    Spread {
+        min: communicator.all_reduce_min_f64(seconds),
+        mean: total.as_secs_f64() / ranks,
+        max: communicator.all_reduce_max_f64(seconds),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waiting_and_files_are_no_computing() {
+        let second = Duration::from_secs(1);
+        let mut phases = Phases::start();
+        phases.spent = std::array::from_fn(|_| second);
+        phases.waited[0].messages = second / 4;
+        phases.waited[5].collectives = second / 2;
+        assert_eq!(phases.computed(), second * 6 - second / 4);
+        let account = phases.reduce(&Communicator::serial());
+        assert!((account.looped() - 8.0).abs() < 1e-12);
+        assert!((account.waiting.total.max - 0.75).abs() < 1e-12);
+        assert!((account.imbalance - 1.0).abs() < 1e-12);
+        let table = account.table();
+        for row in [
+            "fluid ",
+            "guards ",
+            "waiting ",
+            "- messages ",
+            "- reductions ",
+        ] {
+            assert!(table.lines().any(|line| line.starts_with(row)), "{table}");
+        }
+        assert!(table.contains("load imbalance 1.00"), "{table}");
+        let json = serde_json::to_value(account.phases[0]).unwrap();
+        assert_eq!(json["phase"], "fluid");
+        assert!((json["mean"].as_f64().unwrap() - 1.0).abs() < 1e-12);
     }
 }

@@ -11,6 +11,7 @@ use crate::case::contact::Scaled;
 use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
 use crate::checkpoint::{self, State};
 use crate::dem::particles::Particles;
+use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Relaxation, Stillness, Wall};
 use crate::error::Error;
@@ -199,7 +200,7 @@ fn on_first<S: Space>(
             let (grains, report) = falling::<S>(plan, block, grading, rain).fall(waiting)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
-                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {:.1e}",
+                "{} of {} grains left of the rain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
                 report.grains,
                 report.fallen,
                 last.steps,
@@ -211,7 +212,7 @@ fn on_first<S: Space>(
                 report.coordination,
                 report.largest_overlap,
                 last.kinetic_energy,
-                last.unbalanced
+                unbalanced_text(last.unbalanced)
             );
             prepared.report = json!({ "rain": report });
             grains
@@ -233,13 +234,13 @@ fn on_first<S: Space>(
             let packing = preparation::<S>(plan, block, *number, growth).pack(waiting)?;
             let r = &packing.report;
             prepared.line = format!(
-                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {:.1e}, sizes x {:.4}",
+                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {}, sizes x {:.4}",
                 r.grains,
                 r.steps,
                 r.solid_fraction,
                 r.coordination,
                 r.mean_overlap,
-                r.unbalanced,
+                unbalanced_text(r.unbalanced),
                 r.size_factor
             );
             prepared.report = json!({ "growth": r });
@@ -597,10 +598,10 @@ impl Settling {
             set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
         }
         let line = format!(
-            "{} bonds; at rest after {} solid steps (unbalanced force {:.1e}); {} bonds broke on the way",
+            "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke on the way",
             self.bonds,
             self.steps,
-            still.unbalanced(),
+            unbalanced_text(still.unbalanced()),
             self.broken
         );
         let report = json!({

@@ -144,7 +144,8 @@ pub(super) fn plan(
     folder: &Path,
     found: Found,
 ) -> Result<(Plan, Resumed), Error> {
-    let document = Document::read(text, set, folder).map_err(Error::Case)?;
+    let named = |problems| Error::Case(of_file(&folder.join("case.json"), problems));
+    let document = Document::read(text, set, folder).map_err(named)?;
     let attributes = &found.manifest.attributes;
     let mut resumed = Resumed::unchanged(found.clone());
     let Some(saved) = attributes["case"].as_str() else {
@@ -172,6 +173,15 @@ pub(super) fn plan(
     check_scales(&plan, attributes, &resumed)?;
     resumed.changed = plan.case_text != text;
     Ok((plan, resumed))
+}
+
+/// Problems with the file named: nobody gave it on the command line.
+fn of_file(file: &Path, problems: Vec<Problem>) -> Vec<Problem> {
+    let named = |problem: Problem| Problem {
+        path: format!("{}: {}", file.display(), problem.path),
+        ..problem
+    };
+    problems.into_iter().map(named).collect()
 }
 
 /// Checkpoints of earlier versions know the hash of their case only.

@@ -6,14 +6,16 @@ use super::collapse::CollapseRecorder;
 use super::coupled;
 use super::energy;
 use super::erosion::ErosionRecorder;
+use super::escape;
 use super::folder::{Entry, RunFolder};
 use super::guards::Guards;
-use super::phases::{Phase, Phases, Spent};
+use super::phases::{Phase, Phases};
 use super::preparation::{self, Settling};
 use super::progress::{Moment, Progress, clock};
 use super::removal::Removal;
 use super::resume::{self, Resumed, Stage};
 use super::setup;
+use super::versions::versions;
 use super::watch::Watch;
 use super::{Present, Simulation};
 use crate::case::fluid::Precision;
@@ -373,7 +375,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Ended> {
         let json = start.json;
         let mut runner = Self::begin(plan, domain, start).map_err(Ended::BeforeItsFirstStep)?;
-        let outcome = runner.run();
+        let outcome = runner.run().map_err(|error| {
+            let now = &runner.simulation.now;
+            escape::explained(error, &now.plan, now.step, now.time())
+        });
         let text = match &outcome {
             Ok(()) => "done",
             Err(Error::Stopped(_)) => "stopped",
@@ -713,6 +718,16 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             collapse.record_due(&now.view(), &[])?;
             outputs.write_due(&now.view())?;
         }
+        let now = &runner.simulation.now;
+        log::debug!(
+            "rank {}: ready at step {} of {} after {:.3} s, {} grains and bodies here, {} bytes of memory at most so far",
+            now.domain.rank(),
+            now.step,
+            now.plan.clock.steps,
+            runner.watch.elapsed().as_secs_f64(),
+            now.particles.owned(),
+            peak_rss()
+        );
         runner.simulation.phases = Phases::start();
         Ok(runner)
     }
@@ -918,9 +933,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
         let simulation = &self.simulation;
         let communicator = simulation.now.domain.communicator();
-        let phases = simulation.phases.reduce(communicator);
+        let account = simulation.phases.reduce(communicator);
         let wall = self.watch.elapsed().as_secs_f64();
-        let looped: f64 = phases.iter().map(|p| p.mean).sum();
+        let looped = account.looped();
         let steps = steps_number(simulation.now.step - self.first_step);
         let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count()
@@ -946,7 +961,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "time": simulation.now.time(),
             "wall_seconds": wall,
             "loop_seconds": looped,
-            "phases": phases,
+            "phases": account.phases,
+            "waiting_seconds": account.waiting,
+            "imbalance": account.imbalance,
             "mlups": mlups,
             "particle_steps_per_second": rate,
             "grains": grains,
@@ -991,6 +1008,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(collapse) = simulation.collapse.summary()? {
             summary["collapse"] = collapse;
         }
+        if log::log_enabled!(log::Level::Debug)
+            && let Some(dem) = &simulation.now.dem
+        {
+            let lists = dem.statistics(&simulation.now.particles);
+            log::debug!(
+                "rank {}: lists of neighbours made {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                communicator.rank(),
+                lists.rebuilds,
+                lists.tested,
+                lists.contacts,
+                lists.bonds
+            );
+        }
         let first = communicator.rank() == 0;
         let written = if first {
             io::atomic::write_json(&self.folder.path().join("summary.json"), &summary)
@@ -1005,7 +1035,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.progress
                 .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
         } else {
-            self.progress.note(&table(&phases, looped));
+            self.progress.note(&account.table());
             self.progress.note(&format!(
                 "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
                 simulation.now.step - self.first_step,
@@ -1220,15 +1250,6 @@ fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, Stri
     all
 }
 
-fn versions(communicator: &Communicator) -> Value {
-    json!({
-        "solver": env!("CARGO_PKG_VERSION"),
-        "commit": env!("SOLVER_COMMIT"),
-        "lanes": Level::best().name(),
-        "mpi": communicator.mpi_version(),
-    })
-}
-
 /// Peak resident memory of this process [bytes].
 fn peak_rss() -> u64 {
     std::fs::read_to_string("/proc/self/status")
@@ -1238,26 +1259,4 @@ fn peak_rss() -> u64 {
             line.split_whitespace().nth(1)?.parse::<u64>().ok()
         })
         .map_or(0, |kib| kib * 1024)
-}
-
-fn table(phases: &[Spent], looped: f64) -> String {
-    let mut text = format!(
-        "{:<12} {:>9} {:>9} {:>9} {:>7}\n",
-        "phase", "min s", "mean s", "max s", "share"
-    );
-    for p in phases {
-        let name = serde_json::to_value(p.phase)
-            .ok()
-            .and_then(|v| v.as_str().map(str::to_owned))
-            .unwrap_or_default();
-        text += &format!(
-            "{name:<12} {:>9.3} {:>9.3} {:>9.3} {:>6.1}%\n",
-            p.min,
-            p.mean,
-            p.max,
-            100.0 * p.mean / looped.max(1e-9)
-        );
-    }
-    text.pop();
-    text
 }

@@ -71,7 +71,7 @@ fn solver() -> Result<PathBuf, Error> {
 /// [`Error::Io`] where it cannot be started.
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
-    let done = alone(Command::new(&path).arg("--version"))
+    let done = alone(Command::new(&path).arg("-V"))
         .output()
         .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
     Ok(String::from_utf8_lossy(&done.stdout).trim().to_owned())
@@ -248,6 +248,11 @@ impl<'a> Runner<'a> {
         let log = how.open(folder.join("log.txt")).map_err(fail)?;
         let errors = fs::File::create(folder.join("errors.txt")).map_err(fail)?;
         command.stdin(Stdio::null()).stdout(log).stderr(errors);
+        log::debug!(
+            "member {} {}: {command:?}",
+            member.name,
+            if again { "goes on" } else { "begins" }
+        );
         let child = command
             .spawn()
             .map_err(|e| Error::Io(format!("{:?}: {e}", command.get_program())))?;

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// One line above tables and pictures.
+    /// One line above tables and pictures, without control characters.
     #[serde(default)]
     pub title: String,
     /// What the study is for.

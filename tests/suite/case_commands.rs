@@ -107,7 +107,7 @@ fn exit_codes_tell_usage_case_and_file_apart() {
     solver().arg("schema").assert().code(0);
     solver().args(["schema", "study"]).assert().code(0);
     solver().arg("example").assert().code(0);
-    solver().args(["example", "pipping"]).assert().code(3);
+    solver().args(["example", "pipping"]).assert().code(2);
     solver().arg("validate").arg(&path).assert().code(0);
     solver()
         .arg("validate")

@@ -20,6 +20,8 @@ mod folders;
 mod ranks;
 mod same_bits;
 mod seepage;
+mod speaking;
 mod stopping;
 mod sweep;
+mod usage;
 mod verification;

@@ -127,6 +127,13 @@ pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
     start(ranks, arguments).wait()
 }
 
+/// As [`run`], with more variables of the environment.
+pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
+    let mut command = command(ranks);
+    command.envs(more.iter().copied());
+    begin(command, arguments).wait()
+}
+
 impl Running {
     /// Waits for the end.
     pub(crate) fn wait(mut self) -> Done {

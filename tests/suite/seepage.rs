@@ -131,7 +131,7 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     let mut arguments = words(afloat);
     arguments.push(folder.path().join("afloat").to_str().unwrap().to_owned());
     arguments.push(case.to_str().unwrap().to_owned());
-    let done = run(0, &arguments).expect(4);
+    let done = run(0, &arguments).expect(2);
     assert!(
         done.stderr.contains("inlet erodes at 0.11 m already"),
         "{}",

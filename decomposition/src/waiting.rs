@@ -1,0 +1,98 @@
+//! How long this process has stood in calls of MPI that wait for other ranks.
+//!
+//! A clock is read before and after each blocking call, some tens of nanoseconds beside a call of microseconds, and not at all where
+//! a rank is alone. The sums are of the process: MPI runs once in it. Waits inside of HDF5's own calls of MPI are not seen.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+static MESSAGES: AtomicU64 = AtomicU64::new(0);
+static COLLECTIVES: AtomicU64 = AtomicU64::new(0);
+
+/// What is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wait {
+    /// Messages from one rank to another: halos, ghosts, migration.
+    Messages,
+    /// Calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    Collectives,
+}
+
+/// Time spent waiting since the process started.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Waited {
+    /// For messages from one rank to another: halos, ghosts, migration.
+    pub messages: Duration,
+    /// In calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    pub collectives: Duration,
+}
+
+impl Waited {
+    /// Both together.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.messages + self.collectives
+    }
+
+    /// What was added since `earlier`.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            messages: self.messages.saturating_sub(earlier.messages),
+            collectives: self.collectives.saturating_sub(earlier.collectives),
+        }
+    }
+}
+
+impl std::ops::AddAssign for Waited {
+    fn add_assign(&mut self, more: Self) {
+        self.messages += more.messages;
+        self.collectives += more.collectives;
+    }
+}
+
+/// How long this process has waited for other ranks so far.
+#[must_use]
+pub fn waited() -> Waited {
+    let read = |sum: &AtomicU64| Duration::from_nanos(sum.load(Ordering::Relaxed));
+    Waited {
+        messages: read(&MESSAGES),
+        collectives: read(&COLLECTIVES),
+    }
+}
+
+/// Makes a blocking call and adds its time.
+pub(crate) fn timed<T>(wait: Wait, call: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = call();
+    let spent = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    let sum = match wait {
+        Wait::Messages => &MESSAGES,
+        Wait::Collectives => &COLLECTIVES,
+    };
+    sum.fetch_add(spent, Ordering::Relaxed);
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_adds_its_time_to_its_kind_from_any_thread() {
+        let before = waited();
+        let pause = Duration::from_millis(2);
+        std::thread::scope(|scope| {
+            for wait in [Wait::Messages, Wait::Collectives, Wait::Collectives] {
+                scope.spawn(move || timed(wait, || std::thread::sleep(pause)));
+            }
+        });
+        let spent = waited().since(&before);
+        assert!(spent.messages >= pause, "{spent:?}");
+        assert!(spent.collectives >= 2 * pause, "{spent:?}");
+        assert_eq!(spent.total(), spent.messages + spent.collectives);
+        let mut sum = spent;
+        sum += spent;
+        assert_eq!(sum.since(&spent), spent);
+    }
+}

@@ -1,0 +1,86 @@
+//! Arguments that are refused before anything is read, each with what was probably meant.
+
+use crate::case::check::nearest;
+use crate::error::Error;
+use std::ffi::OsStr;
+use std::path::Path;
+
+/// More threads in a rank than this are a slip: no machine has as many cores for one rank.
+pub(super) const MOST_THREADS: u16 = 1024;
+
+/// A first word that is no command has to be a case: a file that is there, or what may be the name of one.
+///
+/// # Errors
+/// [`Error::Usage`] where it is neither.
+pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
+    let text = word.to_string_lossy();
+    // A dot or a slash: somebody means a file, and the reader says what is wrong with it.
+    if text.starts_with('-') || text.contains(['.', '/']) || Path::new(word).exists() {
+        return Ok(());
+    }
+    let meant = match nearest(&text, commands) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => "`solver --help` lists the commands".into(),
+    };
+    Err(Error::Usage(format!(
+        "there is no command or file `{text}`; {meant}"
+    )))
+}
+
+/// Cores that this process may use.
+pub(super) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// The number of threads of a rank.
+pub(super) fn threads(text: &str) -> Result<u16, String> {
+    match text.parse() {
+        Ok(threads) if (1..=MOST_THREADS).contains(&threads) => Ok(threads),
+        _ => Err(format!(
+            "a rank has 1 to {MOST_THREADS} threads, best not more than the {} core(s) that it may use here",
+            cores()
+        )),
+    }
+}
+
+/// What a reader should know of a number of threads that is allowed.
+pub(super) fn too_many_threads(threads: Option<u16>) -> Option<String> {
+    let (threads, cores) = (usize::from(threads?), cores());
+    (threads > cores).then(|| {
+        format!(
+            "warning: --threads = {threads}: this process may use {cores} core(s), and threads that share a core wait for each other; use at most {cores}"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_that_is_nothing_is_refused_with_what_was_meant() {
+        let commands = ["run", "restart", "validate"];
+        let refused = |word: &str| command_or_file(word.as_ref(), &commands).unwrap_err();
+        let error = refused("restrat");
+        assert_eq!(error.exit_code(), 2);
+        assert_eq!(
+            error.to_string(),
+            "there is no command or file `restrat`; did you mean `restart`?"
+        );
+        assert!(refused("frobnicate").to_string().contains("`frobnicate`"));
+        for file in ["case.json", "a/b", "case.jsn", "--output", ".", "src"] {
+            assert!(command_or_file(file.as_ref(), &commands).is_ok(), "{file}");
+        }
+    }
+
+    #[test]
+    fn threads_are_bounded() {
+        assert_eq!(threads("1"), Ok(1));
+        assert_eq!(threads("1024"), Ok(1024));
+        for bad in ["0", "1025", "65535", "65536", "-1", "two"] {
+            assert!(threads(bad).unwrap_err().contains("1 to 1024"), "{bad}");
+        }
+        assert_eq!(too_many_threads(None), None);
+        assert_eq!(too_many_threads(Some(1)), None);
+    }
+}

@@ -1,0 +1,71 @@
+//! What to do about a grain that left through an open face, in words of its case.
+
+use crate::case::geometry::{Extent, Face, Vector};
+use crate::case::observe::{Action, Region, When};
+use crate::dem::escape::Escape;
+use crate::error::Error;
+use crate::plan::Plan;
+use serde_json::{Value, json};
+
+/// An error of a step that began at `time` [s], with what can be done where it tells of a grain that left the box.
+pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
+    let Error::Numerical(text) = &error else {
+        return error;
+    };
+    let Some(escape) = Escape::in_text(text) else {
+        return error;
+    };
+    let scene = &plan.scene;
+    let face = Face::ALL[2 * escape.axis + usize::from(escape.upper)];
+    let name = name_of(face);
+    let mut closed: Vec<Face> = scene.walls.iter().filter_map(|wall| wall.face).collect();
+    let remedy = if closed.contains(&face) {
+        format!(
+            "the face {name} has a wall, which it went through within one solid step: use a smaller solid time step or a stiffer contact"
+        )
+    } else {
+        closed.push(face);
+        closed.sort_by_key(|face| face.index());
+        let close = format!("close the face with \"box_walls\": {}", json!(closed));
+        if escape.grain < scene.first_grain() {
+            format!("{close} (a named body or block is never removed by a region)")
+        } else {
+            let region = region_at(face, plan);
+            format!("let a region take such grains out, \"regions\": [{region}], or {close}")
+        }
+    };
+    Error::Numerical(format!(
+        "{text}, in step {} at t = {time:.6e} s; {remedy}",
+        step + 1
+    ))
+}
+
+fn name_of(face: Face) -> String {
+    json!(face).as_str().unwrap_or_default().to_owned()
+}
+
+/// The cells at a face as a region that removes grains whose centre is there or beyond, beside the regions that the case has.
+fn region_at(face: Face, plan: &Plan) -> Value {
+    let grid = &plan.scene.grid;
+    let mut from = vec![0.0; grid.dimension];
+    let mut to = grid.size[..grid.dimension].to_vec();
+    let axis = face.axis();
+    if face.index().is_multiple_of(2) {
+        to[axis] = grid.spacing;
+    } else {
+        from[axis] = grid.size[axis] - grid.spacing;
+    }
+    let mut name = format!("out_{}", name_of(face));
+    while plan.scene.regions.iter().any(|region| region.name == name) {
+        name.push('_');
+    }
+    let region = Region {
+        name,
+        region: Extent {
+            from: Vector(from),
+            to: Vector(to),
+        },
+        action: Action::Remove { when: When::Centre },
+    };
+    json!(region)
+}
