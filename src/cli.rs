@@ -13,6 +13,7 @@ use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
+use crate::simulation::watch;
 use crate::sweep::{Say, Sweep, Task, study};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
@@ -271,6 +272,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             return error.exit_code();
         }
     };
+    let runs = matches!(
+        cli.command,
+        Command::Run { .. } | Command::Restart { .. } | Command::CriticalGradient { .. }
+    );
+    if runs && let Err(error) = watch::hear() {
+        return ended(Err(error));
+    }
     let result = match cli.command {
         Command::Run {
             case,

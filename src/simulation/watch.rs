@@ -20,8 +20,8 @@ use crate::error::Error;
 use crate::scene::waiting::Request;
 use decomposition::Communicator;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Steps between two questions, where steps are fast.
@@ -31,10 +31,40 @@ const PACE: [u64; 2] = [1000, 250];
 /// The first rank has done what it did alone.
 const DONE: u64 = 3;
 
-/// Listens for requests.
-pub struct Watch {
+/// Signals that reached this process.
+#[derive(Debug, Default)]
+pub struct Signals {
     stop: Arc<AtomicBool>,
     save: Arc<AtomicBool>,
+}
+
+/// Catches signals from now on: what comes before the first step, while a case is planned, is answered then.
+///
+/// # Errors
+/// When signals cannot be caught.
+pub fn hear() -> Result<&'static Signals, Error> {
+    use signal_hook::consts::{SIGCONT, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+    static SIGNALS: OnceLock<Signals> = OnceLock::new();
+    if let Some(signals) = SIGNALS.get() {
+        return Ok(signals);
+    }
+    let signals = Signals::default();
+    for (signal, flag) in [
+        (SIGTERM, &signals.stop),
+        (SIGINT, &signals.stop),
+        (SIGUSR2, &signals.stop),
+        (SIGUSR1, &signals.save),
+        (SIGCONT, &signals.save),
+    ] {
+        signal_hook::flag::register(signal, Arc::clone(flag))
+            .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;
+    }
+    Ok(SIGNALS.get_or_init(|| signals))
+}
+
+/// Listens for requests.
+pub struct Watch {
+    signals: &'static Signals,
     files: Vec<PathBuf>,
     start: Instant,
     limit: Option<Duration>,
@@ -58,25 +88,10 @@ impl Watch {
         limit: Option<Duration>,
         every: Option<Duration>,
     ) -> Result<Self, Error> {
-        use signal_hook::consts::{SIGCONT, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
-        let (stop, save) = (
-            Arc::new(AtomicBool::new(false)),
-            Arc::new(AtomicBool::new(false)),
-        );
-        for (signal, flag) in [
-            (SIGTERM, &stop),
-            (SIGINT, &stop),
-            (SIGUSR2, &stop),
-            (SIGUSR1, &save),
-            (SIGCONT, &save),
-        ] {
-            signal_hook::flag::register(signal, Arc::clone(flag))
-                .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;
-        }
+        let signals = hear()?;
         let now = Instant::now();
         Ok(Self {
-            stop,
-            save,
+            signals,
             files: folders.iter().map(|folder| folder.join("STOP")).collect(),
             start,
             limit,
@@ -142,7 +157,7 @@ impl Watch {
     /// What reached this rank.
     fn mine(&mut self, communicator: &Communicator) -> Request {
         let mut mine = Request::None;
-        if self.save.load(Ordering::Relaxed) {
+        if self.signals.save.load(Ordering::Relaxed) {
             mine = Request::Checkpoint;
         }
         if communicator.rank() == 0 {
@@ -167,7 +182,7 @@ impl Watch {
                 }
             }
         }
-        if self.stop.load(Ordering::Relaxed) {
+        if self.signals.stop.load(Ordering::Relaxed) {
             mine = Request::Stop;
         }
         mine
@@ -175,7 +190,7 @@ impl Watch {
 
     /// A checkpoint was written and took `cost`.
     pub fn wrote(&mut self, cost: Duration) {
-        self.save.store(false, Ordering::Relaxed);
+        self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();
         self.cost = self.cost.max(cost);
     }

@@ -302,6 +302,27 @@ impl Study {
         study
     }
 
+    /// The same hole in a packing that is grown, bonded and brought to rest first; then the water is warmed up.
+    pub(crate) fn preparing() -> Self {
+        let chambers = r#"[
+            {"name": "inlet", "box": {"from": [0, 0], "to": [0.0004, 0.0016]}},
+            {"name": "outlet", "box": {"from": [0.0026, 0], "to": [0.003, 0.0016]}},
+            {"name": "hole", "box": {"from": [0.0004, 0.0006], "to": [0.0026, 0.001]}}]"#;
+        Self::eroding(&[
+            (
+                "grains.initial",
+                r#"{"growth": {"amount": {"solid_fraction": 0.82}, "radii": {"uniform": {"min": 3e-5, "max": 5e-5}}, "seed": 3, "friction_angle_degrees": 20}}"#,
+            ),
+            ("grains.cut", chambers),
+            (
+                "time.warm_up",
+                r#"{"fluid_only": {"relative_change": 1e-9, "at_most": 0.02}}"#,
+            ),
+            ("time.end", "0.0016"),
+            ("output", "{}"),
+        ])
+    }
+
     /// A folder or file beside the case.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)

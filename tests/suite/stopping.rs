@@ -158,6 +158,55 @@ fn a_file_named_stop_and_the_walltime() {
     goes_on(study, "walltime", 2);
 }
 
+#[test]
+fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
+    let _alone = alone();
+    let study = Study::preparing();
+    study.run("straight", 1, 1, &[]);
+    let folder = study.path("parts");
+    std::fs::create_dir(&folder).unwrap();
+    let mut phases = Vec::new();
+    for attempt in 0.. {
+        // Each attempt gets a little further than the one before.
+        if attempt < 12 {
+            std::fs::write(folder.join("STOP"), "").unwrap();
+        }
+        let ranks = 1 + attempt % 3;
+        let done = if attempt == 0 {
+            start(ranks, &study.arguments("parts", 1, &[])).wait()
+        } else {
+            study.restart("parts", ranks, &[])
+        };
+        if done.code == Some(0) {
+            break;
+        }
+        let done = done.expect(75);
+        assert!(done.stderr.contains("solver restart"), "{}", done.stderr);
+        assert!(!folder.join("STOP").exists());
+        assert_eq!(study.summary("parts")["outcome"], "stopped");
+        let kept = |name: &str| {
+            let folder = folder.join(name);
+            folder
+                .is_dir()
+                .then(|| io::newest(&folder, &Alone).unwrap().manifest.attributes)
+        };
+        let attributes = kept("preparation").or_else(|| kept("checkpoints")).unwrap();
+        let phase = attributes["preparation"].as_object();
+        phases.push(phase.map_or("run".to_owned(), |phase| {
+            phase.keys().next().unwrap().clone()
+        }));
+    }
+    phases.dedup();
+    assert_eq!(
+        phases.first().map(String::as_str),
+        Some("sample"),
+        "{phases:?}"
+    );
+    assert!(phases.iter().any(|phase| phase == "warm_up"), "{phases:?}");
+    study.same("straight", "parts");
+    assert!(!folder.join("preparation").exists());
+}
+
 /// A job of which a rank was killed: it ends soon, and what it left is enough.
 #[track_caller]
 fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
@@ -288,6 +337,30 @@ fn a_full_disk_stops_an_output_and_spares_what_was_saved() {
     disk.grow();
     study.restart("disk/run", 1, &[]).expect(0);
     study.same("straight", "disk/run");
+}
+
+#[test]
+fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on() {
+    let _alone = alone();
+    let study = study(&[
+        ("time.end", "8"),
+        ("output", "{}"),
+        ("checkpoint.every", "null"),
+    ]);
+    let place = study.path("disk");
+    let Some(disk) = Disk::mount(&place, "size=600k") else {
+        return;
+    };
+    let mut arguments = study.arguments("disk/run", 1, &[]);
+    arguments.extend(["--max-walltime".into(), "0:00:04".into()]);
+    let done = start(2, &arguments).wait().expect(5);
+    assert!(
+        done.stderr.contains("no room for a checkpoint")
+            && done.stderr.contains("there is none to go on from"),
+        "{}",
+        done.stderr
+    );
+    drop(disk);
 }
 
 #[test]
