@@ -5,7 +5,7 @@
 //! is handed over to [`Engine`] by `main`.
 
 use crate::case::{Document, examples, schema};
-use crate::error::{Error, Problem, Severity};
+use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict};
 use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
@@ -46,11 +46,15 @@ enum Command {
     Validate {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
     },
     /// Check a case and print models, time steps, limits and costs.
     Plan {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
     },
     /// Print the JSON schema of a case, or of a study.
     Schema {
@@ -120,6 +124,8 @@ enum Command {
     CriticalGradient {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
         /// The boundary that drives the water [default: the one with the highest head].
         #[arg(long, value_name = "NAME")]
         boundary: Option<String>,
@@ -203,6 +209,15 @@ struct RunArgs {
     /// Stop with a checkpoint before this much wall-clock time is over.
     #[arg(long, value_name = "H:M:S", value_parser = walltime)]
     max_walltime: Option<Duration>,
+    #[command(flatten)]
+    stability: Stability,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct Stability {
+    /// Accept a case although runs like it were seen to fail.
+    #[arg(long)]
+    allow_unstable: bool,
 }
 
 /// What the rest of the program does for the commands; returned text is printed by the first rank.
@@ -239,8 +254,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
     };
     let result = match cli.command {
         Command::Run { case, run } => start(&case, run, engine),
-        Command::Validate { case } => validate(&case),
-        Command::Plan { case } => plan(&case),
+        Command::Validate { case, stability } => validate(&case, stability),
+        Command::Plan { case, stability } => plan(&case, stability),
         Command::Schema { of: Text::Case } => say(&pretty(&schema())),
         Command::Schema { of: Text::Study } => say(&pretty(&study::schema())),
         Command::Example { name, json } => example(name.as_deref(), json),
@@ -250,7 +265,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => told((engine.restart)(&directory, &set, options(run, json))),
+        } => judged(
+            (engine.restart)(&directory, &set, options(run, json)),
+            &directory,
+        ),
         Command::Picture { run, options } => {
             (engine.picture)(&run, &options).and_then(|text| say(&text))
         }
@@ -268,6 +286,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         ),
         Command::CriticalGradient {
             case,
+            stability,
             boundary,
             from,
             to,
@@ -278,7 +297,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         } => {
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
-                case: case.case,
+                case: case.case.clone(),
                 set: case.set,
                 boundary,
                 from,
@@ -286,8 +305,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 tolerance,
                 grains,
                 threads: threads.map(usize::from),
+                allow_unstable: stability.allow_unstable,
             };
-            told((engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)))
+            judged(
+                (engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)),
+                &case.case,
+            )
         }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
@@ -330,12 +353,8 @@ fn with_default_command(arguments: impl IntoIterator<Item = OsString>) -> Vec<Os
 
 fn start(case: &CaseArgs, run: RunArgs, engine: &Engine) -> Result<(), Error> {
     let plan = prepare(case)?;
-    warn(&plan.warnings);
-    if case.json {
-        say(&pretty(&plan))?;
-    } else {
-        say(&plan.to_string())?;
-    }
+    show(&plan, case)?;
+    judge(&plan.warnings, case, run.stability)?;
     let mut options = options(run, case.json);
     options.output.get_or_insert_with(|| folder_of(&case.case));
     told((engine.run)(plan, options))
@@ -371,35 +390,96 @@ fn told(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
+/// As [`told`], with the verdict on a case that only the work itself has read.
+fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
+    let outcome = told(outcome);
+    if let Err(Error::Case(findings)) = &outcome {
+        complain(&refusal(findings, name));
+    }
+    outcome
+}
+
+/// The verdict on a case that is not run.
+fn refusal(findings: &[Problem], name: &Path) -> String {
+    let sentence = match Verdict::of(findings) {
+        // Where no finding could be made, as of a file that is no text.
+        Verdict::Valid => Verdict::Refused.name().to_owned(),
+        _ => Verdict::sentence(findings),
+    };
+    let how = match Verdict::of(findings) {
+        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it all the same"),
+        _ => String::new(),
+    };
+    format!("{}: {sentence}; nothing was run{how}", name.display())
+}
+
 fn options(run: RunArgs, json: bool) -> RunOptions {
     RunOptions {
         output: run.output,
         threads: run.threads.map(usize::from),
         max_walltime: run.max_walltime,
         json,
+        allow_unstable: run.stability.allow_unstable,
     }
 }
 
-fn validate(case: &CaseArgs) -> Result<(), Error> {
+fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
     if case.json {
-        say(&pretty(
-            &serde_json::json!({"valid": true, "problems": plan.warnings}),
-        ))
+        say(&pretty(&report(&plan.warnings, stability)))?;
     } else {
-        warn(&plan.warnings);
-        say(&format!("{}: valid", case.case.display()))
+        list(&plan.warnings);
     }
+    judge(&plan.warnings, case, stability)
 }
 
-fn plan(case: &CaseArgs) -> Result<(), Error> {
+fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
+    show(&plan, case)?;
+    judge(&plan.warnings, case, stability)
+}
+
+/// The findings, then the plan.
+fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
-        say(&pretty(&plan))
+        let mut tree = serde_json::to_value(plan).unwrap_or_default();
+        tree["verdict"] = Verdict::of(&plan.warnings).name().into();
+        say(&pretty(&tree))
     } else {
-        warn(&plan.warnings);
+        list(&plan.warnings);
         say(&plan.to_string())
     }
+}
+
+/// The findings as data.
+fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
+    let verdict = Verdict::of(findings);
+    let allowed = stability.allow_unstable;
+    serde_json::json!({
+        "verdict": verdict.name(),
+        "valid": verdict.runs(allowed),
+        "exit_code": verdict.exit_code(allowed),
+        "findings": findings,
+    })
+}
+
+/// Says the verdict, once, unless it stands in the JSON already.
+///
+/// # Errors
+/// [`Error::Case`] where the case is not run.
+fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+    let accepted = Verdict::of(findings).runs(stability.allow_unstable);
+    if !accepted {
+        if !case.json {
+            complain(&refusal(findings, &case.case));
+        }
+        return Err(Error::Case(findings.to_vec()));
+    }
+    if case.json {
+        return Ok(());
+    }
+    let sentence = Verdict::sentence(findings);
+    say(&format!("{}: {sentence}", case.case.display()))
 }
 
 /// Reads, checks and plans the case; lists everything that is wrong with it.
@@ -415,6 +495,7 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
                 "error: {} is not text (UTF-8); a case is JSON text",
                 path.display()
             ));
+            complain(&refusal(&[], path));
             return Err(Error::Case(vec![]));
         }
         other => other?,
@@ -424,21 +505,15 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
         .and_then(Plan::prepare)
         .map_err(|problems| {
             if case.json {
-                let report = serde_json::json!({"valid": false, "problems": problems});
-                if let Err(error) = say(&pretty(&report)) {
+                let stability = Stability {
+                    allow_unstable: false,
+                };
+                if let Err(error) = say(&pretty(&report(&problems, stability))) {
                     return error;
                 }
             } else {
                 list(&problems);
-                let errors = problems
-                    .iter()
-                    .filter(|p| p.severity == Severity::Error)
-                    .count();
-                let plural = if errors == 1 { "" } else { "s" };
-                complain(&format!(
-                    "{}: {errors} problem{plural}; nothing was run",
-                    path.display()
-                ));
+                complain(&refusal(&problems, path));
             }
             Error::Case(problems)
         })
@@ -478,10 +553,6 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             Err(Error::Case(vec![problem]))
         }
     }
-}
-
-fn warn(problems: &[Problem]) {
-    list(problems);
 }
 
 fn list(problems: &[Problem]) {

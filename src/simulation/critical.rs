@@ -11,7 +11,7 @@ use super::run;
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
 use crate::case::darcy::SeepageCondition;
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
 use crate::scene::observe::{Action, Region};
 use crate::scene::seepage::{Patch, Seepage};
@@ -41,6 +41,8 @@ pub struct Search {
     pub output: PathBuf,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
+    /// Runs a case that is unstable.
+    pub allow_unstable: bool,
 }
 
 /// A run of the search.
@@ -119,9 +121,14 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
 fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
     let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
     let directory = search.case.parent().unwrap_or(Path::new(""));
-    Document::read(text, &set, directory)
+    let plan = Document::read(text, &set, directory)
         .and_then(Plan::prepare)
-        .map_err(Error::Case)
+        .map_err(Error::Case)?;
+    if Verdict::of(&plan.warnings).runs(search.allow_unstable) {
+        Ok(plan)
+    } else {
+        Err(Error::Case(plan.warnings))
+    }
 }
 
 /// What drives the water.
@@ -158,12 +165,10 @@ impl Inlet {
             ));
         };
         if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
-            return Err(refuse(
-                "--from, --to",
-                format!("{}, {}", search.from, search.to),
-                "the first must be below the second",
-                "give a drive that holds and one that erodes",
-            ));
+            return Err(Error::Usage(format!(
+                "--from {} must be below --to {}; give a drive that holds and one that erodes",
+                search.from, search.to
+            )));
         }
         let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
         if !plan.scene.regions.iter().any(removes) {
@@ -285,13 +290,13 @@ impl Searching<'_> {
     fn find(mut self) -> Result<Critical, Error> {
         let (mut low, mut high) = (self.search.from, self.search.to);
         if self.erodes(low)? {
-            return Err(Error::Numerical(format!(
+            return Err(Error::Usage(format!(
                 "{} erodes at {low} {} already; start with a lower --from",
                 self.inlet.name, self.inlet.quantity
             )));
         }
         if !self.erodes(high)? {
-            return Err(Error::Numerical(format!(
+            return Err(Error::Usage(format!(
                 "{} holds at {high} {}; go on to a higher --to, or run longer (time.end)",
                 self.inlet.name, self.inlet.quantity
             )));

@@ -22,7 +22,7 @@ use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::water::Water;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
@@ -52,6 +52,8 @@ pub struct RunOptions {
     pub max_walltime: Option<Duration>,
     /// Tables as JSON.
     pub json: bool,
+    /// A restart goes on with a case that is unstable as changed.
+    pub allow_unstable: bool,
 }
 
 /// Runs a plan from its start.
@@ -73,6 +75,9 @@ pub fn restart(folder: &Path, set: &[String], mut options: RunOptions) -> Result
     let plan = Document::read(&text, set, folder)
         .and_then(Plan::prepare)
         .map_err(Error::Case)?;
+    if !Verdict::of(&plan.warnings).runs(options.allow_unstable) {
+        return Err(Error::Case(plan.warnings));
+    }
     options.output = Some(folder.to_owned());
     with_world(plan, options, Some(!set.is_empty()))
 }
