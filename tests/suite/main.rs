@@ -16,6 +16,7 @@ mod case_examples;
 mod case_mutants;
 mod collapse;
 mod extremes;
+mod guards;
 mod ranks;
 mod same_bits;
 mod seepage;
