@@ -10,7 +10,7 @@ use crate::case::{Case, Document, restart};
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
 use crate::plan::Plan;
 use crate::scene::observe::Action;
@@ -137,12 +137,13 @@ pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
 /// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
 ///
 /// # Errors
-/// Every change that the state cannot follow, and what is wrong with the case.
+/// Every change that the state cannot follow, and what is wrong with the case; what makes it unstable, unless that is allowed.
 pub(super) fn plan(
     text: &str,
     set: &[String],
     folder: &Path,
     found: Found,
+    allow_unstable: bool,
 ) -> Result<(Plan, Resumed), Error> {
     let named = |problems| Error::Case(of_file(&folder.join("case.json"), problems));
     let document = Document::read(text, set, folder).map_err(named)?;
@@ -171,6 +172,9 @@ pub(super) fn plan(
         plan
     };
     check_scales(&plan, attributes, &resumed)?;
+    if !Verdict::of(&plan.warnings).runs(allow_unstable) {
+        return Err(Error::Case(plan.warnings));
+    }
     resumed.changed = plan.case_text != text;
     Ok((plan, resumed))
 }
