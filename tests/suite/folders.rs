@@ -126,7 +126,7 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
         (1, "time.end=0.004", "time.end"),
         (
             1,
-            "regions[0].action={\"generate\": {\"rate\": 1, \"radii\": {\"uniform\": {\"min\": 1e-4, \"max\": 1e-4}}}}",
+            r#"regions[1]={"name": "new", "box": {"from": [0, 0], "to": [0.0003, 0.0016]}, "action": {"generate": {"rate": 1, "radii": {"uniform": {"min": 1e-4, "max": 1e-4}}}}}"#,
             "generate",
         ),
     ] {
