@@ -8,7 +8,7 @@ mod manual;
 mod usage;
 
 use crate::case::{Document, examples, schema};
-use crate::error::{Error, Problem, Severity, printable_lines};
+use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
 use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
@@ -56,11 +56,15 @@ enum Command {
     Validate {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
     },
     /// Check a case and print models, time steps, limits and costs.
     Plan {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
     },
     /// Print the JSON schema of a case, or of a study.
     Schema {
@@ -140,6 +144,8 @@ enum Command {
     CriticalGradient {
         #[command(flatten)]
         case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
         /// The boundary that drives the water [default: the one with the highest head].
         #[arg(long, value_name = "NAME")]
         boundary: Option<String>,
@@ -226,6 +232,15 @@ struct RunArgs {
     /// Do not keep the end of the run as a checkpoint: it cannot be extended then.
     #[arg(long)]
     no_final_checkpoint: bool,
+    #[command(flatten)]
+    stability: Stability,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct Stability {
+    /// Accept a case although runs like it were seen to fail.
+    #[arg(long)]
+    allow_unstable: bool,
 }
 
 /// What the rest of the program does for the commands; returned text is printed by the first rank.
@@ -294,8 +309,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             };
             start(&case, options, engine)
         }
-        Command::Validate { case } => validate(&case),
-        Command::Plan { case } => plan(&case),
+        Command::Validate { case, stability } => validate(&case, stability),
+        Command::Plan { case, stability } => plan(&case, stability),
         Command::Schema { of: Text::Case } => say(&pretty(&schema())),
         Command::Schema { of: Text::Study } => say(&pretty(&study::schema())),
         Command::Example { name, json } => example(name.as_deref(), json),
@@ -305,11 +320,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             set,
             run,
             json,
-        } => told((engine.restart)(
+        } => judged(
+            (engine.restart)(&directory, &set, options(run, json, begun)),
             &directory,
-            &set,
-            options(run, json, begun),
-        )),
+        ),
         Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
         Command::Man => manual::page::<Cli>()
             .map_err(|e| Error::Internal(format!("the manual page: {e}")))
@@ -333,6 +347,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         ),
         Command::CriticalGradient {
             case,
+            stability,
             boundary,
             from,
             to,
@@ -347,7 +362,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             }
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
-                case: case.case,
+                case: case.case.clone(),
                 set: case.set,
                 boundary,
                 from,
@@ -357,8 +372,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 threads: threads.map(usize::from),
                 begun,
                 max_walltime,
+                allow_unstable: stability.allow_unstable,
             };
-            told((engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)))
+            judged(
+                (engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)),
+                &case.case,
+            )
         }
         Command::ErosionLaw { runs, output, json } => {
             (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
@@ -410,12 +429,11 @@ fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, E
 
 fn start(case: &CaseArgs, options: RunOptions, engine: &Engine) -> Result<(), Error> {
     let plan = prepare(case)?;
-    warn(&plan.warnings);
-    if case.json {
-        say(&pretty(&plan))?;
-    } else {
-        say(&plan.to_string())?;
-    }
+    show(&plan, case)?;
+    let stability = Stability {
+        allow_unstable: options.allow_unstable,
+    };
+    judge(&plan.warnings, case, stability)?;
     told((engine.run)(plan, options))
 }
 
@@ -449,6 +467,29 @@ fn told(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
+/// As [`told`], with the verdict on a case that only the work itself has read.
+fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
+    let outcome = told(outcome);
+    if let Err(Error::Case(findings)) = &outcome {
+        complain(&refusal(findings, name));
+    }
+    outcome
+}
+
+/// The verdict on a case that is not run.
+fn refusal(findings: &[Problem], name: &Path) -> String {
+    let sentence = match Verdict::of(findings) {
+        // Where no finding could be made, as of a file that is no text.
+        Verdict::Valid => Verdict::Refused.name().to_owned(),
+        _ => Verdict::sentence(findings),
+    };
+    let how = match Verdict::of(findings) {
+        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it all the same"),
+        _ => String::new(),
+    };
+    format!("{}: {sentence}; nothing was run{how}", name.display())
+}
+
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
     if let Some(warning) = usage::too_many_threads(run.threads) {
         complain(&warning);
@@ -462,29 +503,67 @@ fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
         threads: run.threads.map(usize::from),
         max_walltime: run.max_walltime,
         json,
+        allow_unstable: run.stability.allow_unstable,
     }
 }
 
-fn validate(case: &CaseArgs) -> Result<(), Error> {
+fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
     if case.json {
-        say(&pretty(
-            &serde_json::json!({"valid": true, "problems": plan.warnings}),
-        ))
+        say(&pretty(&report(&plan.warnings, stability)))?;
     } else {
-        warn(&plan.warnings);
-        say(&format!("{}: valid", case.case.display()))
+        list(&plan.warnings);
     }
+    judge(&plan.warnings, case, stability)
 }
 
-fn plan(case: &CaseArgs) -> Result<(), Error> {
+fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
+    show(&plan, case)?;
+    judge(&plan.warnings, case, stability)
+}
+
+/// The findings, then the plan.
+fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
-        say(&pretty(&plan))
+        let mut tree = serde_json::to_value(plan).unwrap_or_default();
+        tree["verdict"] = Verdict::of(&plan.warnings).name().into();
+        say(&pretty(&tree))
     } else {
-        warn(&plan.warnings);
+        list(&plan.warnings);
         say(&plan.to_string())
     }
+}
+
+/// The findings as data.
+fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
+    let verdict = Verdict::of(findings);
+    let allowed = stability.allow_unstable;
+    serde_json::json!({
+        "verdict": verdict.name(),
+        "valid": verdict.runs(allowed),
+        "exit_code": verdict.exit_code(allowed),
+        "findings": findings,
+    })
+}
+
+/// Says the verdict, once, unless it stands in the JSON already.
+///
+/// # Errors
+/// [`Error::Case`] where the case is not run.
+fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+    let accepted = Verdict::of(findings).runs(stability.allow_unstable);
+    if !accepted {
+        if !case.json {
+            complain(&refusal(findings, &case.case));
+        }
+        return Err(Error::Case(findings.to_vec()));
+    }
+    if case.json {
+        return Ok(());
+    }
+    let sentence = Verdict::sentence(findings);
+    say(&format!("{}: {sentence}", case.case.display()))
 }
 
 /// Reads, checks and plans the case; lists everything that is wrong with it.
@@ -500,6 +579,7 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
                 "error: {} is not text (UTF-8); a case is JSON text",
                 path.display()
             ));
+            complain(&refusal(&[], path));
             return Err(Error::Case(vec![]));
         }
         other => other?,
@@ -509,21 +589,15 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
         .and_then(Plan::prepare)
         .map_err(|problems| {
             if case.json {
-                let report = serde_json::json!({"valid": false, "problems": problems});
-                if let Err(error) = say(&pretty(&report)) {
+                let stability = Stability {
+                    allow_unstable: false,
+                };
+                if let Err(error) = say(&pretty(&report(&problems, stability))) {
                     return error;
                 }
             } else {
                 list(&problems);
-                let errors = problems
-                    .iter()
-                    .filter(|p| p.severity == Severity::Error)
-                    .count();
-                let plural = if errors == 1 { "" } else { "s" };
-                complain(&format!(
-                    "{}: {errors} problem{plural}; nothing was run",
-                    path.display()
-                ));
+                complain(&refusal(&problems, path));
             }
             Error::Case(problems)
         })
@@ -558,10 +632,6 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             )))
         }
     }
-}
-
-fn warn(problems: &[Problem]) {
-    list(problems);
 }
 
 fn list(problems: &[Problem]) {

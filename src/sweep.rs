@@ -23,7 +23,7 @@ pub mod study;
 pub mod table;
 
 use crate::error::{Error, Problem, Severity, controls};
-use members::{Member, Verdict};
+use members::Member;
 use record::Record;
 use runner::{Runner, solver_version};
 use std::path::{Path, PathBuf};
@@ -169,7 +169,8 @@ fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Resul
         let record = Record::read(&output.join(&member.name));
         let state = match record.filter(|record| record.holds(member, &version, limit)) {
             Some(record) => record.outcome.name(),
-            None => "to be run",
+            None if member.prepared.is_some() => "to be run",
+            None => "not to be run",
         };
         let line = match &member.prepared {
             Some(prepared) => {
@@ -180,17 +181,13 @@ fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Resul
                     prepared.memory / 1e6
                 )
             }
-            None => format!("{:29}", "refused"),
+            None => format!("{:29}", "not run"),
         };
         say(&format!(
-            "{:4}  {:width$}  {line}  {state}{}",
+            "{:4}  {:width$}  {line}  {:19}  {state}",
             n + 1,
             member.name,
-            if member.verdict == Verdict::Warns {
-                "; the plan calls it unstable"
-            } else {
-                ""
-            }
+            member.verdict.name()
         ));
     }
     say(&format!(

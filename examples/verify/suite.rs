@@ -20,6 +20,9 @@ struct Expected {
     /// The problem and its equations, for a reader.
     #[serde(rename = "about")]
     _about: String,
+    /// Why the case is run although its verdict is `unstable`.
+    #[serde(default)]
+    allow_unstable: Option<String>,
     /// Quantities of every form.
     #[serde(default)]
     values: Vec<Value>,
@@ -159,7 +162,7 @@ pub(crate) fn check(
         };
         let clock = Instant::now();
         for (name, set) in &form.runs {
-            run(folder, set, solver, &work.join(&case).join(name))?;
+            run(folder, set, expected.allow_unstable.is_some(), solver, &work.join(&case).join(name))?;
         }
         let seconds = clock.elapsed().as_secs_f64();
         let reader = Reader {
@@ -210,13 +213,22 @@ fn read(path: &Path) -> Result<String, String> {
 }
 
 /// One run of the binary into an empty folder.
-fn run(folder: &Path, set: &[String], solver: &Path, output: &Path) -> Result<(), String> {
+fn run(
+    folder: &Path,
+    set: &[String],
+    allow_unstable: bool,
+    solver: &Path,
+    output: &Path,
+) -> Result<(), String> {
     if output.exists() {
         std::fs::remove_dir_all(output).map_err(|e| format!("{}: {e}", output.display()))?;
     }
     let mut command = Command::new(solver);
     command.arg(folder.join("case.json"));
     command.args(["--threads", "1", "--output"]).arg(output);
+    if allow_unstable {
+        command.arg("--allow-unstable");
+    }
     for assignment in set {
         command.arg("--set").arg(assignment);
     }

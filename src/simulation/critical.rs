@@ -13,7 +13,7 @@ use super::run::{self, Bounds};
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
 use crate::case::darcy::SeepageCondition;
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
 use crate::scene::observe::{Action, Region};
 use crate::scene::seepage::{Patch, Seepage};
@@ -48,6 +48,8 @@ pub struct Search {
     pub begun: Instant,
     /// See above.
     pub max_walltime: Option<Duration>,
+    /// Runs a case that is unstable.
+    pub allow_unstable: bool,
 }
 
 /// A run of the search.
@@ -126,9 +128,14 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
 fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
     let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
     let directory = search.case.parent().unwrap_or(Path::new(""));
-    Document::read(text, &set, directory)
+    let plan = Document::read(text, &set, directory)
         .and_then(Plan::prepare)
-        .map_err(Error::Case)
+        .map_err(Error::Case)?;
+    if Verdict::of(&plan.warnings).runs(search.allow_unstable) {
+        Ok(plan)
+    } else {
+        Err(Error::Case(plan.warnings))
+    }
 }
 
 /// What drives the water.
@@ -165,12 +172,10 @@ impl Inlet {
             ));
         };
         if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
-            return Err(refuse(
-                "--from, --to",
-                format!("{}, {}", search.from, search.to),
-                "the first must be below the second",
-                "give a drive that holds and one that erodes",
-            ));
+            return Err(Error::Usage(format!(
+                "--from {} must be below --to {}; give a drive that holds and one that erodes",
+                search.from, search.to
+            )));
         }
         let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
         if !plan.scene.regions.iter().any(removes) {

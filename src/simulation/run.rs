@@ -27,7 +27,7 @@ use crate::coupling::water::Water;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
@@ -61,6 +61,8 @@ pub struct RunOptions {
     pub max_walltime: Option<Duration>,
     /// Tables as JSON.
     pub json: bool,
+    /// A restart goes on although the case is unstable.
+    pub allow_unstable: bool,
 }
 
 /// Runs a plan from its start.
@@ -105,6 +107,9 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
         let entered = RunFolder::enter(folder, &Entry::Resume, communicator)?;
         let found = resume::find(&entered, communicator)?;
         let (plan, resumed) = resume::plan(&text, set, folder, found)?;
+        if !Verdict::of(&plan.warnings).runs(options.allow_unstable) {
+            return Err(Error::Case(plan.warnings));
+        }
         let start = Start {
             folder: entered,
             parent: None,

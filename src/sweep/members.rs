@@ -3,9 +3,8 @@
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;
 use crate::case::{Document, annotation, set, text};
-use crate::error::{Problem, Severity};
+use crate::error::{Problem, Severity, Verdict};
 use crate::plan::Plan;
-use crate::scene::findings::refused;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,29 +29,6 @@ pub struct Member {
     pub problems: Vec<Problem>,
     /// What is run; none where nothing can be.
     pub prepared: Option<Prepared>,
-}
-
-/// What the plan says of a case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
-    /// Nothing against it.
-    Ok,
-    /// Runs like it were seen to fail.
-    Warns,
-    /// It refuses.
-    Refuses,
-}
-
-impl Verdict {
-    /// As in tables.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Warns => "warned",
-            Self::Refuses => "refused",
-        }
-    }
 }
 
 /// A case that can be run.
@@ -287,29 +263,21 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         Ok(plan) => plan.warnings.clone(),
         Err(problems) => problems.clone(),
     };
-    let verdict = if planned.is_err() {
-        Verdict::Refuses
-    } else if problems.iter().any(|p| p.severity == Severity::Unstable) {
-        Verdict::Warns
-    } else {
-        Verdict::Ok
-    };
-    if verdict == Verdict::Refuses && study.refused == Refused::Run {
+    let verdict = Verdict::of(&problems);
+    let allowed = study.refused == Refused::Run;
+    if verdict == Verdict::Refused && allowed {
         found.extend(settle(
             &mut case,
             [(LIMITS.to_owned(), "warn".into())].into_iter(),
         ));
         planned = plan(&case);
     }
-    if planned.is_err() && study.refused == Refused::Stop {
-        found.extend(
-            problems
-                .iter()
-                .filter(|p| refused(std::slice::from_ref(p)))
-                .cloned(),
-        );
+    let planned = planned.ok().filter(|_| allowed || verdict.runs(false));
+    if planned.is_none() && study.refused == Refused::Stop {
+        let heavy = problems.iter().filter(|p| p.severity != Severity::Warning);
+        found.extend(heavy.cloned());
     }
-    let prepared = planned.ok().map(|plan| Prepared {
+    let prepared = planned.map(|plan| Prepared {
         text: plan.case_text,
         hash: plan.case_hash,
         seconds: plan.estimate.seconds_on_one_core,
@@ -403,7 +371,7 @@ mod tests {
         assert_eq!(last.number("probes[0].at.plane.position"), Some(1.25e-5));
         assert_eq!(last.value(1), Some(2.5e-5));
         assert_eq!(last.value(0), None);
-        assert!(members.iter().all(|m| m.verdict == Verdict::Ok));
+        assert!(members.iter().all(|m| m.verdict == Verdict::Valid));
         let hashes: std::collections::BTreeSet<_> = members
             .iter()
             .map(|m| m.prepared.as_ref().unwrap().hash.clone())
@@ -501,11 +469,11 @@ mod tests {
         let problems = refused("stop").unwrap_err();
         assert!(problems[0].to_string().contains("Mach"), "{problems:?}");
         let recorded = refused("record").unwrap();
-        assert_eq!(recorded[0].verdict, Verdict::Ok);
-        assert_eq!(recorded[1].verdict, Verdict::Refuses);
+        assert_eq!(recorded[0].verdict, Verdict::Valid);
+        assert_eq!(recorded[1].verdict, Verdict::Refused);
         assert!(recorded[0].prepared.is_some() && recorded[1].prepared.is_none());
         let run = refused("run").unwrap();
-        assert_eq!(run[1].verdict, Verdict::Refuses);
+        assert_eq!(run[1].verdict, Verdict::Refused);
         assert!(
             run[1]
                 .prepared

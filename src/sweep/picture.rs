@@ -1,13 +1,14 @@
 //! `sweep.svg`: error against time and against memory, the Pareto set joined and named; and `map.svg`: which members
 //! finish over two varied fields, beside what the plan says of them.
 
-use super::members::{Member, Verdict};
+use super::members::Member;
 use super::record::Outcome;
 use super::study::{Cost, Study};
 use super::table::{Row, Table};
 use crate::analysis::plot::{
     Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
 };
+use crate::error::Verdict;
 use std::fmt::Write as _;
 
 /// Error against cost, with a panel for each cost.
@@ -164,37 +165,37 @@ pub struct Map {
 
 /// Kinds of places: what the plan says, whether the member finished, colour, style, and words for the legend.
 const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
-    (Verdict::Ok, true, "#009E73", Style::Square, "finished"),
+    (Verdict::Valid, true, "#009E73", Style::Square, "finished"),
     (
-        Verdict::Warns,
+        Verdict::Unstable,
         true,
         "#E69F00",
         Style::Square,
-        "warned, finished",
+        "unstable, finished",
     ),
     (
-        Verdict::Refuses,
+        Verdict::Refused,
         true,
         "#D55E00",
         Style::OpenSquare,
         "refused, finished all the same",
     ),
     (
-        Verdict::Refuses,
+        Verdict::Refused,
         false,
         "#D55E00",
         Style::Square,
         "refused, did not finish",
     ),
     (
-        Verdict::Warns,
+        Verdict::Unstable,
         false,
         "#222222",
         Style::OpenSquare,
-        "warned, did not finish",
+        "unstable, did not finish",
     ),
     (
-        Verdict::Ok,
+        Verdict::Valid,
         false,
         "#222222",
         Style::Square,
@@ -324,7 +325,7 @@ impl Map {
     #[must_use]
     pub fn confusion(&self) -> String {
         let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");
-        for verdict in [Verdict::Ok, Verdict::Warns, Verdict::Refuses] {
+        for verdict in [Verdict::Valid, Verdict::Unstable, Verdict::Refused] {
             let count = |finished| {
                 self.places
                     .iter()
@@ -345,6 +346,11 @@ impl Map {
 
 impl Place {
     fn is_of(&self, verdict: Verdict, finished: bool) -> bool {
-        self.verdict == verdict && (self.outcome == Outcome::Finished) == finished
+        // Warnings say nothing against the end of a run.
+        let own = match self.verdict {
+            Verdict::ValidWithWarnings => Verdict::Valid,
+            other => other,
+        };
+        own == verdict && (self.outcome == Outcome::Finished) == finished
     }
 }

@@ -10,8 +10,8 @@
 use super::Say;
 use super::members::Member;
 use super::record::{FILE, Outcome, Record};
-use super::study::{Run, Study};
-use crate::error::Error;
+use super::study::{Refused, Run, Study};
+use crate::error::{ALLOW_UNSTABLE, Error};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::fs::{self, OpenOptions};
@@ -34,6 +34,7 @@ const TICKS: f64 = 100.0;
 /// Runs members into an output folder.
 pub struct Runner<'a> {
     run: &'a Run,
+    allow_unstable: bool,
     output: &'a Path,
     say: Say<'a>,
     solver: PathBuf,
@@ -110,6 +111,7 @@ impl<'a> Runner<'a> {
         }
         Ok(Self {
             run: &study.run,
+            allow_unstable: study.refused == Refused::Run,
             output,
             say,
             solver: solver()?,
@@ -243,6 +245,9 @@ impl<'a> Runner<'a> {
             command.arg(&case).arg("--output").arg(&folder);
         }
         command.args(["--threads", &self.run.threads.to_string()]);
+        if self.allow_unstable {
+            command.arg(ALLOW_UNSTABLE);
+        }
         let mut how = OpenOptions::new();
         how.create(true).append(true);
         let log = how.open(folder.join("log.txt")).map_err(fail)?;

@@ -52,7 +52,7 @@ pub struct Study {
     /// What counts as the cost beside memory.
     #[serde(default)]
     pub cost: Cost,
-    /// What happens where the plan refuses a member.
+    /// What happens where the verdict on a member is `refused` or `unstable`.
     #[serde(default)]
     pub refused: Refused,
     /// Two varied fields, along x and y: a picture of which members finish, beside what the plan says of them.
@@ -146,9 +146,10 @@ pub enum Refused {
     /// Nothing is run.
     #[default]
     Stop,
-    /// It stands in the table as refused.
+    /// It stands in the table and is not run.
     Record,
-    /// It is run all the same where only limits of the method speak against it (`guards.limits` of the case).
+    /// It is run all the same: an unstable one with `--allow-unstable`, a refused one where only limits of the method speak
+    /// against it (`guards.limits` of the case).
     Run,
 }
 

@@ -217,7 +217,7 @@ impl Row {
             let mut errors = member
                 .problems
                 .iter()
-                .filter(|p| p.severity == Severity::Error);
+                .filter(|p| p.severity != Severity::Warning);
             row.note = errors.next().map(ToString::to_string).unwrap_or_default();
             return row;
         };

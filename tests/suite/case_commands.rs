@@ -173,8 +173,10 @@ fn problems_are_json_on_request() {
         .unwrap();
     assert_eq!(output.status.code(), Some(3));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["verdict"], "refused");
     assert_eq!(report["valid"], false);
-    let paths: Vec<&str> = report["problems"]
+    assert_eq!(report["exit_code"], 3);
+    let paths: Vec<&str> = report["findings"]
         .as_array()
         .unwrap()
         .iter()
