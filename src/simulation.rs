@@ -130,7 +130,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Guards);
         if let Some(dem) = &mut now.dem {
             let steps = u64::from(now.plan.clock.solid_steps_per_step);
-            dem.advance_many(&mut now.particles, &now.domain, steps)?;
+            dem.advance_many(&mut now.particles, &now.domain, steps)
+                .map_err(|error| guards::of_solids(error, &now.plan))?;
         }
         self.phases.done(Phase::Grains);
         now.step += 1;
@@ -154,8 +155,13 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             averages.sample(now.step, flow);
         }
         let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
-        self.recorder
-            .record_due(&now.view(), &removed, breaks, self.guards.mass_error())?;
+        self.recorder.record_due(
+            &now.view(),
+            &removed,
+            breaks,
+            self.guards.mass_error().unwrap_or(0.0),
+        )?;
+        self.guards.also_seen(self.recorder.take_speed());
         self.collapse.record_due(&now.view(), &removed)?;
         self.phases.done(Phase::Analysis);
         if self.outputs.next_due() <= now.step {
@@ -169,6 +175,19 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             &now.plan,
             &now.domain,
         )?;
+        self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    /// Looks at the state as it is, unless the guards have done so. Collective.
+    ///
+    /// # Errors
+    /// When the numbers fail.
+    fn look(&mut self) -> Result<(), Error> {
+        let now = &self.now;
+        let (flow, particles) = (now.lattice(), &now.particles);
+        self.guards
+            .finish(now.step, flow, particles, &now.plan, &now.domain)?;
         self.phases.done(Phase::Guards);
         Ok(())
     }

@@ -162,7 +162,13 @@ pub(crate) fn check(
         };
         let clock = Instant::now();
         for (name, set) in &form.runs {
-            run(folder, set, expected.allow_unstable.is_some(), solver, &work.join(&case).join(name))?;
+            run(
+                folder,
+                set,
+                expected.allow_unstable.is_some(),
+                solver,
+                &work.join(&case).join(name),
+            )?;
         }
         let seconds = clock.elapsed().as_secs_f64();
         let reader = Reader {

@@ -112,12 +112,19 @@ impl Default for Checkpoint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Guards {
-    /// Fluid steps between two checks for values that are not finite, lost grains and the limits below.
+    /// Fluid steps between two looks at every cell and grain for values that are not finite and the limits below.
     #[schemars(range(min = 1, max = 1_000_000))]
     pub check_every_steps: u32,
     /// Largest velocity over the lattice speed C = h/dt (A-06: the paper's Mach number), without unit.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
     pub max_mach: f64,
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns, without unit. The error of the pressure and of the
+    /// continuity of the flow is of this size.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub warn_compression: f64,
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and a plan is refused, without unit.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub max_compression: f64,
     /// Memory of all machines of the run together [GiB]; without it that of this machine.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub memory_gib: Option<f64>,
@@ -143,6 +150,8 @@ impl Default for Guards {
         Self {
             check_every_steps: 100,
             max_mach: 0.3,
+            warn_compression: 0.05,
+            max_compression: 0.2,
             memory_gib: None,
             limits: Limits::Refuse,
         }

@@ -13,7 +13,7 @@ pub mod turbulent;
 pub mod wall;
 
 use super::lanes::Stored;
-use super::populations::{Parity, Populations};
+use super::populations::{Link, Parity, Populations};
 use std::ops::Range;
 
 /// A value that goes linearly from `start` to `end` during `steps`, then stays.
@@ -167,6 +167,18 @@ pub fn quanta(g: f64) -> i64 {
 #[expect(clippy::cast_precision_loss, reason = "rounded once, to nearest")]
 pub fn from_quanta(sum: i128) -> f64 {
     sum as f64 / QUANTA
+}
+
+/// What crossed a face along one link.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    patch: usize,
+    /// Deviation from rest of the population that left, and its direction.
+    out: (f64, usize),
+    /// The same of the one that entered.
+    into: (f64, usize),
+    /// The cells that they left and entered: positions within an array.
+    cells: [u32; 2],
 }
 
 /// Where a cell lies relative to the whole domain.
@@ -466,11 +478,12 @@ impl Boundaries {
     pub fn fluxes_into<S: Stored>(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
         fluxes.clear();
         fluxes.resize(self.patches.len(), Flux::default());
-        let parity = populations.parity();
-        let numbers = populations.numbers();
         let velocities = populations.velocities();
-        let mut add = |patch: usize, out: usize, into: usize, i: usize, j: usize| {
-            let (a, b) = (numbers[out].to_f64(), numbers[into].to_f64());
+        self.crossings(populations, |crossing| {
+            let Crossing {
+                patch, out, into, ..
+            } = crossing;
+            let [(a, i), (b, j)] = [out, into];
             let (leaves, enters) = (
                 i128::from(quanta(a + velocities.w[i])),
                 i128::from(quanta(b + velocities.w[j])),
@@ -481,41 +494,113 @@ impl Boundaries {
                     - i128::from(velocities.c[j][axis]) * enters;
             }
             flux.mass += leaves - enters;
+        });
+    }
+
+    /// What left through all faces in the step just done, on this rank, in quanta: mass, then momentum. The momentum is that of the cells
+    /// (positions within an array) for which `counts` holds, and of the deviations from rest, as that of the loads on bodies is: the
+    /// pressure at rest cancels over a whole surface only.
+    #[must_use]
+    pub fn left<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        counts: impl Fn(usize) -> bool,
+    ) -> [i128; 4] {
+        let velocities = populations.velocities();
+        let mut sums = [0; 4];
+        self.crossings(populations, |crossing| {
+            let ends = [(1, crossing.out, 0), (-1, crossing.into, 1)];
+            for (sign, (deviation, i), n) in ends {
+                let leaves = sign * i128::from(quanta(deviation));
+                sums[0] += leaves;
+                if counts(crossing.cells[n] as usize) {
+                    for axis in 0..3 {
+                        sums[axis + 1] += i128::from(velocities.c[i][axis]) * leaves;
+                    }
+                }
+            }
+        });
+        sums
+    }
+
+    /// Calls `each` for every link through a face, with what left and entered along it in the step just done.
+    fn crossings<S: Stored>(&self, populations: &Populations<S>, mut each: impl FnMut(Crossing)) {
+        let (parity, numbers) = (populations.parity(), populations.numbers());
+        let velocities = populations.velocities();
+        let begins: Vec<u32> = (0..velocities.q())
+            .map(|i| free_slip::first(populations, i))
+            .collect();
+        let mut straight = |patch: usize, link: Link, direction: usize| {
+            let back = velocities.opposite[direction];
+            each(Crossing {
+                patch,
+                out: (numbers[link.out(parity)].to_f64(), direction),
+                into: (numbers[link.incoming(parity)].to_f64(), back),
+                cells: [link.near - begins[back]; 2],
+            });
         };
         for w in self.walls.links() {
-            let back = velocities.opposite[w.direction];
-            add(
-                w.patch,
-                w.link.out(parity),
-                w.link.incoming(parity),
-                w.direction,
-                back,
-            );
+            straight(w.patch, w.link, w.direction);
         }
         for p in &self.pressure_links {
-            let back = velocities.opposite[p.direction];
-            add(
-                p.patch,
-                p.link.out(parity),
-                p.link.incoming(parity),
-                p.direction,
-                back,
-            );
+            straight(p.patch, p.link, p.direction);
         }
         for o in self.outflows.iter().chain(self.convective.links()) {
-            let back = velocities.opposite[o.direction];
-            add(
-                o.patch,
-                o.link.out(parity),
-                o.link.incoming(parity),
-                o.direction,
-                back,
-            );
+            straight(o.patch, o.link, o.direction);
         }
         for m in &self.mirrors {
             let (from, to) = m.ends(parity);
-            add(m.patch, from, to, m.leaves, m.enters);
+            each(Crossing {
+                patch: m.patch,
+                out: (numbers[from].to_f64(), m.leaves),
+                into: (numbers[to].to_f64(), m.enters),
+                // Two cells beside each other, of which a body may hold one.
+                cells: m.cells,
+            });
         }
+    }
+
+    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose cells
+    /// (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    pub fn mass_through<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        counts: impl Fn(usize) -> bool,
+        masses: &mut Vec<i128>,
+    ) {
+        masses.clear();
+        masses.resize(self.patches.len(), 0);
+        let (parity, numbers) = (populations.parity(), populations.numbers());
+        let velocities = populations.velocities();
+        let mut add = |patch: usize, link: Link, direction: usize| {
+            let back = velocities.opposite[direction];
+            if counts(link.near as usize - populations.slot(0, back)) {
+                let leaves = numbers[link.out(parity)].to_f64() + velocities.w[direction];
+                let enters = numbers[link.incoming(parity)].to_f64() + velocities.w[back];
+                masses[patch] += i128::from(quanta(leaves)) - i128::from(quanta(enters));
+            }
+        };
+        for w in self.walls.moving() {
+            add(w.patch, w.link, w.direction);
+        }
+        for p in &self.pressure_links {
+            add(p.patch, p.link, p.direction);
+        }
+        for o in self.outflows.iter().chain(self.convective.links()) {
+            add(o.patch, o.link, o.direction);
+        }
+    }
+
+    /// The last step in which a value at a face still changes by its ramp.
+    #[must_use]
+    pub fn ramps_end(&self) -> f64 {
+        let ramps = self.patches.iter().map(|patch| match &patch.condition {
+            Condition::Velocity(_, ramp)
+            | Condition::Turbulent(_, ramp, _)
+            | Condition::Pressure(ramp) => ramp.steps,
+            _ => 0.0,
+        });
+        ramps.fold(0.0, f64::max)
     }
 
     /// Whether any rule needs the cell behind the first (outflow), so that a slab at a face must be two planes thick.

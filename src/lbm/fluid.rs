@@ -12,7 +12,7 @@ use super::initial::{self, Field};
 use super::kernel::{Pass, Shared, Update, choose};
 use super::lanes::{Level, Stored};
 use super::lattice::{D2Q9, D3Q19, D3Q27, Lattice, Velocities};
-use super::populations::Populations;
+use super::populations::{Extremes, Populations};
 use super::saturation::{self, Cover, Covered, Method, Open, Solids};
 use super::turbulence::smagorinsky::Smagorinsky;
 use super::turbulence::wale::Wale;
@@ -672,16 +672,6 @@ impl<S: Stored> Fluid<S> {
         self.force.at(last)
     }
 
-    /// A quick look at one population of every cell: finite and near rest. Says no long before numbers overflow.
-    #[must_use]
-    pub fn looks_sound(&self) -> bool {
-        let populations = &self.populations;
-        let rest = populations.slot(0, 0)..populations.slot(populations.cell_positions(), 0);
-        populations.numbers()[rest]
-            .iter()
-            .all(|g| g.to_f64().abs() < 1.0)
-    }
-
     /// Density deviation and velocity of an interior cell (position from [`Populations::cell`]).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
@@ -702,6 +692,12 @@ impl<S: Stored> Fluid<S> {
                 *u = (*u + half) / (1.0 + drho);
             }
         }
+    }
+
+    /// What stands out among a row of `length` cells from `cell` on; `work` is room that is used again.
+    pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
+        let half = self.half_force();
+        self.populations.row_extremes(cell, length, half, work)
     }
 
     /// The same of the interior cells of some planes across z: `density` and `velocity` in the order [z][y][x], `row` for work.
@@ -766,6 +762,30 @@ impl<S: Stored> Fluid<S> {
     /// As [`Self::fluxes`], into a list that is used again.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
+    }
+
+    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is that of those cells
+    /// for which `counts` holds (local coordinates), without the pressure at rest.
+    pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
+        let counts = |position| counts(self.interior_coordinates(position));
+        self.boundaries.left(&self.populations, counts)
+    }
+
+    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells for which `counts`
+    /// holds (local coordinates).
+    pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
+        let counts = |position| counts(self.interior_coordinates(position));
+        self.boundaries
+            .mass_through(&self.populations, counts, masses);
+    }
+
+    /// Local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
+    fn interior_coordinates(&self, position: usize) -> [usize; 3] {
+        let (at, cells) = (
+            self.populations.coordinates(position),
+            self.populations.cells(),
+        );
+        std::array::from_fn(|a| at[a].rem_euclid(cells[a].cast_signed()).cast_unsigned())
     }
 
     /// The patches by name, in the order of [`Fluid::fluxes`].

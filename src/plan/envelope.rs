@@ -30,8 +30,8 @@ pub struct Margin {
 
 /// The paper's "typically lower than".
 const USUAL_MACH: f64 = 0.1;
-/// Largest relative change of density.
-const MOST_COMPRESSION: f64 = 0.3;
+/// Relative change of density by an imposed pressure from which on the plan warns.
+const USUAL_COMPRESSION: f64 = 0.03;
 
 /// The critical time step and the grain that decides it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -238,6 +238,7 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> String {
 /// The lattice takes pressure for density: dp/(rho c_s²) must stay small.
 fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let units = flow.units(&scene.grid);
+    let most = scene.guards.max_compression;
     let mut sources: Vec<(String, &str, f64)> = Vec::new();
     for patch in flow.patches() {
         if let (Condition::Pressure { value, from, .. }, Some(n)) = (&patch.condition, patch.index)
@@ -271,23 +272,23 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             number(100.0 * change)
         );
         let remedy = "use a smaller time step (the change goes with its square)";
-        if change > MOST_COMPRESSION || change.is_nan() {
+        if change > most || change.is_nan() {
             findings.error(
                 &path,
-                format!("{reason}; at most {} %", 100.0 * MOST_COMPRESSION),
+                format!("{reason}; at most {} %", number(100.0 * most)),
                 remedy,
             );
-        } else if change > 0.1 * MOST_COMPRESSION {
+        } else if change > USUAL_COMPRESSION {
             findings.warn(
                 &path,
-                format!("{reason}; better below {} %", 10.0 * MOST_COMPRESSION),
+                format!("{reason}; better below {} %", 100.0 * USUAL_COMPRESSION),
                 remedy,
             );
         }
         margins.push(margin(
             &format!("density change: {what}"),
             change,
-            MOST_COMPRESSION,
+            most,
             &path,
         ));
     }

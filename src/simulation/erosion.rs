@@ -109,6 +109,8 @@ pub struct ErosionRecorder {
     removed: Option<Table>,
     bonds: Option<Table>,
     rows: Option<Table>,
+    /// Largest speed over C of the last row, until it is taken.
+    speed: Option<f64>,
 }
 
 /// The hole of the case with its axes named.
@@ -232,6 +234,7 @@ impl ErosionRecorder {
         })();
         let (removed, bonds, rows) = agreed(domain, opened)?;
         Ok(Self {
+            speed: None,
             law: scene.erosion_law.as_ref().map(|law| Hole::new(law, plan)),
             interval: scene
                 .erosion_law
@@ -504,6 +507,11 @@ impl ErosionRecorder {
             && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
     }
 
+    /// The largest speed over C in a row written since this was last asked.
+    pub fn take_speed(&mut self) -> Option<f64> {
+        self.speed.take()
+    }
+
     fn write_row<S: Space>(&mut self, view: &View<'_, S>, mass_error: f64) -> Result<(), Error> {
         let (Some(hole), Some(start)) = (self.law, self.state.start) else {
             return Ok(());
@@ -613,6 +621,7 @@ impl ErosionRecorder {
             mass_error,
         };
         self.state.last_row = Some(view.step);
+        self.speed = Some(sums.speed);
         agreed(view.domain, append(&mut self.rows, &(row.to_csv() + "\n")))
     }
 }

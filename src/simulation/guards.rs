@@ -1,35 +1,68 @@
-//! Guards: numbers that fail are named (cell or grain) before they spoil a run, and the balance of mass and momentum is
-//! kept as a meter.
+//! Guards: what goes wrong is named (cell, grain or opening) before it spoils a run, and the balance of mass and momentum is kept
+//! as a meter.
 //!
-//! * Every `check_every_steps` the rest population of every cell is looked at; a value that is not finite or far from
-//!   equilibrium has the slab searched for the cell. Every tenth time, and at the end, the largest velocity is taken too: no run is
-//!   done whose last state fails.
-//! * In the same rhythm one step is balanced: the mass of the lattice before and after against what the faces let through
-//!   (moving bounce-back lets nothing through), and the momentum of the fluid outside the bodies against faces, bodies and
-//!   body force.
+//! * *Look*: every `guards.check_every_steps` steps (100 unless the case says otherwise), and at the end however it comes, every cell
+//!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_mach` and a compression above
+//!   `guards.max_compression` end the run; [`failure`] names the cell. A compression above `guards.warn_compression` is said at
+//!   once, and in each line of the log while it lasts. The warm-up is looked at in the same way.
+//! * *Openings*: at each look inflow and outflow are taken beside each other ([`openings`]).
+//! * *Balance*: in one step of [`BALANCE_EVERY`] the mass of the lattice before and after is held against what the faces let
+//!   through (moving bounce-back lets nothing through), and the momentum of the water outside the bodies against bodies, body force
+//!   and the faces of the cells outside the bodies.
+//!
+//! What was never measured is none: tables print `-`, `summary.json` has `null`.
 
+mod failure;
+mod look;
+mod openings;
+
+use crate::case::coupling::{Coupling, Scheme};
+use crate::case::fluid::Precision;
 use crate::coupling::lattice::LatticeFlow;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use crate::lbm::boundary::{Flux, from_quanta, quanta};
+use crate::lbm::boundary::{from_quanta, quanta};
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use decomposition::{Communicator, Domain};
+pub use failure::of_solids;
+use failure::{Failure, Kind};
+use look::{At, Look, Order};
+use openings::Openings;
 use serde_json::{Value, json};
+use std::fmt;
 
 /// Steps between balances; each costs about one fluid step.
 const BALANCE_EVERY: u64 = 1000;
+/// Forces below this for each cell, in lattice units, are none: an error of the balance is not measured by them.
+const SMALLEST_FORCE: f64 = 1e-12;
+/// Errors of the balance of a step up to which rounding explains them, with populations in f64 and in f32.
+const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
+const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-2];
 
 /// The guards of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Guards {
     every: u64,
     before: Option<[i128; 4]>,
-    mass_error: f64,
-    momentum_error: f64,
-    mach: f64,
-    fluxes: Vec<Flux>,
+    mass_error: Option<f64>,
+    momentum_error: Option<f64>,
+    /// Largest speed over C: of the last look, and of all.
+    speed: [Option<f64>; 2],
+    /// Density deviation of largest size and the place of its cell: of the last look, and of all.
+    squeezed: [Option<At>; 2],
+    /// A step was taken since the start: before that nothing has crossed a face.
+    stepped: bool,
+    /// Looks have all the room that they need.
+    ready: bool,
+    /// The step of the last look.
+    looked: Option<u64>,
+    openings: Openings,
+    /// The compression, and the openings, have been warned of.
+    warned: [bool; 2],
+    news: Vec<String>,
+    look: Look,
     /// Moments of one row of cells: room that is kept.
     row: [Vec<f64>; 4],
 }
@@ -40,6 +73,7 @@ impl Guards {
     pub fn new(plan: &Plan) -> Self {
         Self {
             every: u64::from(plan.scene.guards.check_every_steps).max(1),
+            openings: Openings::of(plan),
             ..Self::default()
         }
     }
@@ -47,31 +81,188 @@ impl Guards {
     /// What a checkpoint keeps of the meters: tables print them, and go on after a restart as if there had been none.
     #[must_use]
     pub fn state(&self) -> Value {
-        json!([self.mass_error, self.momentum_error, self.mach])
+        json!({
+            "mass_error": self.mass_error,
+            "momentum_error": self.momentum_error,
+            "mach": self.speed[1],
+            "squeezed": self.squeezed[1].map(|at| json!([at.value, at.cell])),
+            "openings": self.openings.state(),
+            "warned": self.warned,
+        })
     }
 
-    /// Takes back what [`Self::state`] gave; numbers that are missing count as 0.
+    /// Takes back what [`Self::state`] gave; numbers that are missing count as never measured.
     pub fn restore(&mut self, state: &Value) {
-        let number = |n: usize| state[n].as_f64().unwrap_or(0.0);
-        (self.mass_error, self.momentum_error, self.mach) = (number(0), number(1), number(2));
+        let number = |name: &str| state[name].as_f64();
+        self.mass_error = number("mass_error");
+        self.momentum_error = number("momentum_error");
+        self.speed[1] = number("mach");
+        let at = &state["squeezed"];
+        self.squeezed[1] = at[0]
+            .as_f64()
+            .zip(at[1].as_u64())
+            .map(|(value, cell)| At { value, cell });
+        self.openings.restore(&state["openings"]);
+        self.warned = [0, 1].map(|n| state["warned"][n].as_bool().unwrap_or(false));
     }
 
-    /// Largest relative error of the mass balance of any step looked at.
+    /// Largest relative error of the mass balance of any step that was balanced.
     #[must_use]
-    pub fn mass_error(&self) -> f64 {
+    pub fn mass_error(&self) -> Option<f64> {
         self.mass_error
     }
 
-    /// Largest error of the momentum balance of any step looked at, over the largest force in it.
+    /// Largest error of the momentum balance of any step that was balanced, over the largest force in it.
     #[must_use]
-    pub fn momentum_error(&self) -> f64 {
+    pub fn momentum_error(&self) -> Option<f64> {
         self.momentum_error
     }
 
-    /// Largest velocity over the lattice velocity C when last looked at.
+    /// Largest speed of the water over the lattice velocity C of any look.
     #[must_use]
-    pub fn mach(&self) -> f64 {
-        self.mach
+    pub fn mach(&self) -> Option<f64> {
+        self.speed[1]
+    }
+
+    /// Largest compression |rho/rho_0 - 1| of the water of any look.
+    #[must_use]
+    pub fn compression(&self) -> Option<f64> {
+        self.squeezed[1].map(|at| at.value.abs())
+    }
+
+    /// Another observer saw this largest speed over C: what it writes is never above what is said here.
+    pub fn also_seen(&mut self, speed: Option<f64>) {
+        self.speed[1] = larger(self.speed[1], speed);
+    }
+
+    /// Inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`]; none without openings.
+    #[must_use]
+    pub fn through(&self, plan: &Plan) -> Option<[f64; 2]> {
+        let mean = self.openings.mean()?.to_si(&plan.units?);
+        Some([mean.inflow, mean.outflow])
+    }
+
+    /// (inflow - outflow) / max(inflow, outflow); none where nothing flows.
+    #[must_use]
+    pub fn imbalance(&self) -> Option<f64> {
+        let mean = self.openings.mean()?;
+        self.openings.flows(&mean).then(|| mean.imbalance())
+    }
+
+    /// What there is to say of the water in a line of the log.
+    pub fn line(&mut self, plan: &Plan) -> String {
+        let mut text = match self.speed {
+            [Some(now), Some(most)] => format!("Mach {now:.3} (largest {most:.3})"),
+            _ => "Mach -".into(),
+        };
+        text += "  density ";
+        match self.squeezed[0] {
+            Some(at) if at.value.abs() > plan.scene.guards.warn_compression => {
+                text += &failure::density(at.value, plan);
+            }
+            Some(at) => text += &format!("{:+.1e}", at.value),
+            None => text += "-",
+        }
+        if self.openings.exist() {
+            let rates = self.openings.since_last().zip(plan.units);
+            text += &match rates.map(|(rates, units)| (rates.to_si(&units), units.dimension)) {
+                Some((rates, dimension)) => format!(
+                    "  in {:.3e} out {:.3e} {}",
+                    rates.inflow,
+                    rates.outflow,
+                    openings::unit(dimension)
+                ),
+                None => "  in - out -".into(),
+            };
+        }
+        text
+    }
+
+    /// Sentences that have come up since this was last asked.
+    pub fn take_news(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.news)
+    }
+
+    /// What is to be said at the end of a run.
+    #[must_use]
+    pub fn warnings(&self, plan: &Plan) -> Vec<String> {
+        let mut all = Vec::new();
+        let guards = &plan.scene.guards;
+        if let Some(at) = self.squeezed[1]
+            && at.value.abs() > guards.warn_compression
+        {
+            all.push(format!(
+                "the density was up to {}: above guards.warn_compression = {}",
+                failure::density(at.value, plan),
+                guards.warn_compression
+            ));
+        }
+        all.extend(self.unbalanced(plan));
+        let single = plan
+            .scene
+            .flow
+            .as_ref()
+            .is_some_and(|flow| flow.storage == Precision::F32);
+        for (what, error, [double, float]) in [
+            ("mass", self.mass_error, MASS_ERROR),
+            ("momentum", self.momentum_error, MOMENTUM_ERROR),
+        ] {
+            let limit = if single { float } else { double };
+            if let Some(error) = error
+                && !(error <= limit)
+            {
+                let interpolated = matches!(
+                    &plan.scene.coupling,
+                    Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated
+                );
+                let why = if what == "mass" && interpolated {
+                    ": interpolated links do not keep the mass to rounding, \"half_way\" links do"
+                } else {
+                    ""
+                };
+                all.push(format!(
+                    "the balance of {what} of a step is off by {error:.1e}, where {limit:.0e} is allowed for{why}"
+                ));
+            }
+        }
+        all
+    }
+
+    /// Inflow and outflow in words; none without openings.
+    fn flows(&self, plan: &Plan) -> Option<String> {
+        if let Some(text) = self.unbalanced(plan) {
+            return Some(text);
+        }
+        let [inflow, outflow] = self.through(plan)?;
+        let unit = openings::unit(plan.scene.grid.dimension);
+        Some(format!("inflow {inflow:.3e}, outflow {outflow:.3e} {unit}"))
+    }
+
+    /// What is said where inflow and outflow should agree and do not.
+    fn unbalanced(&self, plan: &Plan) -> Option<String> {
+        let mean = self.openings.disagree()?;
+        let units = plan.units?;
+        let (rates, unit) = (mean.to_si(&units), openings::unit(units.dimension));
+        let both = format!(
+            "inflow {:.3e}, outflow {:.3e} {unit}",
+            rates.inflow, rates.outflow
+        );
+        let (less, more) = (mean.inflow.min(mean.outflow), mean.inflow.max(mean.outflow));
+        Some(if less < openings::NOTHING * more {
+            let (verb, none) = if mean.inflow > mean.outflow {
+                ("fills", "leaves")
+            } else {
+                ("drains", "enters")
+            };
+            format!(
+                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; see that an open way of several cells leads from inlet to outlet"
+            )
+        } else {
+            format!(
+                "{both}: they differ by {:.0} % after sound has crossed the domain many times; what is missing changes the density",
+                100.0 * mean.imbalance().abs()
+            )
+        })
     }
 
     /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
@@ -82,6 +273,15 @@ impl Guards {
         domain: &Domain,
     ) {
         self.before = None;
+        self.stepped = true;
+        if let Some(flow) = flow
+            && !self.ready
+        {
+            // Once, for the room that looks use again: no step after the first allocates.
+            self.ready = true;
+            self.look.at(flow);
+            self.openings.prepare(self.every, flow);
+        }
         if let Some(flow) = flow
             && step.is_multiple_of(BALANCE_EVERY)
         {
@@ -100,14 +300,10 @@ impl Guards {
         };
         let communicator = domain.communicator();
         let after = totals(flow, communicator, &mut self.row);
-        let mut crossed = [0_i128; 4];
-        flow.fluid().fluxes_into(&mut self.fluxes);
-        for flux in &self.fluxes {
-            crossed[0] += flux.mass;
-            for a in 0..3 {
-                crossed[a + 1] += flux.force[a];
-            }
-        }
+        // What is inside a body is not the water's, at a face neither.
+        let all = flow.all_count();
+        let mut crossed = flow.fluid().left(|at| all || flow.counts(at));
+        let through = crossed;
         let mut scale = 0.0_f64;
         for load in flow.last_loads() {
             for a in 0..3 {
@@ -123,23 +319,26 @@ impl Guards {
             .iter()
             .map(|&n| crate::scene::grid::count(n))
             .product();
-        self.mass_error = self.mass_error.max(residual(0).abs() / cells);
+        self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let force = flow.fluid_force_total(communicator);
-        let scale = communicator.all_reduce_max_f64(scale);
+        // Of all axes the largest: along one across the flow there may be nothing but rounding.
+        let mut size = communicator
+            .all_reduce_max_f64(scale)
+            .max(SMALLEST_FORCE * cells);
         for a in 0..3 {
-            let residual = residual(a + 1) - force[a];
-            let size = scale
-                .max(from_quanta(crossed[a + 1]).abs())
-                .max(force[a].abs())
-                .max(1e-12);
-            self.momentum_error = self.momentum_error.max(residual.abs() / size);
+            let through = from_quanta(sum(communicator, through[a + 1]));
+            size = size.max(through.abs()).max(force[a].abs());
+        }
+        for (a, force) in force.into_iter().enumerate() {
+            let error = (residual(a + 1) - force).abs() / size;
+            self.momentum_error = larger(self.momentum_error, Some(error));
         }
     }
 
-    /// After a step: looks for numbers that fail. Collective.
+    /// After a step: looks where it is time. Collective.
     ///
     /// # Errors
-    /// Names the first cell (in global order) or the grain.
+    /// Names the cell or the grain that fails.
     pub fn check<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -148,50 +347,175 @@ impl Guards {
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
-        let last = step == plan.clock.steps;
-        if !last && !step.is_multiple_of(self.every) {
+        if step == plan.clock.steps || step.is_multiple_of(self.every) {
+            self.finish(step, flow, particles, plan, domain)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Looks at the state after `step`, unless that has been done: no run ends with a state that nobody looked at. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn finish<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        flow: Option<&dyn LatticeFlow<Sp, S>>,
+        particles: &Particles<Sp>,
+        plan: &Plan,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        if self.looked == Some(step) {
             return Ok(());
         }
-        let communicator = domain.communicator();
-        let mut worst: Option<(u64, String)> = None;
-        if let Some(flow) = flow {
-            let thorough = last || step.is_multiple_of(10 * self.every);
-            if thorough || !flow.fluid().looks_sound() {
-                let limit = plan.scene.guards.max_mach;
-                let (speed, bad) = search(flow, limit, plan, &mut self.row);
-                self.mach = speed;
-                worst = bad;
-            }
-            if thorough {
-                self.mach = communicator.all_reduce_max_f64(self.mach);
-            }
+        self.looked = Some(step);
+        if let Some(flow) = flow
+            && self.stepped
+        {
+            let communicator = domain.communicator();
+            self.openings.look(step, self.every, flow, communicator);
         }
-        for k in 0..particles.owned() {
+        self.inspect(When::Step(step), flow, particles, plan, domain)?;
+        if !self.warned[1]
+            && let Some(text) = self.unbalanced(plan)
+        {
+            self.warned[1] = true;
+            self.news.push(format!("step {step}: warning: {text}"));
+        }
+        Ok(())
+    }
+
+    /// As [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn check_warm_up<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        flow: &dyn LatticeFlow<Sp, S>,
+        particles: &Particles<Sp>,
+        plan: &Plan,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        if !step.is_multiple_of(self.every) {
+            return Ok(());
+        }
+        self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
+    }
+
+    /// Looks at all cells and grains. Collective.
+    fn inspect<Sp: Space, S: Stored>(
+        &mut self,
+        when: When,
+        flow: Option<&dyn LatticeFlow<Sp, S>>,
+        particles: &Particles<Sp>,
+        plan: &Plan,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        /// Grains are numbered from here on, behind all cells.
+        const GRAINS: u64 = 1 << 62;
+        let communicator = domain.communicator();
+        let seen = flow.map(|flow| self.look.at(flow));
+        let finite = |k: usize| {
             let motion = &particles.motion[k];
-            let finite = (0..Sp::DIMENSION)
-                .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite());
-            if !finite && worst.is_none() {
-                let id = particles.body[k].id;
-                worst = Some((
-                    u64::MAX - 1,
-                    format!("grain {id} has a position or velocity that is not finite"),
+            (0..Sp::DIMENSION)
+                .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite())
+        };
+        let lost = (0..particles.owned()).filter(|&k| !finite(k));
+        let lost = lost.map(|k| GRAINS + particles.body[k].id).min();
+        let mine = seen.and_then(|seen| seen.broken).or(lost);
+        let broken = communicator.all_reduce_min_u64(mine.unwrap_or(u64::MAX));
+        let mut failure = (broken < GRAINS).then_some(Failure {
+            kind: Kind::NotFinite,
+            place: broken,
+        });
+        if let Some(seen) = seen {
+            let fastest = agreed(seen.fastest, communicator);
+            let squeezed = agreed(seen.squeezed, communicator);
+            let speed = Some(fastest.value.sqrt());
+            self.speed = [speed, larger(self.speed[1], speed)];
+            let known = self.squeezed[1].filter(|at| at.value.abs() >= squeezed.value.abs());
+            self.squeezed = [Some(squeezed), Some(known.unwrap_or(squeezed))];
+            let limits = &plan.scene.guards;
+            let (fast, dense) = (
+                fastest.value.sqrt() > limits.max_mach,
+                squeezed.value.abs() > limits.max_compression,
+            );
+            failure = failure.or(match (fast, dense) {
+                (true, _) => Some((Kind::TooFast, fastest.cell)),
+                (_, true) => Some((Kind::TooDense, squeezed.cell)),
+                _ => None,
+            }
+            .map(|(kind, place)| Failure { kind, place }));
+            if squeezed.value.abs() > limits.warn_compression
+                && failure.is_none()
+                && !self.warned[0]
+                && let Some(flow) = flow
+            {
+                self.warned[0] = true;
+                let cell = Order::of(flow).cell(squeezed.cell);
+                self.news.push(format!(
+                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures are off by as much; a smaller time step lowers it by its square",
+                    failure::point(plan.scene.grid.centre(cell), plan),
+                    failure::density(squeezed.value, plan),
+                    limits.warn_compression
                 ));
             }
         }
-        // One reduction, on every rank: then the rank with the first of all bad cells speaks for all.
-        let mine = worst.as_ref().map_or(u64::MAX, |(n, _)| *n);
-        let first = communicator.all_reduce_min_u64(mine);
-        if first == u64::MAX {
-            return Ok(());
-        }
-        let mine = match worst {
-            Some((n, text)) if n == first => Err(text),
-            _ => Ok(()),
+        let text = match (failure, flow) {
+            (Some(failure), Some(flow)) => {
+                let told = self.flows(plan);
+                failure.describe(flow, particles, plan, told, communicator)
+            }
+            _ if broken != u64::MAX => failure::of_grain(broken - GRAINS, plan),
+            _ => return Ok(()),
         };
-        match communicator.agree(mine) {
-            Ok(()) => Ok(()),
-            Err(e) => Err(Error::Numerical(format!("step {step}: {}", e.message))),
+        Err(Error::Numerical(format!("{when}: {text}")))
+    }
+}
+
+/// When a look is taken.
+#[derive(Clone, Copy, Debug)]
+enum When {
+    Step(u64),
+    WarmUp(u64),
+}
+
+impl fmt::Display for When {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Step(step) => write!(f, "step {step}"),
+            Self::WarmUp(step) => write!(f, "step {step} of the warm-up"),
         }
+    }
+}
+
+/// The larger of two numbers that may not have been measured; what is no number counts as the largest.
+fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The value of largest size of all ranks, and the first cell that has it. Collective.
+fn agreed(mine: At, communicator: &Communicator) -> At {
+    let size = communicator.all_reduce_max_f64(mine.value.abs());
+    // The sign goes with the place.
+    let place = if mine.value.abs() >= size && mine.cell != u64::MAX {
+        2 * mine.cell + u64::from(mine.value < 0.0)
+    } else {
+        u64::MAX
+    };
+    let place = communicator.all_reduce_min_u64(place);
+    At {
+        value: if place % 2 == 1 && place != u64::MAX {
+            -size
+        } else {
+            size
+        },
+        cell: place / 2,
     }
 }
 
@@ -225,56 +549,4 @@ fn totals<Sp: Space, S: Stored>(
         }
     }
     sums.map(|s| sum(communicator, s))
-}
-
-/// The largest speed of the water of the slab and the first cell whose numbers fail, by global index.
-fn search<Sp: Space, S: Stored>(
-    flow: &dyn LatticeFlow<Sp, S>,
-    limit: f64,
-    plan: &Plan,
-    row: &mut [Vec<f64>; 4],
-) -> (f64, Option<(u64, String)>) {
-    let fluid = flow.fluid();
-    let populations = fluid.populations();
-    let fast = populations.order()[2];
-    let length = populations.cells()[fast];
-    let (all, start) = (fluid.domain_cells(), fluid.start());
-    let all_count = flow.all_count();
-    let mut fastest = 0.0_f64;
-    let mut bad: Option<(u64, String)> = None;
-    for (mut at, first) in populations.rows() {
-        fluid.row_states(first, length, row);
-        for k in 0..length {
-            at[fast] = k;
-            let cell = first + k;
-            let [drho, u, v, w] = [0, 1, 2, 3].map(|n| row[n][k]);
-            let speed = (u * u + v * v + w * w).sqrt();
-            // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
-            let covered = fluid.cover().is_some_and(|c| c.fraction(cell) >= 0.5);
-            let rock = covered || !all_count && !flow.counts(at);
-            if drho.is_finite() && (speed <= limit || rock && speed.is_finite()) {
-                if !rock {
-                    fastest = fastest.max(speed);
-                }
-                continue;
-            }
-            let global: [usize; 3] = std::array::from_fn(|a| at[a] + start[a]);
-            let index = ((global[2] * all[1] + global[1]) * all[0] + global[0]) as u64;
-            if bad.as_ref().is_none_or(|(n, _)| index < *n) {
-                let centre = plan.scene.grid.centre(global);
-                let tau = fluid.relaxation_time();
-                let text = if speed.is_finite() && drho.is_finite() {
-                    format!(
-                        "cell {global:?} at {centre:?} m moves at Mach {speed:.3} (|u|/C), above guards.max_mach = {limit}; relaxation time {tau}; use a smaller time step (smaller relaxation time) or a finer lattice"
-                    )
-                } else {
-                    format!(
-                        "cell {global:?} at {centre:?} m is not finite (relaxation time {tau}); use a larger relaxation time, a finer lattice or a slower flow"
-                    )
-                };
-                bad = Some((index, text));
-            }
-        }
-    }
-    (fastest, bad)
 }

@@ -609,6 +609,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             flow.follow(&mut particles, &domain)?;
         }
         let mut flow_age = 0.0;
+        let mut guards = Guards::new(&plan);
+        guards.restore(&guards_state);
         if !runs && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
             let begun = match stage {
                 Some(Stage::WarmUp(steps)) => steps,
@@ -645,7 +647,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 flow,
                 &mut particles,
                 &domain,
-                &mut watch,
+                (&mut watch, &mut guards),
                 (begun, earlier),
                 keep,
             )?;
@@ -679,8 +681,6 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
             checkpoint::read_averages(averages, flow.fluid(), &reader)?;
         }
-        let mut guards = Guards::new(&plan);
-        guards.restore(&guards_state);
         progress = Progress::new(speaks, step);
         let mut runner = Self {
             simulation: Simulation {
@@ -772,6 +772,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             for line in self.simulation.collapse.take_news() {
                 self.progress.note(&line);
             }
+            for line in self.simulation.guards.take_news() {
+                self.progress.note(&line);
+            }
             let step = self.simulation.now.step;
             if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
                 self.save(Occasion::Asked)?;
@@ -790,6 +793,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     Request::Checkpoint => self.save(Occasion::Asked)?,
                     Request::Stop => {
                         self.save(Occasion::Stop)?;
+                        self.simulation.look()?;
                         if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
@@ -802,6 +806,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 }
             }
         }
+        self.simulation.look()?;
         // The state comes first: whatever fails afterwards, a restart ends the run from here.
         if self.first_step == self.simulation.now.step {
             self.progress.note(&format!(
@@ -837,16 +842,18 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if !self.progress.due() {
             return;
         }
-        let simulation = &self.simulation;
         let mut more = String::new();
-        if simulation.now.lattice().is_some() {
-            more = format!("Mach {:.3}", simulation.guards.mach());
+        if self.simulation.now.lattice().is_some() {
+            let Simulation { now, guards, .. } = &mut self.simulation;
+            more = guards.line(&now.plan);
         }
+        let simulation = &self.simulation;
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
-                "inflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                "inflow {:.3e} outflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
                 report.inflow,
+                report.outflow,
                 report.iterations,
                 report.residual,
                 balance.closure,
@@ -959,6 +966,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let rss_total = communicator.all_reduce_sum_u64(peak_rss());
         let hash = simulation.now.state().hash(communicator);
         let drift = self.mass() - self.initial_mass;
+        let warnings = simulation.guards.warnings(&simulation.now.plan);
         let mut summary = json!({
             "outcome": outcome,
             "steps": simulation.now.step,
@@ -978,6 +986,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "mass_change": drift / crate::scene::grid::count(cells.max(1)),
             "momentum_error": simulation.guards.momentum_error(),
             "mach": simulation.guards.mach(),
+            "compression": simulation.guards.compression(),
+            "inflow": null,
+            "outflow": null,
+            "imbalance": simulation.guards.imbalance(),
+            "warnings": warnings,
             "ranks": communicator.size(),
             "threads": self.threads,
             "case_hash": simulation.now.plan.case_hash,
@@ -985,8 +998,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "notes": self.notes,
             "versions": versions(communicator),
         });
+        if let Some([inflow, outflow]) = simulation.guards.through(&simulation.now.plan) {
+            summary["inflow"] = inflow.into();
+            summary["outflow"] = outflow.into();
+        }
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
+            let most = report.inflow.max(report.outflow);
+            summary["inflow"] = report.inflow.into();
+            summary["outflow"] = report.outflow.into();
+            summary["imbalance"] =
+                json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
             summary["seepage"] = json!({
                 "iterations": report.iterations,
                 "residual": report.residual,
@@ -1049,11 +1071,31 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 rate / 1e6,
                 steps_number(rss) / 1e6
             ));
+            let measured = |number: Option<f64>| {
+                number.map_or_else(|| "-".to_owned(), |number| format!("{number:.1e}"))
+            };
+            let guards = &simulation.guards;
             self.progress.note(&format!(
-                "mass error {:.1e} a step, momentum error {:.1e} of the largest force; state {hash}",
-                simulation.guards.mass_error(),
-                simulation.guards.momentum_error()
+                "mass error {} a step, momentum error {} of the largest force; state {hash}",
+                measured(guards.mass_error()),
+                measured(guards.momentum_error())
             ));
+            let named = |name: &str| measured(summary[name].as_f64());
+            self.progress.note(&format!(
+                "largest Mach {}, largest compression {}, inflow {}, outflow {} {}",
+                named("mach"),
+                named("compression"),
+                named("inflow"),
+                named("outflow"),
+                if simulation.now.plan.scene.grid.dimension == 2 {
+                    "m2/s"
+                } else {
+                    "m3/s"
+                }
+            ));
+            for warning in &warnings {
+                self.progress.note(&format!("warning: {warning}"));
+            }
             self.progress.note(&format!(
                 "files in {}: open *.xmf in ParaView; summary.json for scripts",
                 self.folder.path().display()
@@ -1155,7 +1197,7 @@ fn warm_up<Sp: Space, S: Saved>(
     flow: &mut dyn LatticeFlow<Sp, S>,
     particles: &mut Particles<Sp>,
     domain: &Domain,
-    watch: &mut Watch,
+    (watch, guards): (&mut Watch, &mut Guards),
     reached: (u64, Option<Vec<f64>>),
     mut keep: impl FnMut(
         u64,
@@ -1181,6 +1223,7 @@ fn warm_up<Sp: Space, S: Saved>(
     while step < plan.clock.warm_up_steps {
         flow.advance(particles, domain)?;
         step += 1;
+        guards.check_warm_up(step, flow, particles, plan, domain)?;
         if step % LOOK_EVERY == 0 {
             let (mut moved, mut size) = (0.0_f64, 0.0_f64);
             for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {

@@ -198,3 +198,91 @@ fn the_example_list_names_every_example() {
         solver::case::examples::EXAMPLES.len()
     );
 }
+
+/// A lid at a cell Reynolds number at which runs were seen to fail.
+const UNSTABLE: [&str; 2] = ["--set", "fluid.lattice_boltzmann.kinematic_viscosity=2e-8"];
+
+#[test]
+fn a_case_has_one_verdict_and_an_unstable_one_runs_only_where_this_is_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "cavity");
+    let call = |command: &str, more: &[&str]| {
+        let mut call = solver();
+        call.arg(command).arg(&path).args(more).current_dir(&folder);
+        let output = call.output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        let (said, complained) = (text(output.stdout), text(output.stderr));
+        (output.status.code(), said, complained)
+    };
+    let (code, said, complained) = call("validate", &[]);
+    assert_eq!(
+        (code, complained.as_str()),
+        (Some(0), ""),
+        "a valid case says nothing else"
+    );
+    assert_eq!(said, format!("{}: valid\n", path.display()));
+    for command in ["validate", "plan", "run"] {
+        let (code, said, complained) = call(command, &UNSTABLE);
+        assert_eq!(code, Some(3), "{command}: {complained}");
+        let verdict = format!("{}: unstable, 1 unstable finding", path.display());
+        let all = said.clone() + &complained;
+        assert_eq!(all.matches(&verdict).count(), 1, "{command}: {all}");
+        assert!(!all.contains(": valid"), "{command}: {all}");
+        assert!(all.contains("--allow-unstable"), "{command}: {all}");
+        assert_eq!(said.contains("limits"), command != "validate", "{said}");
+    }
+    let allowed = [&UNSTABLE[..], &["--allow-unstable"]].concat();
+    for command in ["validate", "plan"] {
+        assert_eq!(call(command, &allowed).0, Some(0), "{command}");
+    }
+    let short = [&allowed[..], &["--set", "time.end=1e-3"]].concat();
+    let (code, said, complained) = call("run", &short);
+    assert_eq!(code, Some(0), "{said} {complained}");
+    assert_eq!(said.matches(": unstable, ").count(), 1, "{said}");
+    let (code, said, _) = call("validate", &[&UNSTABLE[..], &["--json"]].concat());
+    let report: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(code, Some(3));
+    assert_eq!(report["verdict"], "unstable");
+    assert_eq!(report["exit_code"], 3);
+    assert_eq!(report["valid"], false);
+    let finding = &report["findings"][0];
+    assert_eq!(finding["severity"], "unstable");
+    for field in ["path", "value", "reason", "remedy"] {
+        assert!(finding[field].is_string(), "{field}: {finding}");
+    }
+    let (_, said, _) = call("plan", &[&UNSTABLE[..], &["--json"]].concat());
+    let plan: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(plan["verdict"], "unstable");
+}
+
+#[test]
+fn an_unstable_run_goes_on_only_where_this_is_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two discs that meet for a moment do not mind a step at which a crowd would be thrown apart.
+    let path = example(&folder, "collision");
+    let output = folder.path().join("run");
+    let run = |more: &[&str]| {
+        let mut run = solver();
+        run.arg(&path).arg("--output").arg(&output).args(more);
+        run.args(["--set", "time.solid_time_step_safety=0.8"]);
+        run.args([
+            "--set",
+            "time.end=1e3",
+            "--set",
+            "output={}",
+            "--set",
+            "probes=[]",
+        ]);
+        run.args(["--threads", "1", "--max-walltime", "0:00:01"]);
+        run.assert()
+    };
+    run(&[]).code(3);
+    assert!(!output.exists());
+    run(&["--allow-unstable"]).code(75);
+    for (more, code) in [(&[][..], 3), (&["--allow-unstable"][..], 75)] {
+        let mut restart = solver();
+        restart.arg("restart").arg(&output).args(more);
+        restart.args(["--threads", "1", "--max-walltime", "0:00:01"]);
+        restart.assert().code(code);
+    }
+}

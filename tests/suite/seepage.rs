@@ -113,7 +113,8 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
         .join("jobs/verification/critical-gradient/case.json");
     let folder = tempfile::tempdir().unwrap();
     let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
-    let mut arguments = words("critical-gradient --json --allow-unstable --threads 1 --tolerance 0.01");
+    let mut arguments =
+        words("critical-gradient --json --allow-unstable --threads 1 --tolerance 0.01");
     // Heads at 0.9 and 1.1 of the gradient of a bed of porosity 0.4993 in 0.052 m.
     arguments.extend(words("--from 0.09066 --to 0.09926 --output"));
     arguments.push(folder.path().to_str().unwrap().to_owned());

@@ -170,7 +170,10 @@ fn a_map_shows_what_becomes_of_settings_that_the_plan_refuses() {
     let said = done(&file, &[]);
     assert!(said.contains("2 finished, 1 numerical refusal"), "{said}");
     let map = table(&file.with_extension("").join("map.csv"));
-    assert_eq!(column(&map, "plan"), ["valid", "valid with warnings", "refused"]);
+    assert_eq!(
+        column(&map, "plan"),
+        ["valid", "valid with warnings", "refused"]
+    );
     let outcomes = ["finished", "finished", "numerical refusal"];
     assert_eq!(column(&map, "outcome"), outcomes);
     let svg = std::fs::read_to_string(file.with_extension("").join("map.svg")).unwrap();

@@ -11,6 +11,8 @@ use crate::lbm::populations::{Parity, Populations};
 pub(crate) struct Mirror {
     from: [usize; 2],
     to: [usize; 2],
+    /// The cells that the population leaves and enters: positions within an array.
+    pub(crate) cells: [u32; 2],
     pub(crate) patch: usize,
     /// Direction of the outgoing population.
     pub(crate) leaves: usize,
@@ -41,6 +43,11 @@ impl Mirror {
         Self {
             from: [out.out(Parity::Home), out.out(Parity::Reversed)],
             to: [into.incoming(Parity::Home), into.incoming(Parity::Reversed)],
+            // Both ends of a link lie in the array of their population behind the position of the cell.
+            cells: [
+                out.near - first(populations, velocities.opposite[leaves]),
+                into.near - first(populations, velocities.opposite[i]),
+            ],
             patch,
             leaves,
             enters,
@@ -51,6 +58,11 @@ impl Mirror {
         let k = usize::from(parity == Parity::Reversed);
         (self.from[k], self.to[k])
     }
+}
+
+/// Where the array of population `i` begins.
+pub(super) fn first<S: Stored>(populations: &Populations<S>, i: usize) -> u32 {
+    u32::try_from(populations.slot(0, i)).unwrap_or(u32::MAX)
 }
 
 pub(super) fn apply<S: Stored>(mirrors: &[Mirror], populations: &mut Populations<S>) {

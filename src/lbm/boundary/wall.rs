@@ -36,6 +36,22 @@ struct Run {
 }
 
 impl Run {
+    /// Its links.
+    fn links(&self) -> impl Iterator<Item = WallLink> {
+        let (first, stride) = (self.first, self.stride);
+        (0..self.count).map(move |k| {
+            let Link { near, far } = first.link;
+            let beyond = k * stride;
+            WallLink {
+                link: Link {
+                    near: near + beyond,
+                    far: far + beyond,
+                },
+                ..first
+            }
+        })
+    }
+
     /// The run with one more link, where the link continues it.
     fn with(self, next: &WallLink) -> Option<Self> {
         let Self {
@@ -93,19 +109,13 @@ impl Walls {
 
     /// Every link.
     pub(crate) fn links(&self) -> impl Iterator<Item = WallLink> {
-        self.runs.iter().flat_map(|run| {
-            (0..run.count).map(|k| {
-                let Link { near, far } = run.first.link;
-                let beyond = k * run.stride;
-                WallLink {
-                    link: Link {
-                        near: near + beyond,
-                        far: far + beyond,
-                    },
-                    ..run.first
-                }
-            })
-        })
+        self.runs.iter().flat_map(Run::links)
+    }
+
+    /// Every link of walls that move or let water in.
+    pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
+        let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
+        moving.flat_map(Run::links)
     }
 
     /// Gives what comes back from the walls to the cells of some planes; `speed` is the factor of a patch.

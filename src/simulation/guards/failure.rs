@@ -1,0 +1,283 @@
+//! What is said of a cell whose numbers fail: where it is, what is there, what is near, and what to try.
+//!
+//! A remedy is named only where it was tried on such a case: the scenes are those of `tests/suite/guards.rs`, which keeps what was
+//! seen. For all other failures the sentence says what is nearest and leads to `solver plan`.
+
+use super::look::Order;
+use crate::coupling::lattice::LatticeFlow;
+use crate::dem::particles::Particles;
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::lbm::lanes::Stored;
+use crate::plan::Plan;
+use crate::plan::envelope::Margin;
+use crate::scene::findings::number;
+use crate::scene::grid::count;
+use decomposition::Communicator;
+
+/// How a cell fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Its numbers are not finite.
+    NotFinite,
+    /// It moves faster than `guards.max_mach`.
+    TooFast,
+    /// Its density is further from that at rest than `guards.max_compression`.
+    TooDense,
+}
+
+/// A cell that fails.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Failure {
+    pub(super) kind: Kind,
+    /// Its place in the order of the lattice; the same on every rank.
+    pub(super) place: u64,
+}
+
+impl Failure {
+    /// The whole sentence, on every rank; `flows` is what goes through the openings. Collective.
+    pub(super) fn describe<Sp: Space, S: Stored>(
+        self,
+        flow: &dyn LatticeFlow<Sp, S>,
+        particles: &Particles<Sp>,
+        plan: &Plan,
+        flows: Option<String>,
+        communicator: &Communicator,
+    ) -> String {
+        let cell = Order::of(flow).cell(self.place);
+        let centre = plan.scene.grid.centre(cell);
+        let state = state(self.kind, cell, flow, plan);
+        // One rank holds the cell: it speaks for all.
+        let state = match communicator.agree(state.map_or(Ok(()), Err)) {
+            Ok(()) => String::new(),
+            Err(told) => told.message,
+        };
+        let mut parts = vec![format!(
+            "cell {cell:?} at {} m {state}",
+            point(centre, plan)
+        )];
+        let mut near = Vec::new();
+        near.extend(boundary(cell, plan).map(|(name, away)| (format!("boundary {name}"), away)));
+        near.extend(solid(centre, particles, plan, communicator));
+        near.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((name, away)) = near.first() {
+            let away = number(away.max(0.0));
+            parts.push(format!("nearest to it is {name}, {away} m away"));
+        }
+        parts.extend(flows.filter(|_| self.kind == Kind::TooDense));
+        parts.extend(nearest_of_water(plan).map(limit));
+        parts.push(remedy(self.kind, plan));
+        parts.join("; ")
+    }
+}
+
+pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {
+    let numbers: Vec<String> = at[..plan.scene.grid.dimension]
+        .iter()
+        .map(|x| number(*x))
+        .collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+/// What holds in a cell of the domain; none where another rank has it.
+fn state<Sp: Space, S: Stored>(
+    kind: Kind,
+    cell: [usize; 3],
+    flow: &dyn LatticeFlow<Sp, S>,
+    plan: &Plan,
+) -> Option<String> {
+    let fluid = flow.fluid();
+    let (start, cells) = (fluid.start(), fluid.populations().cells());
+    let inside = (0..3).all(|a| (start[a]..start[a] + cells[a]).contains(&cell[a]));
+    let local: [usize; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(start[a]));
+    let units = plan.units.filter(|_| inside)?;
+    let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
+    let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
+    let guards = &plan.scene.guards;
+    let mach = format!("Mach {} (|u|/C), {} m/s", number(speed), {
+        number(units.velocity_to_si(speed))
+    });
+    let density = density(drho, plan);
+    Some(match kind {
+        Kind::NotFinite => "is not finite".into(),
+        Kind::TooFast => format!(
+            "moves at {mach}, above guards.max_mach = {}; its density is {density}",
+            guards.max_mach
+        ),
+        Kind::TooDense => format!(
+            "has a density {density}, beyond guards.max_compression = {}; it moves at {mach}",
+            guards.max_compression
+        ),
+    })
+}
+
+/// A density deviation in words.
+pub(super) fn density(drho: f64, plan: &Plan) -> String {
+    let pressure = plan
+        .units
+        .map(|units| units.density_deviation_to_pressure(drho));
+    format!(
+        "{} % {} that at rest (pressure {} Pa)",
+        number(100.0 * drho.abs()),
+        if drho < 0.0 { "below" } else { "above" },
+        number(pressure.unwrap_or(f64::NAN))
+    )
+}
+
+/// The boundary nearest to a cell: its name and its distance from the centre of the cell [m].
+fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
+    let (flow, grid) = (plan.scene.flow.as_ref()?, &plan.scene.grid);
+    let away = |axis: usize, upper: bool| {
+        let cells = if upper {
+            grid.cells[axis] - 1 - cell[axis]
+        } else {
+            cell[axis]
+        };
+        (count(cells) + 0.5) * grid.spacing
+    };
+    let holds = |patch: &&crate::scene::flow::Patch| {
+        let axis = patch.face.axis();
+        (0..grid.dimension).all(|a| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]))
+    };
+    flow.patches()
+        .filter(holds)
+        .map(|patch| {
+            let away = away(patch.face.axis(), patch.face.is_max());
+            (patch.name.clone(), away)
+        })
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The body, block or grain nearest to a point: its name and how far its surface is [m]; of polyhedra the sphere round them.
+/// Collective.
+fn solid<Sp: Space>(
+    at: [f64; 3],
+    particles: &Particles<Sp>,
+    plan: &Plan,
+    communicator: &Communicator,
+) -> Option<(String, f64)> {
+    let grid = &plan.scene.grid;
+    let mut nearest = (f64::INFINITY, u64::MAX);
+    for k in 0..particles.owned() {
+        let (motion, body) = (&particles.motion[k], &particles.body[k]);
+        let squared: f64 = (0..Sp::DIMENSION)
+            .map(|a| {
+                let mut d = (at[a] - motion.position.get(a)).abs();
+                if grid.periodic[a] {
+                    d = d.min((grid.size[a] - d).abs());
+                }
+                d * d
+            })
+            .sum();
+        let away = squared.sqrt() - body.radius;
+        if away < nearest.0 || (away <= nearest.0 && body.id < nearest.1) {
+            nearest = (away, body.id);
+        }
+    }
+    let away = communicator.all_reduce_min_f64(nearest.0);
+    let mine = if nearest.0 <= away {
+        nearest.1
+    } else {
+        u64::MAX
+    };
+    let id = communicator.all_reduce_min_u64(mine);
+    (id != u64::MAX && away.is_finite()).then(|| (name(id, plan), away))
+}
+
+/// What a body, block or grain is called.
+pub(super) fn name(id: u64, plan: &Plan) -> String {
+    let bodies = &plan.scene.bodies;
+    match usize::try_from(id).ok().and_then(|n| bodies.get(n)) {
+        Some(body) => format!("body {}", body.name),
+        None if id < plan.scene.first_grain() => format!("block {id}"),
+        None => format!("grain {id}"),
+    }
+}
+
+/// What is said of a grain, block or body whose numbers fail.
+pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
+    let mut parts = vec![format!(
+        "{} has a position or velocity that is not finite",
+        name(id, plan)
+    )];
+    parts.extend(nearest(plan, |limit| limit.starts_with(SOLID)).map(limit));
+    parts.push("`solver plan` shows all limits".into());
+    parts.join("; ")
+}
+
+/// What the engine of the solids says of a failure, with what is nearest and what helped.
+#[must_use]
+pub fn of_solids(error: Error, plan: &Plan) -> Error {
+    let Error::Numerical(text) = error else {
+        return error;
+    };
+    let mut parts = vec![text];
+    parts.extend(nearest(plan, |limit| limit.starts_with(SOLID)).map(limit));
+    parts.push(
+        "a smaller time.solid_time_step_safety helped where contacts threw grains apart".into(),
+    );
+    Error::Numerical(parts.join("; "))
+}
+
+/// How the limits of the solids begin.
+const SOLID: &str = "solid time step";
+/// How the limit of [`crate::plan`] of the cell Reynolds number begins.
+const CELL_REYNOLDS: &str = "cell Reynolds number";
+
+/// The limit of the plan that is nearest to its bound, of those asked for.
+fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
+    plan.margins
+        .iter()
+        .filter(|margin| margin.used.is_finite() && asked(&margin.limit))
+        .max_by(|a, b| a.used.total_cmp(&b.used))
+}
+
+/// As [`nearest`], of what the water must keep. That tau is above 1/2 says nothing, and time steps that the program chose for
+/// accuracy are at their limits by choice.
+fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
+    let own = |limit: &str| {
+        limit.starts_with(SOLID)
+            || limit.starts_with("time step for")
+            || limit.starts_with("relaxation time")
+    };
+    nearest(plan, |limit| !own(limit))
+}
+
+fn limit(margin: &Margin) -> String {
+    format!(
+        "of the plan's limits the nearest is `{}`, {} of {} ({})",
+        margin.limit,
+        number(margin.value),
+        number(margin.allowed),
+        margin.path
+    )
+}
+
+/// What was seen to help such a case; else where to look.
+///
+/// | scene | failed still with | ended with |
+/// |---|---|---|
+/// | channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52 | 1/2 and 1/4 of the time step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga | half the spacing, 2/3 of the speed, 3/2 of the viscosity, cumulants |
+/// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
+/// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
+/// | disc in a channel, Mach 0.3 in its gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
+/// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
+fn remedy(kind: Kind, plan: &Plan) -> String {
+    let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
+    if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
+        let finest = plan.scene.grid.spacing / margin.used;
+        return format!(
+            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did, by a spacing of at most {} m, a slower flow or a larger viscosity",
+            number(margin.allowed),
+            number(finest)
+        );
+    }
+    match kind {
+        Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
+        Kind::TooDense => {
+            "where a pressure was imposed, a smaller time step (a smaller relaxation time at the same viscosity) helped; where an inlet is, see that an open way of several cells leads to an outlet"
+        }
+        Kind::NotFinite => "`solver plan` shows all limits",
+    }
+    .into()
+}

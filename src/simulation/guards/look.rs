@@ -1,0 +1,189 @@
+//! A look at every cell of a slab: the fastest, the most compressed, and the first whose numbers are not finite.
+//!
+//! The threads of the rank reduce all rows to what stands out in them, several cells at a time. Only rows that may hold the answer are
+//! then gone through cell by cell, the most extreme first: what stands out in a row may be a cell inside a body, which is no
+//! water. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
+//! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
+
+use crate::coupling::lattice::LatticeFlow;
+use crate::crew;
+use crate::dem::space::Space;
+use crate::lbm::lanes::Stored;
+use crate::lbm::populations::{Extremes, squared_speed};
+
+/// A number and the place of its cell in the order of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct At {
+    pub(super) value: f64,
+    pub(super) cell: u64,
+}
+
+impl At {
+    const NOWHERE: Self = Self {
+        value: 0.0,
+        cell: u64::MAX,
+    };
+
+    /// Takes a value of larger size, or one of equal size that stands earlier.
+    fn raise(&mut self, value: f64, cell: u64) {
+        let (size, known) = (value.abs(), self.value.abs());
+        if size > known || (size >= known && size > 0.0 && cell < self.cell) {
+            *self = Self { value, cell };
+        }
+    }
+}
+
+/// What a look found on this rank.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// Largest squared speed of the water, over C².
+    pub(super) fastest: At,
+    /// Density deviation of largest size in the water.
+    pub(super) squeezed: At,
+    /// The first cell whose numbers are not finite.
+    pub(super) broken: Option<u64>,
+}
+
+/// Cells of the whole domain in the order of the lattice: slowest axis, middle, fastest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Order {
+    axes: [usize; 3],
+    cells: [usize; 3],
+}
+
+impl Order {
+    pub(super) fn of<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>) -> Self {
+        Self {
+            axes: flow.fluid().populations().order(),
+            cells: flow.fluid().domain_cells(),
+        }
+    }
+
+    fn place(&self, at: [usize; 3]) -> u64 {
+        let [slow, middle, fast] = self.axes;
+        ((at[slow] * self.cells[middle] + at[middle]) * self.cells[fast] + at[fast]) as u64
+    }
+
+    /// The cell at a place, in coordinates of the domain.
+    pub(super) fn cell(&self, place: u64) -> [usize; 3] {
+        let [slow, middle, fast] = self.axes;
+        let place = usize::try_from(place).unwrap_or(0);
+        let mut at = [0; 3];
+        at[fast] = place % self.cells[fast];
+        at[middle] = place / self.cells[fast] % self.cells[middle];
+        at[slow] = place / self.cells[fast] / self.cells[middle];
+        at
+    }
+}
+
+/// Room that looks use again.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Look {
+    /// Moments of a row.
+    row: [Vec<f64>; 4],
+    /// What stands out in the rows of each thread.
+    threads: Vec<Share>,
+    /// Rows by how far they stand out.
+    order: Vec<(f64, usize)>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Share {
+    row: [Vec<f64>; 4],
+    found: Vec<Extremes>,
+}
+
+impl Look {
+    /// Looks at every cell of the slab.
+    pub(super) fn at<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) -> Seen {
+        self.reduce(flow);
+        let mut seen = Seen {
+            fastest: At::NOWHERE,
+            squeezed: At::NOWHERE,
+            broken: None,
+        };
+        let rows = || self.threads.iter().flat_map(|share| &share.found);
+        for (row, found) in rows().enumerate() {
+            if !found.finite {
+                go_through(flow, row, &mut self.row, &mut seen);
+            }
+        }
+        let order = &mut self.order;
+        let mut descend = |size: fn(&Extremes) -> f64, known: fn(&Seen) -> At| {
+            order.clear();
+            order.extend(rows().enumerate().map(|(row, found)| (size(found), row)));
+            order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            let mut best = usize::MAX;
+            for &(size, row) in order.iter() {
+                let so_far = known(&seen);
+                let value = so_far.value.abs();
+                if size <= 0.0 || size < value || (size <= value && row > best) {
+                    break;
+                }
+                go_through(flow, row, &mut self.row, &mut seen);
+                if known(&seen) != so_far {
+                    best = row;
+                }
+            }
+        };
+        descend(|row| row.squared_speed, |seen| seen.fastest);
+        descend(|row| row.compression, |seen| seen.squeezed);
+        seen
+    }
+
+    /// What stands out in each row, by all threads.
+    fn reduce<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) {
+        let populations = flow.fluid().populations();
+        let [slow, middle, fast] = populations.order();
+        let cells = populations.cells();
+        let rows = cells[slow] * cells[middle];
+        let pieces = crew::threads().min(cells[slow]).max(1);
+        self.threads.resize_with(pieces, Share::default);
+        let half = flow.fluid().half_force();
+        crew::each_item(&mut self.threads, 1, |piece, share| {
+            share.found.clear();
+            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
+                let first = populations.interior_cell(at);
+                let found = populations.row_extremes(first, cells[fast], half, &mut share.row);
+                share.found.push(found);
+            }
+        });
+    }
+}
+
+/// Looks at each cell of a row of the slab.
+fn go_through<Sp: Space, S: Stored>(
+    flow: &dyn LatticeFlow<Sp, S>,
+    row: usize,
+    moments: &mut [Vec<f64>; 4],
+    seen: &mut Seen,
+) {
+    let fluid = flow.fluid();
+    let populations = fluid.populations();
+    let [slow, middle, fast] = populations.order();
+    let cells = populations.cells();
+    let mut at = [0; 3];
+    (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
+    let first = populations.interior_cell(at);
+    populations.row_moments(first, cells[fast], moments);
+    let (half, all_count) = (fluid.half_force(), flow.all_count());
+    let (order, start) = (Order::of(flow), fluid.start());
+    for k in 0..cells[fast] {
+        at[fast] = k;
+        let place = order.place(std::array::from_fn(|a| at[a] + start[a]));
+        let [drho, x, y, z] = [0, 1, 2, 3].map(|n| moments[n][k]);
+        let squared = squared_speed(drho, [x, y, z], half);
+        if !squared.is_finite() {
+            seen.broken = Some(seen.broken.map_or(place, |known| known.min(place)));
+            continue;
+        }
+        // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
+        let covered = fluid.cover().is_some_and(|c| c.fraction(first + k) >= 0.5);
+        if !covered && (all_count || flow.counts(at)) {
+            seen.fastest.raise(squared, place);
+            seen.squeezed.raise(drho, place);
+        }
+    }
+}

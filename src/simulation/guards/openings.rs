@@ -1,0 +1,219 @@
+//! Inflow beside outflow: what enters and leaves a lattice through its openings.
+//!
+//! At every look the mass that crossed each patch in the last step is summed over the cells that no body holds, exactly and over all
+//! ranks. A patch through which more enters than leaves counts as inflow with its net rate, the others as outflow. Both are
+//! averaged over a *window* of looks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
+//! [`LEAST_LOOKS`] looks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up; they are
+//! judged when all ramps of the boundaries are over and two whole windows have passed since:
+//!
+//! * *imbalance*: (inflow - outflow) / max(inflow, outflow) of the window, larger in size than [`IMBALANCE`];
+//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the other way round.
+//!
+//! Both are warnings: of a domain that goes on filling the density ends the run (`guards.max_compression`).
+
+use decomposition::Communicator;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+
+use crate::coupling::lattice::LatticeFlow;
+use crate::dem::space::Space;
+use crate::lbm::boundary::from_quanta;
+use crate::lbm::lanes::Stored;
+use crate::plan::Plan;
+use crate::scene::flow::{Condition, Patch};
+use crate::scene::grid::count;
+use crate::units::LatticeUnits;
+
+/// Times that sound crosses the domain in a window.
+const CROSSINGS: f64 = 6.0;
+/// Looks in a window at least.
+const LEAST_LOOKS: usize = 10;
+/// Imbalance that is worth a warning.
+pub(super) const IMBALANCE: f64 = 0.1;
+/// Part of the one flow that counts as nothing of the other.
+pub(super) const NOTHING: f64 = 1e-3;
+/// Mass per step, over that of the domain, below which nothing flows.
+const STILL: f64 = 1e-9;
+
+/// Inflow and outflow in mass per step, lattice units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Rates {
+    pub(super) inflow: f64,
+    pub(super) outflow: f64,
+}
+
+impl Rates {
+    /// (inflow - outflow) / max(inflow, outflow).
+    pub(super) fn imbalance(&self) -> f64 {
+        (self.inflow - self.outflow) / self.inflow.max(self.outflow)
+    }
+
+    /// In m3/s, or m2/s per metre of depth in 2-D.
+    pub(super) fn to_si(self, units: &LatticeUnits) -> Self {
+        let cell = units.spacing.powi(if units.dimension == 2 { 2 } else { 3 });
+        let scale = cell / units.time_step;
+        Self {
+            inflow: self.inflow * scale,
+            outflow: self.outflow * scale,
+        }
+    }
+}
+
+/// The unit of flows.
+pub(super) fn unit(dimension: usize) -> &'static str {
+    if dimension == 2 { "m2/s" } else { "m3/s" }
+}
+
+/// What the openings let through.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Openings {
+    /// Whether there are any.
+    exist: bool,
+    /// Looks in a window; 0 before the first.
+    window: usize,
+    /// Steps at which ramps are over.
+    ramps_end: u64,
+    /// Mass per step below which nothing flows.
+    still: f64,
+    /// Looks since the ramps are over.
+    settled: usize,
+    /// The looks of the window.
+    looks: VecDeque<Rates>,
+    /// Sums since somebody last asked, and how many.
+    since: (Rates, u64),
+    masses: Vec<i128>,
+    sums: Vec<u128>,
+}
+
+impl Openings {
+    pub(super) fn of(plan: &Plan) -> Self {
+        let closed = |patch: &Patch| {
+            matches!(
+                patch.condition,
+                Condition::NoSlip | Condition::FreeSlip | Condition::MovingWall(_)
+            )
+        };
+        let flow = plan.scene.flow.as_ref();
+        Self {
+            exist: flow.is_some_and(|flow| flow.patches().any(|patch| !closed(patch))),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn exist(&self) -> bool {
+        self.exist
+    }
+
+    /// Notes what crosses the faces in the step just done. Collective.
+    pub(super) fn look<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        every: u64,
+        flow: &dyn LatticeFlow<Sp, S>,
+        communicator: &Communicator,
+    ) {
+        if !self.exist {
+            return;
+        }
+        self.prepare(every, flow);
+        let fluid = flow.fluid();
+        let all = flow.all_count();
+        fluid.mass_through(|at| all || flow.counts(at), &mut self.masses);
+        self.sums.clear();
+        self.sums
+            .extend(self.masses.iter().map(|mass| mass.cast_unsigned()));
+        communicator.all_reduce_sum_u128s(&mut self.sums);
+        let mut rates = Rates::default();
+        for sum in &self.sums {
+            let mass = from_quanta(sum.cast_signed());
+            if mass < 0.0 {
+                rates.inflow -= mass;
+            } else {
+                rates.outflow += mass;
+            }
+        }
+        if self.looks.len() == self.window {
+            self.looks.pop_front();
+        }
+        self.looks.push_back(rates);
+        self.settled += usize::from(step > self.ramps_end);
+        self.since.0.inflow += rates.inflow;
+        self.since.0.outflow += rates.outflow;
+        self.since.1 += 1;
+    }
+
+    /// Finds the window, once, and makes room for its looks.
+    pub(super) fn prepare<Sp: Space, S: Stored>(
+        &mut self,
+        every: u64,
+        flow: &dyn LatticeFlow<Sp, S>,
+    ) {
+        if !self.exist || self.window > 0 {
+            return;
+        }
+        let fluid = flow.fluid();
+        let cells = fluid.domain_cells();
+        let longest = cells.into_iter().max().unwrap_or(1);
+        // Sound goes at 1/sqrt(3) of a cell in a step.
+        let steps = CROSSINGS * count(longest) * 3.0_f64.sqrt();
+        let looks = (steps / crate::plan::steps_number(every)).ceil();
+        self.window = crate::scene::grid::whole(looks).max(LEAST_LOOKS);
+        self.ramps_end = crate::scene::grid::whole(fluid.boundaries().ramps_end()) as u64;
+        self.still = STILL * cells.map(count).iter().product::<f64>();
+        self.looks.reserve(self.window);
+        self.sums.reserve(fluid.boundaries().names().count());
+        self.masses.reserve(fluid.boundaries().names().count());
+    }
+
+    /// Means over the window; none before the first look, and without openings.
+    pub(super) fn mean(&self) -> Option<Rates> {
+        let number = count(self.looks.len());
+        (!self.looks.is_empty()).then(|| Rates {
+            inflow: self.looks.iter().map(|r| r.inflow).sum::<f64>() / number,
+            outflow: self.looks.iter().map(|r| r.outflow).sum::<f64>() / number,
+        })
+    }
+
+    /// Whether a mean is more than nothing.
+    pub(super) fn flows(&self, mean: &Rates) -> bool {
+        mean.inflow.max(mean.outflow) > self.still
+    }
+
+    /// Means since this was last asked.
+    pub(super) fn since_last(&mut self) -> Option<Rates> {
+        let (sums, number) = std::mem::take(&mut self.since);
+        let number = crate::plan::steps_number(number);
+        (number > 0.0).then(|| Rates {
+            inflow: sums.inflow / number,
+            outflow: sums.outflow / number,
+        })
+    }
+
+    /// The means of the window, where inflow and outflow should agree by now and do not.
+    pub(super) fn disagree(&self) -> Option<Rates> {
+        let mean = self.mean()?;
+        let judged = self.settled >= 2 * self.window && self.flows(&mean);
+        (judged && mean.imbalance().abs() > IMBALANCE).then_some(mean)
+    }
+
+    /// What a checkpoint keeps.
+    pub(super) fn state(&self) -> Value {
+        let looks: Vec<[f64; 2]> = self.looks.iter().map(|r| [r.inflow, r.outflow]).collect();
+        json!({ "settled": self.settled, "looks": looks })
+    }
+
+    /// Takes back what [`Self::state`] gave; what is missing counts as never seen.
+    pub(super) fn restore(&mut self, state: &Value) {
+        let whole = |value: &Value| value.as_u64().and_then(|n| usize::try_from(n).ok());
+        self.settled = whole(&state["settled"]).unwrap_or(0);
+        let looks = state["looks"].as_array().into_iter().flatten();
+        self.looks = looks
+            .filter_map(|look| {
+                Some(Rates {
+                    inflow: look[0].as_f64()?,
+                    outflow: look[1].as_f64()?,
+                })
+            })
+            .collect();
+    }
+}

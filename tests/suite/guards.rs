@@ -1,0 +1,286 @@
+//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured is none.
+
+use crate::ranks::{Done, beside_others, run};
+use serde_json::{Value, json};
+
+/// A scene, run.
+struct Ran {
+    done: Done,
+    summary: Value,
+    folder: tempfile::TempDir,
+}
+
+fn ran(ranks: usize, case: &Value, more: &[&str]) -> Ran {
+    let _beside = beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("case.json");
+    std::fs::write(&file, case.to_string()).unwrap();
+    let text = |path: &std::path::Path| path.to_str().unwrap().to_owned();
+    let output = folder.path().join("run");
+    let mut arguments = vec![text(&file), "--output".into(), text(&output)];
+    arguments.extend(["--threads", "1", "--allow-unstable"].map(String::from));
+    arguments.extend(more.iter().map(|word| (*word).to_owned()));
+    let done = run(ranks, &arguments);
+    let summary = std::fs::read_to_string(output.join("summary.json")).unwrap_or_default();
+    Ran {
+        done,
+        summary: serde_json::from_str(&summary).unwrap_or_default(),
+        folder,
+    }
+}
+
+impl Ran {
+    fn number(&self, name: &str) -> f64 {
+        let found = self.summary[name].as_f64();
+        found.unwrap_or_else(|| panic!("{name}: {:#}", self.summary))
+    }
+
+    fn warned(&self, words: &str) -> bool {
+        let all = self.summary["warnings"].as_array().unwrap();
+        all.iter()
+            .any(|text| text.as_str().unwrap().contains(words))
+    }
+}
+
+/// A channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell Reynolds number 15 and
+/// tau = 0.52 it fails even from the exact parabola.
+fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
+    let step = (tau - 0.5) / 3.0 * 0.025 * 0.025 / viscosity;
+    json!({
+        "domain": {"size": [4, 1], "spacing": 0.025},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": viscosity, "relaxation_time": tau, "collision": {"trt": {}},
+            "boundaries": [
+                {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "time": {"end": 1200.0 * step}
+    })
+}
+
+/// A pressure that is there at once, and changes the density by 30 % at tau = 0.8.
+fn hammer(tau: f64) -> Value {
+    json!({
+        "domain": {"size": [1, 0.25], "spacing": 0.025},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": tau,
+            "boundaries": [
+                {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 16}}},
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "guards": {"limits": "warn"},
+        "time": {"end": 20}
+    })
+}
+
+/// Water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire gone.
+fn wires(speed: f64, every: usize, end: f64) -> Value {
+    let bodies: Vec<Value> = (0..10)
+        .step_by(every)
+        .map(|n| {
+            json!({
+                "name": format!("wire {n}"), "shape": {"disc": {"radius": 0.00099}}, "motion": {"fixed": {}},
+                "position": [0.03, 0.001 + 0.002 * f64::from(u8::try_from(n).unwrap())], "material": "steel"
+            })
+        })
+        .collect();
+    json!({
+        "domain": {"size": [0.06, 0.02], "spacing": 0.001, "periodic": ["y"]},
+        "materials": {"steel": {"density": 7800}},
+        "bodies": bodies,
+        "coupling": {"bounce_back": {"scheme": "half_way"}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
+            "boundaries": [
+                {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [speed, 0]}}}},
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "time": {"end": end}
+    })
+}
+
+#[test]
+fn remedies_that_are_named_are_those_that_help() {
+    let viscosity = 0.025 / 15.0;
+    let failed = ran(0, &channel(0.52, 1.0, viscosity), &[]).done.expect(4);
+    let said = failed.stderr;
+    for words in [
+        "numerical failure: step ",
+        " m moves at Mach ",
+        " m/s, above guards.max_mach = 0.3; its density is ",
+        " Pa); nearest to it is boundary ",
+        " m away; of the plan's limits the nearest is `cell Reynolds number U h/nu",
+        "a smaller time step did not help; a cell Reynolds number of at most 10 did",
+        "a slower flow or a larger viscosity",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    // Half the time step does not help; a slower flow and a larger viscosity do.
+    ran(0, &channel(0.51, 1.0, viscosity), &[]).done.expect(4);
+    ran(0, &channel(0.52, 0.66, viscosity), &[]).done.expect(0);
+    ran(0, &channel(0.53, 1.0, 0.0025), &[]).done.expect(0);
+}
+
+#[test]
+fn compression_is_warned_of_and_ends_the_run() {
+    let failed = ran(0, &hammer(0.8), &[]).done.expect(4);
+    for words in [
+        "% above that at rest (pressure ",
+        "beyond guards.max_compression = 0.2",
+        "nearest to it is boundary inlet",
+        "density change: the imposed pressure",
+        "inflow ",
+        "a smaller time step",
+    ] {
+        assert!(failed.stderr.contains(words), "{words}: {}", failed.stderr);
+    }
+    // Half the time step: a quarter of the compression.
+    let warned = ran(0, &hammer(0.65), &[]);
+    let compression = warned.number("compression");
+    assert!((0.05..0.2).contains(&compression), "{compression}");
+    assert!(warned.warned("above guards.warn_compression = 0.05"));
+    let said = warned.done.expect(0).stdout;
+    let line = said
+        .lines()
+        .find(|line| line.contains(": warning: the density of cell ["));
+    let line = line.unwrap_or_else(|| panic!("{said}"));
+    assert!(line.contains("] m is ") && line.contains(" Pa)"), "{line}");
+    // The limits are the case's own.
+    let own = ["--set", "guards.warn_compression=0.15"];
+    let quiet = ran(0, &hammer(0.65), &own);
+    assert!(!quiet.warned("density"), "{:#}", quiet.summary);
+    let own = ["--set", "guards.max_compression=0.05"];
+    let strict = ran(0, &hammer(0.65), &own).done.expect(4);
+    assert!(strict.stderr.contains("guards.max_compression = 0.05"));
+}
+
+#[test]
+fn a_row_of_wires_that_lets_nothing_through_is_no_silent_success() {
+    // 2500 steps of 0.01 s: what enters compresses the water before the wires by some percent.
+    let full = ran(0, &wires(5e-5, 1, 25.0), &[]);
+    assert!(
+        full.warned("the domain only fills: inflow 1.000e-6, outflow"),
+        "{:#}",
+        full.summary
+    );
+    approx::assert_relative_eq!(full.number("inflow"), 1e-6, max_relative = 1e-9);
+    assert!(full.number("outflow").abs() < 1e-12);
+    approx::assert_relative_eq!(full.number("imbalance"), 1.0, max_relative = 1e-6);
+    let said = full.done.expect(0).stdout;
+    assert_eq!(
+        said.matches(": warning: the domain only fills").count(),
+        1,
+        "{said}"
+    );
+    assert!(said.contains("\nwarning: the domain only fills"), "{said}");
+    // With twenty times the water the run ends by itself.
+    let burst = ran(0, &wires(1e-3, 1, 25.0), &[]).done.expect(4);
+    assert!(
+        burst.stderr.contains("guards.max_compression"),
+        "{}",
+        burst.stderr
+    );
+    assert!(burst.stderr.contains("body wire"), "{}", burst.stderr);
+    // Where every second wire is gone the water passes.
+    let open = ran(0, &wires(5e-5, 2, 60.0), &[]);
+    let imbalance = open.number("imbalance");
+    assert!(imbalance.abs() < 0.05, "{imbalance}");
+    assert!(!open.warned("inflow"), "{:#}", open.summary);
+}
+
+#[test]
+fn bodies_on_a_wall_do_not_upset_the_balance_of_momentum() {
+    let mut case = wires(5e-4, 5, 20.0);
+    case["domain"]["periodic"] = json!([]);
+    case["bodies"][0]["position"] = json!([0.03, 0.0]);
+    case["bodies"][0]["shape"]["disc"]["radius"] = json!(0.006);
+    let ran = ran(0, &case, &[]);
+    let (mass, momentum) = (ran.number("mass_error"), ran.number("momentum_error"));
+    assert!(mass < 1e-14, "{mass:e}");
+    assert!(momentum < 1e-9, "{momentum:e}");
+    assert!(!ran.warned("balance"));
+}
+
+#[test]
+fn what_was_not_measured_is_none() {
+    let case = json!({
+        "domain": {"size": [0.2, 0.2], "spacing": 0.01},
+        "materials": {"rock": {"density": 2650}},
+        "grains": {"material": "rock", "initial": {"list": [{"position": [0.1, 0.1], "radius": 0.01}]}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1000}, "normal_damping_ratio": 0.2}},
+        "time": {"end": 0.01}
+    });
+    let dry = ran(0, &case, &[]);
+    for name in [
+        "mach",
+        "compression",
+        "mass_error",
+        "momentum_error",
+        "inflow",
+        "outflow",
+        "imbalance",
+    ] {
+        assert!(dry.summary[name].is_null(), "{name}: {:#}", dry.summary);
+    }
+    let said = dry.done.expect(0).stdout;
+    assert!(
+        said.contains("mass error - a step, momentum error - of the largest force"),
+        "{said}"
+    );
+    assert!(
+        said.contains("largest Mach -, largest compression -, inflow -, outflow -"),
+        "{said}"
+    );
+}
+
+#[test]
+fn looks_see_the_same_on_any_ranks() {
+    let case = channel(0.6, 0.5, 0.01);
+    let one = ran(0, &case, &[]);
+    let two = ran(2, &case, &[]);
+    for name in [
+        "state_hash",
+        "mach",
+        "compression",
+        "inflow",
+        "outflow",
+        "imbalance",
+        "warnings",
+    ] {
+        assert_eq!(one.summary[name], two.summary[name], "{name}");
+    }
+    assert!(one.number("mach") > 0.0);
+    // 150 steps have a look at step 100, and one at the end.
+    let short = ran(0, &case, &["--set", "time.end=0.3"]);
+    assert!(short.number("mach") > 0.0 && short.number("compression") > 0.0);
+    drop(short.folder);
+}
+
+#[test]
+fn tables_and_summary_agree_on_the_mach_number() {
+    let text = solver::case::examples::find("piping").unwrap().text;
+    let case: Value = serde_json::from_str(text).unwrap();
+    // Fewer steps than any look of the past.
+    let more = [
+        "--set",
+        "time.end=0.005",
+        "--set",
+        "analysis.erosion_law.every=0.001",
+    ];
+    let eroded = ran(0, &case, &more);
+    let rows = std::fs::read_to_string(eroded.folder.path().join("run/erosion.csv")).unwrap();
+    let mut lines = rows.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = names
+        .iter()
+        .position(|name| name.starts_with("mach"))
+        .unwrap();
+    let numbers = lines.map(|line| line.split(',').nth(column).unwrap().parse::<f64>().unwrap());
+    let largest = numbers.fold(0.0, f64::max);
+    let mach = eroded.number("mach");
+    assert!(largest > 0.0 && mach >= largest, "{mach} {largest}");
+    assert!(eroded.number("steps") < 1000.0);
+}
