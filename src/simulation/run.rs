@@ -989,7 +989,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "compression": simulation.guards.compression(),
             "inflow": null,
             "outflow": null,
-            "imbalance": simulation.guards.imbalance(),
+            "flow_imbalance": simulation.guards.imbalance(),
             "warnings": warnings,
             "ranks": communicator.size(),
             "threads": self.threads,
@@ -1007,7 +1007,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let most = report.inflow.max(report.outflow);
             summary["inflow"] = report.inflow.into();
             summary["outflow"] = report.outflow.into();
-            summary["imbalance"] =
+            summary["flow_imbalance"] =
                 json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
             summary["seepage"] = json!({
                 "iterations": report.iterations,
