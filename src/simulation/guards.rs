@@ -4,7 +4,9 @@
 //! * *Look*: every `guards.check_every_steps` steps (100 unless the case says otherwise), and at the end however it comes, every cell
 //!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_mach` and a compression above
 //!   `guards.max_compression` end the run; [`failure`] names the cell. A compression above `guards.warn_compression` is said at
-//!   once, and in each line of the log while it lasts. The warm-up is looked at in the same way.
+//!   once, and in each line of the log while it lasts. The warm-up is looked at in the same way. A look takes 9, 30 and 40 ns a cell
+//!   with 9, 19 and 27 populations in f64 where reading them once takes 7, 16 and 24 (one core of a busy machine); a step reads and
+//!   writes them, so that a look each 100 steps costs 0.6 to 0.9 % of the steps where these wait for the memory, and less elsewhere.
 //! * *Openings*: at each look inflow and outflow are taken beside each other ([`openings`]).
 //! * *Balance*: in one step of [`BALANCE_EVERY`] the mass of the lattice before and after is held against what the faces let
 //!   through (moving bounce-back lets nothing through), and the momentum of the water outside the bodies against bodies, body force
@@ -36,10 +38,11 @@ use std::fmt;
 /// Steps between balances; each costs about one fluid step.
 const BALANCE_EVERY: u64 = 1000;
 /// Forces below this for each cell, in lattice units, are none: an error of the balance is not measured by them.
-const SMALLEST_FORCE: f64 = 1e-12;
+/// With populations in f64 and in f32.
+const SMALLEST_FORCE: [f64; 2] = [1e-11, 1e-7];
 /// Errors of the balance of a step up to which rounding explains them, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
-const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-2];
+const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 
 /// The guards of a run.
 #[derive(Clone, Debug, Default)]
@@ -52,6 +55,8 @@ pub struct Guards {
     speed: [Option<f64>; 2],
     /// Density deviation of largest size and the place of its cell: of the last look, and of all.
     squeezed: [Option<At>; 2],
+    /// A step was taken since the start: before that nothing has crossed a face.
+    stepped: bool,
     /// Looks have all the room that they need.
     ready: bool,
     /// The step of the last look.
@@ -207,7 +212,7 @@ impl Guards {
         ] {
             let limit = if single { float } else { double };
             if let Some(error) = error
-                && !(error <= limit)
+                && (error.is_nan() || error > limit)
             {
                 let interpolated = matches!(
                     &plan.scene.coupling,
@@ -226,14 +231,13 @@ impl Guards {
         all
     }
 
-    /// Inflow and outflow in words; none without openings.
-    fn flows(&self, plan: &Plan) -> Option<String> {
-        if let Some(text) = self.unbalanced(plan) {
-            return Some(text);
-        }
+    /// Inflow and outflow in words, and whether one of them is nothing; none without openings.
+    fn flows(&self, plan: &Plan) -> Option<(String, bool)> {
         let [inflow, outflow] = self.through(plan)?;
         let unit = openings::unit(plan.scene.grid.dimension);
-        Some(format!("inflow {inflow:.3e}, outflow {outflow:.3e} {unit}"))
+        let text = format!("inflow {inflow:.3e}, outflow {outflow:.3e} {unit}");
+        let one_way = inflow.min(outflow) < openings::NOTHING * inflow.max(outflow);
+        Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
     /// What is said where inflow and outflow should agree and do not.
@@ -271,6 +275,7 @@ impl Guards {
         domain: &Domain,
     ) {
         self.before = None;
+        self.stepped = true;
         if let Some(flow) = flow
             && !self.ready
         {
@@ -318,10 +323,9 @@ impl Guards {
             .product();
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let force = flow.fluid_force_total(communicator);
+        let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
         // Of all axes the largest: along one across the flow there may be nothing but rounding.
-        let mut size = communicator
-            .all_reduce_max_f64(scale)
-            .max(SMALLEST_FORCE * cells);
+        let mut size = communicator.all_reduce_max_f64(scale).max(smallest * cells);
         for a in 0..3 {
             let through = from_quanta(sum(communicator, through[a + 1]));
             size = size.max(through.abs()).max(force[a].abs());
@@ -367,7 +371,9 @@ impl Guards {
             return Ok(());
         }
         self.looked = Some(step);
-        if let Some(flow) = flow {
+        if let Some(flow) = flow
+            && self.stepped
+        {
             let communicator = domain.communicator();
             self.openings.look(step, self.every, flow, communicator);
         }

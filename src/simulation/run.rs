@@ -27,7 +27,7 @@ use crate::coupling::water::Water;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::{Error, Problem, Severity};
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
@@ -61,7 +61,7 @@ pub struct RunOptions {
     pub max_walltime: Option<Duration>,
     /// Tables as JSON.
     pub json: bool,
-    /// A restart goes on with a case that is unstable as changed.
+    /// A restart goes on although the case is unstable.
     pub allow_unstable: bool,
 }
 
@@ -645,7 +645,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 &mut particles,
                 &mut guards,
                 &domain,
-                &mut watch,
+                (&mut watch, &mut guards),
                 (begun, earlier),
                 keep,
             )?;
@@ -987,7 +987,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "compression": simulation.guards.compression(),
             "inflow": null,
             "outflow": null,
-            "imbalance": simulation.guards.imbalance(),
+            "flow_imbalance": simulation.guards.imbalance(),
             "warnings": warnings,
             "ranks": communicator.size(),
             "threads": self.threads,
@@ -1005,7 +1005,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let most = report.inflow.max(report.outflow);
             summary["inflow"] = report.inflow.into();
             summary["outflow"] = report.outflow.into();
-            summary["imbalance"] =
+            summary["flow_imbalance"] =
                 json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
             summary["seepage"] = json!({
                 "iterations": report.iterations,
@@ -1196,7 +1196,7 @@ fn warm_up<Sp: Space, S: Saved>(
     particles: &mut Particles<Sp>,
     guards: &mut Guards,
     domain: &Domain,
-    watch: &mut Watch,
+    (watch, guards): (&mut Watch, &mut Guards),
     reached: (u64, Option<Vec<f64>>),
     mut keep: impl FnMut(
         u64,

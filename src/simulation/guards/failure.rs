@@ -35,13 +35,14 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// The whole sentence, on every rank; `flows` is what goes through the openings. Collective.
+    /// The whole sentence, on every rank; `flows` is what goes through the openings, and whether it only
+    /// enters or only leaves. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,
         particles: &Particles<Sp>,
         plan: &Plan,
-        flows: Option<String>,
+        flows: Option<(String, bool)>,
         communicator: &Communicator,
     ) -> String {
         let cell = Order::of(flow).cell(self.place);
@@ -64,9 +65,14 @@ impl Failure {
             let away = number(away.max(0.0));
             parts.push(format!("nearest to it is {name}, {away} m away"));
         }
-        parts.extend(flows.filter(|_| self.kind == Kind::TooDense));
+        let one_way = flows.as_ref().is_some_and(|(_, one_way)| *one_way);
+        parts.extend(
+            flows
+                .filter(|_| self.kind == Kind::TooDense)
+                .map(|(text, _)| text),
+        );
         parts.extend(nearest_of_water(plan).map(limit));
-        parts.push(remedy(self.kind, plan));
+        parts.push(remedy(self.kind, one_way, plan));
         parts.join("; ")
     }
 }
@@ -224,6 +230,9 @@ const SOLID: &str = "solid time step";
 /// How the limit of [`crate::plan`] of the cell Reynolds number begins.
 const CELL_REYNOLDS: &str = "cell Reynolds number";
 
+/// How the limits of imposed pressures begin.
+const PRESSURE: &str = "density change";
+
 /// The limit of the plan that is nearest to its bound, of those asked for.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
@@ -260,9 +269,10 @@ fn limit(margin: &Margin) -> String {
 /// | channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52 | 1/2 and 1/4 of the time step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga | half the spacing, 2/3 of the speed, 3/2 of the viscosity, cumulants |
 /// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
 /// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
+/// | wires across a channel without a gap | | every second wire taken out |
 /// | disc in a channel, Mach 0.3 in its gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
 /// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
-fn remedy(kind: Kind, plan: &Plan) -> String {
+fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
@@ -272,12 +282,14 @@ fn remedy(kind: Kind, plan: &Plan) -> String {
             number(finest)
         );
     }
+    let pressure = nearest_of_water(plan).is_some_and(|margin| margin.limit.starts_with(PRESSURE));
     match kind {
+        Kind::TooDense if one_way => "see that an open way of several cells leads from inlet to outlet",
         Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
-        Kind::TooDense => {
-            "where a pressure was imposed, a smaller time step (a smaller relaxation time at the same viscosity) helped; where an inlet is, see that an open way of several cells leads to an outlet"
+        Kind::TooDense if pressure => {
+            "where a pressure was imposed a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
         }
-        Kind::NotFinite => "`solver plan` shows all limits",
+        Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }
     .into()
 }
