@@ -7,6 +7,7 @@ pub(crate) mod contacts;
 pub mod drag;
 pub mod envelope;
 pub mod estimate;
+pub mod interval;
 mod light_bodies;
 pub mod models;
 pub mod report;
@@ -23,6 +24,7 @@ use crate::scene::grid::{count, whole};
 use crate::units::LatticeUnits;
 use envelope::Margin;
 use estimate::Estimate;
+use interval::Interval;
 use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -71,7 +73,13 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Steps between two events that happen every `interval` seconds; at least 1.
+    /// The steps nearest to the multiples of `interval` seconds.
+    #[must_use]
+    pub fn every(&self, interval: f64) -> Interval {
+        Interval::new(interval, self.time_step)
+    }
+
+    /// The fewest whole steps that take `interval` seconds or longer; at least 1.
     #[must_use]
     pub fn interval_to_steps(&self, interval: f64) -> u64 {
         steps(interval / self.time_step).max(1)
