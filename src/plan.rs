@@ -17,9 +17,9 @@ pub mod waves;
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};
 use crate::case::{Case, Document};
-use crate::error::{Problem, Severity};
+use crate::error::{Problem, Remedy, Severity};
 use crate::scene::Scene;
-use crate::scene::findings::{Findings, number, refused};
+use crate::scene::findings::{Findings, at_most, number, refused};
 use crate::scene::grid::{count, whole};
 use crate::units::LatticeUnits;
 use envelope::Margin;
@@ -242,7 +242,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                             number(flow.time_step / f64::from(n.max(1))),
                             time.solid_time_step_safety
                         ),
-                        format!("use at least {needed}, or \"auto\""),
+                        Remedy::from(format!("use at least {needed}, or \"auto\""))
+                            .set(path, needed),
                     );
                 }
                 n.max(1)
@@ -263,7 +264,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                     "the time step is above {} times the critical one",
                     time.solid_time_step_safety
                 ),
-                format!("use at most {} s", number(allowed)),
+                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                    .set("time.solid_time_step", at_most(allowed)),
             );
         }
         let steps = scene

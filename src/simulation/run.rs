@@ -305,7 +305,8 @@ fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
                 "start {} ranks, give {} numbers, or leave the list out",
                 inner.len() + 1,
                 ranks - 1
-            ),
+            )
+            .into(),
             severity: Severity::Error,
         }]));
     }

@@ -17,6 +17,7 @@ mod case_mutants;
 mod collapse;
 mod extremes;
 mod folders;
+mod proposals;
 mod ranks;
 mod same_bits;
 mod seepage;
