@@ -154,11 +154,16 @@ impl Document {
             }
         }
         sources.extend(annotation::strip(&mut tree));
-        let mut elsewhere = tree.clone();
-        anchor(&mut elsewhere, directory);
-        let canonical = elsewhere.to_string();
+        let mut written = Vec::new();
+        anchor(&mut tree, directory, &mut written);
+        let canonical = tree.to_string();
+        if !written.is_empty() {
+            put_back(&mut tree, &mut written.into_iter());
+        }
         problems.extend(check::against_schema(&mut tree));
-        match serde_path_to_error::deserialize::<_, Case>(tree) {
+        // Where an error lies costs as much as all else: it is looked for only where there is one.
+        let read = Case::deserialize(&tree).or_else(|_| serde_path_to_error::deserialize(tree));
+        match read {
             Ok(mut case) => {
                 case.directory = directory.to_path_buf();
                 Ok(Self {
@@ -184,22 +189,41 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file, `{"file": {"path": ..}}` or `{"mesh": {"path": ..}}`, absolute.
-fn anchor(tree: &mut Value, directory: &Path) {
+/// Makes the path of every input file, `{"file": {"path": ..}}` or `{"mesh": {"path": ..}}`, absolute; `written` gets them as they were.
+fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
+    each_path(tree, &mut |path| {
+        written.push(path.clone());
+        if let Ok(whole) = std::path::absolute(directory.join(path.as_str()))
+            && let Some(whole) = whole.to_str()
+        {
+            *path = whole.to_owned();
+        }
+    });
+}
+
+/// Undoes [`anchor`].
+fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
+    each_path(tree, &mut |path| {
+        if let Some(old) = written.next() {
+            *path = old;
+        }
+    });
+}
+
+/// The paths of all input files, in an order that does not depend on them.
+fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
             for (key, child) in map {
                 if matches!(key.as_str(), "file" | "mesh")
                     && let Some(Value::String(path)) = child.get_mut("path")
-                    && let Ok(whole) = std::path::absolute(directory.join(path.as_str()))
-                    && let Some(whole) = whole.to_str()
                 {
-                    *path = whole.to_owned();
+                    with(path);
                 }
-                anchor(child, directory);
+                each_path(child, with);
             }
         }
-        Value::Array(list) => list.iter_mut().for_each(|child| anchor(child, directory)),
+        Value::Array(list) => list.iter_mut().for_each(|child| each_path(child, with)),
         _ => {}
     }
 }

@@ -29,9 +29,98 @@ pub struct Problem {
     /// What is wrong and which range or choice is allowed.
     pub reason: String,
     /// The smallest change that would pass.
-    pub remedy: String,
+    #[serde(flatten)]
+    pub remedy: Remedy,
     /// Refused or only worth knowing.
     pub severity: Severity,
+}
+
+/// What to do about a [`Problem`]: a sentence, and the same as values to set where it names any.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Remedy {
+    #[serde(rename = "remedy")]
+    text: String,
+    #[serde(rename = "proposal", skip_serializing_if = "Vec::is_empty")]
+    proposal: Vec<Assignment>,
+}
+
+/// A value to set at a path of the case, as `--set` takes it.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Assignment {
+    /// JSON path.
+    pub path: String,
+    /// The value; null takes the field out.
+    pub value: serde_json::Value,
+}
+
+impl Remedy {
+    /// Takes out the optional field at a path.
+    #[must_use]
+    pub fn take_out(text: impl Into<Self>, path: &str) -> Self {
+        text.into().set(path, serde_json::Value::Null)
+    }
+
+    /// Proposes a value. The problem is gone once all values that are proposed for it are set.
+    #[must_use]
+    pub fn set(mut self, path: impl Into<String>, value: impl Into<serde_json::Value>) -> Self {
+        self.proposal.push(Assignment {
+            path: path.into(),
+            value: value.into(),
+        });
+        self
+    }
+
+    /// The values that are proposed; empty where the sentence names none.
+    #[must_use]
+    pub fn proposal(&self) -> &[Assignment] {
+        &self.proposal
+    }
+}
+
+impl From<String> for Remedy {
+    fn from(text: String) -> Self {
+        Self {
+            text,
+            proposal: Vec::new(),
+        }
+    }
+}
+
+impl From<&str> for Remedy {
+    fn from(text: &str) -> Self {
+        text.to_owned().into()
+    }
+}
+
+impl std::ops::Deref for Remedy {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.text
+    }
+}
+
+impl fmt::Display for Remedy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)?;
+        for (n, assignment) in self.proposal.iter().enumerate() {
+            write!(f, "{}{assignment}", if n == 0 { " (" } else { " " })?;
+        }
+        f.write_str(if self.proposal.is_empty() { "" } else { ")" })
+    }
+}
+
+impl fmt::Display for Assignment {
+    /// As on a command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = format!("{}={}", self.path, self.value);
+        let plain = |c: char| c.is_ascii_alphanumeric() || "._=+-".contains(c);
+        if text.chars().all(plain) {
+            write!(f, "--set {text}")
+        } else {
+            write!(f, "--set '{}'", text.replace('\'', r"'\''"))
+        }
+    }
 }
 
 impl fmt::Display for Problem {

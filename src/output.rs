@@ -36,6 +36,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::view::View;
 use crate::plan::Plan;
+use crate::plan::interval::Interval;
 use averages::AverageFields;
 use blocks::Blocks;
 use contacts::Contacts;
@@ -46,7 +47,7 @@ use io::{Mode, Moment, Series};
 use probes::Probe;
 use schedule::Schedule;
 use seepage::SeepageFields;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use together::Together;
 
@@ -69,6 +70,7 @@ enum FluidFields {
 /// Everything a run writes in the course of time, apart from checkpoints and analyses.
 #[derive(Debug)]
 pub struct Outputs {
+    folder: PathBuf,
     provenance: Vec<(String, String)>,
     fluid: Option<Output<FluidFields>>,
     grains: Option<Output<Grains>>,
@@ -96,7 +98,7 @@ impl Outputs {
     ) -> Result<Self, Error> {
         let written = &plan.scene.output;
         let group = Together(domain.communicator());
-        let every = |interval: f64| plan.clock.interval_to_steps(interval);
+        let every = |interval: f64| Some(plan.clock.every(interval));
         let fluid = match &written.fluid {
             Some(output) => {
                 let fields = if plan.scene.seepage.is_some() {
@@ -144,7 +146,7 @@ impl Outputs {
         let averages = match &written.averages {
             Some(output) => {
                 // Without an interval only the end of the run is left.
-                let every = output.every.map_or(plan.clock.steps, every);
+                let every = output.every.and_then(every);
                 let fields = AverageFields::new(output.profile.map(Axis::index));
                 let mut output =
                     Output::open(folder, "averages", every, fields, &group, resumed_at)?;
@@ -155,6 +157,7 @@ impl Outputs {
         };
         let probes = Probe::all(plan, folder, domain, resumed_at)?;
         let mut outputs = Self {
+            folder: folder.to_owned(),
             provenance,
             fluid,
             grains,
@@ -209,13 +212,58 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes fluid, grains, contacts and blocks as they are now, unless that was done at this step. Collective.
+    /// Writes everything as it is now, unless that was done at this step: the end of a run is the last output of each series and
+    /// the last row of each probe. Collective.
     ///
     /// # Errors
     /// As [`Self::write_due`].
     pub fn write_all_now<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
+        for probe in &mut self.probes {
+            if probe.last != Some(view.step) {
+                probe.write(view)?;
+            }
+            probe.schedule.pass(view.step);
+        }
         self.next = self.earliest();
+        Ok(())
+    }
+
+    /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is about to go
+    /// on, so that its files become those of a run that never ended there. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Io`], the same on all ranks.
+    pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
+        let group = Together(domain.communicator());
+        if let Some(output) = &mut self.fluid {
+            output.drop_end(step, &group)?;
+        }
+        if let Some(output) = &mut self.grains {
+            output.drop_end(step, &group)?;
+        }
+        if let Some(output) = &mut self.contacts {
+            output.drop_end(step, &group)?;
+        }
+        if let Some(output) = &mut self.blocks {
+            output.drop_end(step, &group)?;
+        }
+        if let Some(output) = &mut self.averages
+            && output.drop_end(step, &group)?
+            && let (Some(before), Some(_)) = (step.checked_sub(1), output.buffers.profile)
+        {
+            let (folder, table) = (&self.folder, &mut output.buffers.table);
+            group.on_root(|| {
+                *table = Some(averages::open(
+                    &averages::profile_path(folder),
+                    Some((before, true)),
+                )?);
+                Ok(())
+            })?;
+        }
+        for probe in &mut self.probes {
+            probe.drop_end(step, &group)?;
+        }
         Ok(())
     }
 
@@ -391,7 +439,7 @@ impl<T> Output<T> {
     fn open(
         folder: &Path,
         name: &str,
-        every: u64,
+        every: Option<Interval>,
         buffers: T,
         group: &Together,
         resumed_at: Option<u64>,
@@ -417,6 +465,20 @@ impl<T> Output<T> {
         })
     }
 
+    /// Drops the output of `step` where it is not one of its interval; whether it did. Collective.
+    fn drop_end(&mut self, step: u64, group: &Together) -> Result<bool, Error> {
+        if self.last != Some(step) || self.schedule.falls_on(step) {
+            return Ok(false);
+        }
+        // Step 0 has an output of every interval; only averages without one have none.
+        let Some(before) = step.checked_sub(1) else {
+            return Ok(false);
+        };
+        group.settle(self.series.truncate_after(before, group))?;
+        self.last = None;
+        Ok(true)
+    }
+
     fn is_wanted(&self, step: u64, due: impl Fn(&Schedule) -> bool) -> bool {
         self.last != Some(step) && due(&self.schedule)
     }
@@ -433,7 +495,7 @@ impl Output<AverageFields> {
         if self.buffers.profile.is_none() {
             return Ok(());
         }
-        let path = folder.join("averages_profile.csv");
+        let path = averages::profile_path(folder);
         let resumed_at = resumed_at.map(|step| (step, self.last == Some(step)));
         let table = &mut self.buffers.table;
         group.on_root(|| {

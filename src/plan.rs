@@ -7,6 +7,7 @@ pub(crate) mod contacts;
 pub mod drag;
 pub mod envelope;
 pub mod estimate;
+pub mod interval;
 mod light_bodies;
 pub mod models;
 pub mod report;
@@ -16,13 +17,14 @@ pub mod waves;
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};
 use crate::case::{Case, Document};
-use crate::error::{Problem, Severity};
+use crate::error::{Problem, Remedy, Severity};
 use crate::scene::Scene;
-use crate::scene::findings::{Findings, number, refused};
+use crate::scene::findings::{Findings, at_most, number, refused};
 use crate::scene::grid::{count, whole};
 use crate::units::LatticeUnits;
 use envelope::Margin;
 use estimate::Estimate;
+use interval::Interval;
 use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -71,7 +73,13 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Steps between two events that happen every `interval` seconds; at least 1.
+    /// The steps nearest to the multiples of `interval` seconds.
+    #[must_use]
+    pub fn every(&self, interval: f64) -> Interval {
+        Interval::new(interval, self.time_step)
+    }
+
+    /// The fewest whole steps that take `interval` seconds or longer; at least 1.
     #[must_use]
     pub fn interval_to_steps(&self, interval: f64) -> u64 {
         steps(interval / self.time_step).max(1)
@@ -234,7 +242,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                             number(flow.time_step / f64::from(n.max(1))),
                             time.solid_time_step_safety
                         ),
-                        format!("use at least {needed}, or \"auto\""),
+                        Remedy::from(format!("use at least {needed}, or \"auto\""))
+                            .set(path, needed),
                     );
                 }
                 n.max(1)
@@ -255,7 +264,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                     "the time step is above {} times the critical one",
                     time.solid_time_step_safety
                 ),
-                format!("use at most {} s", number(allowed)),
+                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                    .set("time.solid_time_step", at_most(allowed)),
             );
         }
         let steps = scene

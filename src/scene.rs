@@ -14,6 +14,7 @@ pub mod grid;
 pub mod numbering;
 pub mod observe;
 pub mod packing;
+pub(crate) mod pairs;
 pub mod rain;
 pub mod rock;
 pub mod sample;
@@ -30,9 +31,10 @@ use crate::case::observe::Output;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
 use crate::case::{Case, check};
 use crate::dem::polyhedron::Solid;
-use crate::error::Problem;
+use crate::error::{Problem, Remedy};
 use findings::Findings;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// The resolved problem.
 #[derive(Clone, Debug, Serialize)]
@@ -104,7 +106,7 @@ impl Scene {
 
     /// The scene as far as it can be made, with what was found on the way. Where it goes on with the state of another, what both leave
     /// out is as it was chosen `like` there.
-    pub(crate) fn attempt(case: &Case, like: Option<&Self>) -> (Option<Self>, Findings) {
+    pub(crate) fn attempt<'a>(case: &'a Case, like: Option<&Self>) -> (Option<Self>, Findings<'a>) {
         let mut findings = Findings::new(case);
         if let Some(like) = like {
             let spacing = auto::spacing::Spacing::stated(like.grid.spacing);
@@ -123,12 +125,12 @@ impl Scene {
     }
 
     /// The scene at a spacing.
-    fn at(
+    fn at<'a>(
         written: &Case,
         spacing: &auto::spacing::Spacing,
         like: Option<&Self>,
-        mut findings: Findings,
-    ) -> (Option<Self>, Findings) {
+        mut findings: Findings<'a>,
+    ) -> (Option<Self>, Findings<'a>) {
         let mut chosen = auto::Chosen::default();
         spacing.note(&mut chosen);
         let case = &*auto::filled(written, spacing.value, &mut chosen);
@@ -314,13 +316,13 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             "coupling",
             "there is no fluid in this case",
-            "take the coupling out",
+            Remedy::take_out("take the coupling out", "coupling"),
         );
     } else if case.coupling.is_some() && !solid {
         findings.warn(
             "coupling",
             "there is nothing solid in this case",
-            "take the coupling out",
+            Remedy::take_out("take the coupling out", "coupling"),
         );
     }
     let moving = case.grains.is_some()
@@ -329,7 +331,8 @@ fn agree(case: &Case, findings: &mut Findings) {
             .bodies
             .iter()
             .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
-    let polyhedra = case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round());
+    let polyhedra = has_polyhedra(case);
+    let flat = case.domain.size.0.len() == 2;
     of_covered_cells(case, findings);
     if polyhedra {
         of_polyhedra(case, findings);
@@ -337,24 +340,37 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             "output.blocks",
             "there are no blocks in this case",
-            "take this output out",
+            Remedy::take_out("take this output out", "output.blocks"),
         );
     }
     if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
-        findings.error("contact", "things move and can touch, but there is no contact law", "add for example \"contact\": {\"linear\": {\"normal_stiffness\": {\"per_diameter\": 1e8}}}");
+        let law = if polyhedra {
+            blocks_law()
+        } else {
+            linear_law()
+        };
+        findings.error(
+            "contact",
+            "things move and can touch, but there is no contact law",
+            if polyhedra && flat {
+                "make the domain 3-D, and add a law of blocks".into()
+            } else {
+                Remedy::from(format!("add for example \"contact\": {law}")).set("contact", law)
+            },
+        );
     }
     if case.contact.is_some() && !moving {
         findings.warn(
             "contact",
             "nothing moves freely in this case",
-            "take the contact law out",
+            Remedy::take_out("take the contact law out", "contact"),
         );
     }
     if lattice && case.time.solid_time_step.is_some() {
         findings.error(
             "time.solid_time_step",
             "with a fluid the solid time step is the fluid's over `solid_steps_per_fluid_step`",
-            "take it out",
+            Remedy::take_out("take it out", "time.solid_time_step"),
         );
     }
     if !lattice && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
@@ -363,13 +379,14 @@ fn agree(case: &Case, findings: &mut Findings) {
         } else {
             ("there is no fluid in this case", "take it out")
         };
-        findings.error("time.solid_steps_per_fluid_step", reason, remedy);
+        let path = "time.solid_steps_per_fluid_step";
+        findings.error(path, reason, Remedy::from(remedy).set(path, "auto"));
     }
     if case.time.warm_up.is_some() && !fluid {
         findings.error(
             "time.warm_up",
             "the fluid warms up, but there is none",
-            "take it out",
+            Remedy::take_out("take it out", "time.warm_up"),
         );
     }
     for name in case.materials.keys().filter(|name| name.is_empty()) {
@@ -393,7 +410,11 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
         findings.error(
             "coupling.partially_saturated.solid_operator",
             "viscosity_matched scales the one or two relaxation times of BGK and TRT",
-            "take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back",
+            Remedy::from("take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back")
+                .set(
+                    "coupling.partially_saturated.solid_operator",
+                    "non_equilibrium_bounce_back",
+                ),
         );
     }
 }
@@ -411,9 +432,29 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
         findings.error(
             "contact",
             "this is a law of discs and spheres, but there are polyhedra",
-            "write for example {\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e9}, \"friction_angle_degrees\": 30}}",
+            if case.domain.size.0.len() == 2 {
+                "take the polyhedra out: they are for three dimensions".into()
+            } else {
+                let law = blocks_law();
+                Remedy::from(format!("write for example {law}")).set("contact", law)
+            },
         );
     }
+}
+
+/// Whether anything has a law of blocks.
+pub(crate) fn has_polyhedra(case: &Case) -> bool {
+    case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
+}
+
+/// A law of discs and spheres as an example.
+pub(crate) fn linear_law() -> Value {
+    json!({"linear": {"normal_stiffness": {"per_diameter": 1e8}}})
+}
+
+/// A law of polyhedra as an example.
+fn blocks_law() -> Value {
+    json!({"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}})
 }
 
 /// The index of a material, or a finding.
@@ -427,7 +468,8 @@ pub(crate) fn material(
     if index.is_none() {
         let known: Vec<&str> = names.iter().map(String::as_str).collect();
         let remedy = match check::nearest(name, &known) {
-            Some(near) => format!("did you mean `{near}`? Or add it to `materials`"),
+            Some(near) => Remedy::from(format!("did you mean `{near}`? Or add it to `materials`"))
+                .set(path, near),
             None => "add it to `materials`".into(),
         };
         findings.error(path, format!("there is no material `{name}`"), remedy);

@@ -191,4 +191,26 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Guards);
         Ok(())
     }
+
+    /// The last rows and outputs: the state at the end of the run, where it was not written at this step. Collective.
+    ///
+    /// # Errors
+    /// When a file cannot be written; the same on all ranks.
+    fn record_end(&mut self) -> Result<(), Error> {
+        let view = self.now.view();
+        self.outputs.write_all_now(&view)?;
+        self.recorder.record_end(&view, self.guards.mass_error())?;
+        self.collapse.record_end(&view)
+    }
+
+    /// Drops what was written at the present step because a run ended there. Call it where a resumed run goes on. Collective.
+    ///
+    /// # Errors
+    /// When a file cannot be written; the same on all ranks.
+    fn drop_end(&mut self) -> Result<(), Error> {
+        let (step, domain) = (self.now.step, &self.now.domain);
+        self.outputs.drop_end(step, domain)?;
+        self.recorder.drop_end(step, domain)?;
+        self.collapse.drop_end(step, domain)
+    }
 }

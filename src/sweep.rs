@@ -123,7 +123,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
         path: path.into(),
         value,
         reason,
-        remedy,
+        remedy: remedy.into(),
         severity: Severity::Error,
     }])
 }

@@ -31,8 +31,23 @@ impl Source {
 /// Replaces every annotated value by the bare value; returns where they came from, by path.
 pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     let mut sources = BTreeMap::new();
-    walk(tree, "", &mut sources);
+    if any(tree) {
+        walk(tree, "", &mut sources);
+    }
     sources
+}
+
+/// Whether anything in the tree may be annotated. Paths are written only where it is.
+fn any(node: &Value) -> bool {
+    match node {
+        Value::Object(map) => {
+            let keys = ["value", "source", "note"];
+            let beside = keys.iter().filter(|key| map.contains_key(**key)).count();
+            (beside > 1 && map.contains_key("value")) || map.values().any(any)
+        }
+        Value::Array(list) => list.iter().any(any),
+        _ => false,
+    }
 }
 
 fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
@@ -50,7 +65,9 @@ fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
         }
         Value::Array(list) => {
             for (index, child) in list.iter_mut().enumerate() {
-                walk(child, &format!("{path}[{index}]"), sources);
+                if any(child) {
+                    walk(child, &format!("{path}[{index}]"), sources);
+                }
             }
         }
         _ => {}

@@ -1,12 +1,15 @@
 //! The tree against the schema of [`Case`](super::Case): everything that is unknown, missing, of the wrong type or out
 //! of range, in one go. The ranges are those written beside the fields.
 
+mod template;
+
 use super::text::{brief, join};
-use crate::error::{Problem, Severity, controls};
+use crate::error::{Problem, Remedy, Severity, controls};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value};
 use std::sync::OnceLock;
+use template::Template;
 
 /// No quantity of a case is larger than this, in any unit of the SI.
 const LARGEST: f64 = 1e30;
@@ -39,6 +42,9 @@ pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk.problems.extend(control_characters(tree));
     walk.problems
 }
+
+/// From so many values on the values of a list are first compared with a template of their schema.
+const MANY: usize = 16;
 
 /// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They
 /// are refused here, once, so that no output has to guard against them. A description may have lines.
@@ -108,13 +114,13 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn report(&mut self, path: &str, value: &Value, reason: String, remedy: String) {
+    fn report(&mut self, path: &str, value: &Value, reason: String, remedy: impl Into<Remedy>) {
         let path = if path.is_empty() { "the case" } else { path };
         self.problems.push(Problem {
             path: path.into(),
             value: brief(value),
             reason,
-            remedy,
+            remedy: remedy.into(),
             severity: Severity::Error,
         });
     }
@@ -162,7 +168,7 @@ impl<'a> Walk<'a> {
             Value::String(text) => {
                 let choices = words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
-                    let remedy = nearest_remedy(text, &choices);
+                    let remedy = nearest_word(path, text, &choices, &choices);
                     let reason = "there is no such choice here".into();
                     self.report(path, value, reason, remedy);
                 }
@@ -225,7 +231,7 @@ impl<'a> Walk<'a> {
                     path: join(path, key),
                     value: "missing".into(),
                     reason: "this field is needed".into(),
-                    remedy: format!("add `{key}`{help}"),
+                    remedy: format!("add `{key}`{help}").into(),
                     severity: Severity::Error,
                 });
             }
@@ -248,12 +254,15 @@ impl<'a> Walk<'a> {
                 path,
                 &value,
                 format!("this list has {count} values, but {allowed}"),
-                "correct the list".into(),
+                "correct the list",
             );
         }
         if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
+            let template = (list.len() >= MANY).then(|| Template::of(self.root, items));
             for (index, child) in list.iter_mut().enumerate() {
-                self.node(child, items, &format!("{path}[{index}]"));
+                if !template.as_ref().is_some_and(|t| t.fits(child, LARGEST)) {
+                    self.node(child, items, &format!("{path}[{index}]"));
+                }
             }
         }
     }
@@ -289,11 +298,21 @@ impl<'a> Walk<'a> {
         };
         let allowed: Vec<String> = [lower, upper].into_iter().flatten().collect();
         let allowed = allowed.join(" and ");
+        let mut remedy = Remedy::from(format!("write a number {allowed}{}", about(schema)));
+        // The nearest value of a range whose bound belongs to it.
+        let bound = match (least, most) {
+            (Some(least), _) if number < least => Some("minimum"),
+            (_, Some(most)) if number > most => Some("maximum"),
+            _ => None,
+        };
+        if let Some(nearest) = bound.and_then(|key| schema.get(key)) {
+            remedy = remedy.set(path, nearest.clone());
+        }
         self.report(
             path,
             value,
             format!("out of range; the value must be {allowed}"),
-            format!("write a number {allowed}{}", about(schema)),
+            remedy,
         );
     }
 
@@ -320,7 +339,7 @@ impl<'a> Walk<'a> {
                 self.report(path, value, reason, remedy);
             }
             Value::String(text) => {
-                let remedy = nearest_remedy(text, &all);
+                let remedy = nearest_word(path, text, &all, &plain);
                 self.report(path, value, "there is no such choice here".into(), remedy);
             }
             Value::Object(map) if map.len() == 1 && !names.is_empty() => {
@@ -352,6 +371,15 @@ impl<'a> Walk<'a> {
 
     /// Optional things and untagged enums: the option of the value's own type decides what is reported.
     fn any_of(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
+        // Something optional: a copy for an attempt could be one of a million grains.
+        if let [option, null] = options
+            && null.get("type").is_some_and(|t| t == "null")
+        {
+            if !value.is_null() {
+                self.node(value, option, path);
+            }
+            return;
+        }
         let mut best: Option<(bool, Vec<Problem>)> = None;
         for option in options {
             let resolved = self.resolve(option);
@@ -461,6 +489,15 @@ fn nearest_remedy(name: &str, known: &[&str]) -> String {
         _ if known.is_empty() => "take it out: there are no fields here".into(),
         Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
         None => format!("take it out, or {}", choose(known)),
+    }
+}
+
+/// As [`nearest_remedy`] for a word of a choice; it is proposed where it stands alone, without parameters.
+fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
+    let remedy = Remedy::from(nearest_remedy(name, known));
+    match nearest(name, known) {
+        Some(close) if plain.contains(&close) => remedy.set(path, close),
+        _ => remedy,
     }
 }
 

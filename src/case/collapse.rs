@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundCollapse {
-    /// Time between samples [s].
+    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
     /// The seepage points; without them every region that removes grains is one.

@@ -72,7 +72,7 @@ pub enum When {
 pub struct Probe {
     /// Name of the file.
     pub name: String,
-    /// Time between samples [s].
+    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
     /// Where.
@@ -141,10 +141,11 @@ pub struct AveragesOutput {
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub from: f64,
-    /// Time between samples [s].
+    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, counted from the first sample.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sample_every: f64,
-    /// Time between outputs of what has been summed so far [s]; without it at the end of the run only.
+    /// Time between outputs of what has been summed so far [s], written at the steps nearest to its multiples and at the end of the
+    /// run; without it at the end of the run only.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
@@ -157,7 +158,7 @@ pub struct AveragesOutput {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FluidOutput {
-    /// Time between outputs [s].
+    /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
     /// Which fields.
@@ -211,7 +212,7 @@ impl FieldName {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrainOutput {
-    /// Time between outputs [s].
+    /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
     /// How far each grain is from where it was at time 0, too [m]; every grain then carries along where it started.
@@ -223,7 +224,7 @@ pub struct GrainOutput {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Every {
-    /// Time between outputs [s].
+    /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
 }
@@ -247,7 +248,7 @@ pub struct ErosionLaw {
     /// Axis of the flow through the hole.
     #[serde(default = "along_x")]
     pub flow_axis: Axis,
-    /// Time between samples [s].
+    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
     /// The region whose removals count as eroded; without it all regions that remove.

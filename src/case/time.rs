@@ -87,7 +87,8 @@ pub enum WarmUp {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Physical time between checkpoints [s]; none of this kind without it.
+    /// Physical time between checkpoints [s], written at the steps nearest to its multiples and at the end of the run; none of this
+    /// kind without it.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
     /// Wall-clock time between checkpoints [s]; 0 for none of this kind.

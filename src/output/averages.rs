@@ -15,10 +15,12 @@
 use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
 use crate::plan::Plan;
+use crate::plan::interval::Interval;
 use crate::scene::grid::{Grid, count};
 use crate::units::LatticeUnits;
 use decomposition::{Communicator, ExactSum};
 use io::{Column, Image, Table};
+use std::path::{Path, PathBuf};
 
 /// Sums of a cell: samples, density deviation, u v w, uu vv ww uv vw uw; lattice units.
 pub const SUMS: usize = 11;
@@ -47,7 +49,7 @@ pub(super) const HEADINGS: [(&str, &str); 13] = [
 #[derive(Clone, Debug, PartialEq)]
 pub struct Averages {
     first: u64,
-    every: u64,
+    every: Interval,
     samples: u64,
     /// In the order [z][y][x][sum].
     sums: Vec<f64>,
@@ -72,7 +74,7 @@ impl Averages {
         Some(Self {
             // A sample at the very start of the run would be the initial state.
             first: plan.clock.interval_to_steps(written.from).max(1),
-            every: plan.clock.interval_to_steps(written.sample_every).max(1),
+            every: plan.clock.every(written.sample_every),
             samples: 0,
             sums: vec![0.0; fluid.cells().iter().product::<usize>() * SUMS],
             states: Scratch::default(),
@@ -81,7 +83,7 @@ impl Averages {
 
     /// Adds the state after `step` steps, where it is due.
     pub fn sample(&mut self, step: u64, fluid: &dyn FluidView) {
-        if step < self.first || !(step - self.first).is_multiple_of(self.every) {
+        if step < self.first || !self.every.falls_on(step - self.first) {
             return;
         }
         self.samples += 1;
@@ -238,11 +240,13 @@ pub(super) fn profile(
         .collect()
 }
 
+/// The table of the profile.
+pub(super) fn profile_path(folder: &Path) -> PathBuf {
+    folder.join("averages_profile.csv")
+}
+
 /// Opens the table of the profile, on rank 0; `resumed_at` is a step, and whether its rows are whole.
-pub(super) fn open(
-    path: &std::path::Path,
-    resumed_at: Option<(u64, bool)>,
-) -> Result<Table, io::Error> {
+pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table, io::Error> {
     match resumed_at {
         None | Some((0, false)) => Table::create(path, &HEADINGS),
         Some((step, true)) => Table::resume(path, &HEADINGS, step),

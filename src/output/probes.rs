@@ -32,7 +32,7 @@ use crate::units::LatticeUnits;
 use decomposition::{Domain, ExactSum};
 use io::Table;
 use points::{Points, along, clamped};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use wall::Wall;
 
 /// A probe with its file.
@@ -40,6 +40,10 @@ use wall::Wall;
 pub(crate) struct Probe {
     pub(crate) schedule: Schedule,
     at: At,
+    /// The step of the last sample, where it is known.
+    pub(crate) last: Option<u64>,
+    path: PathBuf,
+    headings: Vec<Heading>,
     /// On rank 0.
     table: Option<Table>,
     /// The rows of one sample, on rank 0; reused.
@@ -77,15 +81,14 @@ impl Probe {
         let probes = plan.scene.probes.iter();
         probes
             .map(|probe| {
-                let at = At::new(plan, &probe.at, domain)?;
+                let at = At::new(plan, &probe.at, domain, resumed_at)?;
                 let headings = at.headings(plan.scene.grid.dimension);
                 let path = folder.join(format!("probe_{}.csv", probe.name));
-                let every = plan.clock.interval_to_steps(probe.every);
+                let every = Some(plan.clock.every(probe.every));
                 let mut table = None;
                 let group = Together(domain.communicator());
                 let written = group.on_root(|| {
-                    let (opened, written) =
-                        open(&path, &headings, resumed_at, every, at.rows() as u64)?;
+                    let (opened, written) = open(&path, &headings, resumed_at, at.rows() as u64)?;
                     table = Some(opened);
                     Ok(written)
                 })?;
@@ -96,6 +99,9 @@ impl Probe {
                 Ok(Self {
                     schedule,
                     at,
+                    last: resumed_at.filter(|_| written),
+                    path,
+                    headings,
                     table,
                     rows: Vec::new(),
                 })
@@ -105,7 +111,7 @@ impl Probe {
 
     /// Samples and writes the rows of this step. Collective.
     pub(crate) fn write<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
-        let width = self.at.headings(view.plan.scene.grid.dimension).len();
+        let width = self.headings.len();
         self.rows.resize_with(self.at.rows(), Vec::new);
         for row in &mut self.rows {
             row.clear();
@@ -113,12 +119,31 @@ impl Probe {
             row.push(view.time);
         }
         let here = self.at.sample(view, &mut self.rows)?;
+        self.last = Some(view.step);
         Together(view.domain.communicator()).on_root(|| {
             if let (Some(table), true) = (&mut self.table, here) {
                 for row in &self.rows {
                     table.row(view.step, row)?;
                 }
             }
+            Ok(())
+        })
+    }
+
+    /// Drops the sample of `step` where that is none of its interval. Collective.
+    pub(crate) fn drop_end(&mut self, step: u64, group: &Together) -> Result<(), Error> {
+        if self.last != Some(step) || self.schedule.falls_on(step) {
+            return Ok(());
+        }
+        self.last = None;
+        let Self {
+            path,
+            headings,
+            table,
+            ..
+        } = self;
+        group.on_root(|| {
+            *table = Some(before(path, headings, step)?);
             Ok(())
         })
     }
@@ -134,31 +159,36 @@ fn open(
     path: &Path,
     headings: &[Heading],
     resumed_at: Option<u64>,
-    every: u64,
     rows: u64,
 ) -> io::Result<(Table, bool)> {
     let Some(step) = resumed_at else {
         return Ok((Table::create(path, headings)?, false));
     };
     let table = Table::resume(path, headings, step)?;
-    if !Schedule::falls_on(every, step) {
-        return Ok((table, false));
-    }
     let steps = io::table::read(path)?.steps;
     let there = steps.iter().rev().take_while(|&&s| s == step).count() as u64;
-    if there == rows {
-        return Ok((table, true));
+    if there == 0 || there == rows {
+        return Ok((table, there > 0));
     }
     // A sample cut short by the end of the run is taken again.
-    let table = match step.checked_sub(1) {
-        Some(before) => Table::resume(path, headings, before)?,
-        None => Table::create(path, headings)?,
-    };
-    Ok((table, false))
+    Ok((before(path, headings, step)?, false))
+}
+
+/// The table without its rows from `step` on.
+fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<Table> {
+    match step.checked_sub(1) {
+        Some(before) => Table::resume(path, headings, before),
+        None => Table::create(path, headings),
+    }
 }
 
 impl At {
-    fn new(plan: &Plan, at: &ProbeAt, domain: &Domain) -> Result<Self, Error> {
+    fn new(
+        plan: &Plan,
+        at: &ProbeAt,
+        domain: &Domain,
+        resumed_at: Option<u64>,
+    ) -> Result<Self, Error> {
         let scene = &plan.scene;
         Ok(match at {
             ProbeAt::Point(point) => Self::Point(Points::new(&[*point], &scene.grid, domain)?),
@@ -179,7 +209,8 @@ impl At {
                     *face,
                     flow,
                     &scene.grid,
-                    plan.clock.warm_up_steps > 0,
+                    // A checkpoint holds no fluxes.
+                    resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0)),
                 )))
             }
         })

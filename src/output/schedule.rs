@@ -1,41 +1,43 @@
 //! When something is due.
 
-/// Every so many steps, from step 0 on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+use crate::plan::interval::Interval;
+
+/// The steps of an interval from step 0 on, or none at all.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Schedule {
-    every: u64,
+    every: Option<Interval>,
     next: u64,
 }
 
 impl Schedule {
-    /// From nothing: due at step 0, then at every multiple of `every` (at least 1).
-    pub(crate) fn new(every: u64) -> Self {
+    /// From nothing: due at step 0, then at every step of the interval; without an interval never.
+    pub(crate) fn new(every: Option<Interval>) -> Self {
         Self {
-            every: every.max(1),
-            next: 0,
+            every,
+            next: every.map_or(u64::MAX, |_| 0),
         }
     }
 
     /// After a restart at `step`; `written`: what was due at that very step is there already.
-    pub(crate) fn resumed(every: u64, step: u64, written: bool) -> Self {
+    pub(crate) fn resumed(every: Option<Interval>, step: u64, written: bool) -> Self {
         let mut schedule = Self::new(every);
         if written {
             schedule.pass(step);
         } else {
-            schedule.next = step.next_multiple_of(schedule.every);
+            schedule.next = schedule.next_from(step);
         }
         schedule
     }
 
     /// Whether it is due at `step`. A step that was passed by is not made up for.
     pub(crate) fn is_due(&self, step: u64) -> bool {
-        step >= self.next && step.is_multiple_of(self.every)
+        step >= self.next && self.falls_on(step)
     }
 
     /// Time went past `step`: what was due there happened or was passed by.
     pub(crate) fn pass(&mut self, step: u64) {
         if step >= self.next {
-            self.next = (step + 1).next_multiple_of(self.every);
+            self.next = self.next_from(step + 1);
         }
     }
 
@@ -44,15 +46,23 @@ impl Schedule {
         self.next
     }
 
-    /// Whether a regular step, of which there is an output, lies at `step`.
-    pub(crate) fn falls_on(every: u64, step: u64) -> bool {
-        step.is_multiple_of(every.max(1))
+    /// Whether `step` is one of those at which there is an output, rather than the end of a run.
+    pub(crate) fn falls_on(&self, step: u64) -> bool {
+        self.every.is_some_and(|every| every.falls_on(step))
+    }
+
+    fn next_from(&self, step: u64) -> u64 {
+        self.every.map_or(u64::MAX, |every| every.next_from(step))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn steps(every: u64) -> Option<Interval> {
+        Some(Interval::of_steps(every))
+    }
 
     fn due(mut schedule: Schedule, steps: std::ops::RangeInclusive<u64>) -> Vec<u64> {
         steps
@@ -66,15 +76,23 @@ mod tests {
 
     #[test]
     fn multiples_from_zero_on() {
-        assert_eq!(due(Schedule::new(3), 0..=10), [0, 3, 6, 9]);
-        assert_eq!(due(Schedule::new(0), 0..=2), [0, 1, 2]);
+        assert_eq!(due(Schedule::new(steps(3)), 0..=10), [0, 3, 6, 9]);
+        assert_eq!(due(Schedule::new(steps(0)), 0..=2), [0, 1, 2]);
+        assert_eq!(due(Schedule::new(None), 0..=2), [0; 0]);
     }
 
     #[test]
     fn a_restart_neither_repeats_nor_forgets() {
-        assert_eq!(due(Schedule::resumed(3, 6, true), 6..=12), [9, 12]);
-        assert_eq!(due(Schedule::resumed(3, 6, false), 6..=12), [6, 9, 12]);
-        assert_eq!(due(Schedule::resumed(3, 7, false), 7..=12), [9, 12]);
-        assert_eq!(due(Schedule::resumed(3, 6, false), 7..=12), [9, 12]);
+        assert_eq!(due(Schedule::resumed(steps(3), 6, true), 6..=12), [9, 12]);
+        assert_eq!(
+            due(Schedule::resumed(steps(3), 6, false), 6..=12),
+            [6, 9, 12]
+        );
+        assert_eq!(due(Schedule::resumed(steps(3), 7, false), 7..=12), [9, 12]);
+        assert_eq!(due(Schedule::resumed(steps(3), 6, false), 7..=12), [9, 12]);
+        let thirds = Some(Interval::new(1.0, 0.3));
+        assert_eq!(due(Schedule::new(thirds), 0..=14), [0, 3, 7, 10, 13]);
+        assert_eq!(due(Schedule::resumed(thirds, 7, true), 7..=14), [10, 13]);
+        assert_eq!(due(Schedule::resumed(thirds, 5, false), 5..=8), [7]);
     }
 }

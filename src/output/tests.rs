@@ -311,7 +311,7 @@ fn probes_measure_what_is_there() {
 
     // Nothing has crossed a face at step 0.
     assert_eq!(run.rows("inlet").steps, [] as [u64; 0]);
-    let every = run.plan.clock.interval_to_steps(1.0);
+    let every = run.plan.clock.every(1.0).step(1);
     outputs.write_due(&run.view(every)).unwrap();
     let rows = run.rows("inlet");
     let row = &rows.values[0];
@@ -331,12 +331,13 @@ fn probes_measure_what_is_there() {
 #[test]
 fn outputs_come_when_due_and_go_on_after_a_restart() {
     let run = Run::new();
-    let every = run.plan.clock.interval_to_steps(1.0);
+    let at = |event| run.plan.clock.every(1.0).step(event);
+    let every = at(1);
     assert!(every > 2);
     let mut outputs = run.outputs(None);
     assert_eq!(outputs.next_due(), 0);
     run.advance(&mut outputs, 0..=2 * every + 1);
-    assert_eq!(outputs.next_due(), 3 * every);
+    assert_eq!(outputs.next_due(), at(3));
     assert_eq!(run.rows("ball").steps, [0, every, 2 * every]);
     outputs.write_all_now(&run.view(2 * every + 1)).unwrap();
     let there = |step: u64| {
@@ -346,6 +347,19 @@ fn outputs_come_when_due_and_go_on_after_a_restart() {
             .exists()
     };
     assert!(there(2 * every) && there(2 * every + 1) && !there(1));
+    assert_eq!(run.rows("ball").steps, [0, every, 2 * every, 2 * every + 1]);
+
+    // The run is extended: its old end leaves no trace.
+    let mut outputs = run.outputs(Some(2 * every + 1));
+    outputs.write_all_now(&run.view(2 * every + 1)).unwrap();
+    assert_eq!(run.rows("ball").steps, [0, every, 2 * every, 2 * every + 1]);
+    outputs.drop_end(2 * every + 1, &run.domain).unwrap();
+    assert!(there(2 * every) && !there(2 * every + 1));
+    assert_eq!(run.rows("ball").steps, [0, every, 2 * every]);
+    assert_eq!(run.rows("middle").steps.len(), 15);
+    outputs.write_all_now(&run.view(2 * every + 1)).unwrap();
+    let mut outputs = run.outputs(Some(2 * every));
+    outputs.drop_end(2 * every, &run.domain).unwrap();
     assert_eq!(run.rows("ball").steps, [0, every, 2 * every]);
 
     // Back to the first interval: the later ones go, and come again once.

@@ -7,9 +7,10 @@
 
 use super::envelope::{Margin, margin};
 use crate::case::coupling::Coupling;
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::blocks::Blocks;
-use crate::scene::findings::{Findings, number};
+use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::solids::GrainSource;
 
 /// Fewest cells in a diameter.
@@ -63,9 +64,13 @@ fn diameters(
                     "the smallest diameter the fluid sees is {} cells; at least {FEWEST_CELLS}",
                     number(cells)
                 ),
-                format!(
-                    "use a spacing of at most {} m, or larger solids",
-                    number(diameter / FEWEST_CELLS)
+                finer(
+                    scene,
+                    diameter / FEWEST_CELLS,
+                    format!(
+                        "use a spacing of at most {} m, or larger solids",
+                        number(diameter / FEWEST_CELLS)
+                    ),
                 ),
             );
         }
@@ -78,6 +83,19 @@ fn diameters(
     }
 }
 
+/// Proposes the coarsest spacing, at most `finest`, that divides the present one and so all that it divides; none where that would
+/// be more than eight times as fine.
+pub(super) fn finer(scene: &Scene, finest: f64, text: String) -> Remedy {
+    let h = scene.grid.spacing;
+    let parts = (h / finest * (1.0 - 1e-9)).ceil();
+    let remedy = Remedy::from(text);
+    if (2.0..=8.0).contains(&parts) {
+        remedy.set("domain.spacing", length_of(1.0 / parts, h))
+    } else {
+        remedy
+    }
+}
+
 fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let bodies = scene.bodies.iter().enumerate();
     let of_bodies =
@@ -86,9 +104,13 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
     let of_blocks = thinnest.map(|thinnest| (String::from("blocks.initial"), thinnest));
     for (path, thickness) in of_bodies.chain(of_blocks) {
         let cells = thickness / scene.grid.spacing;
-        let remedy = format!(
-            "use a spacing of at most {} m, or a thicker block",
-            number(thickness / SOLID)
+        let remedy = finer(
+            scene,
+            thickness / SOLID,
+            format!(
+                "use a spacing of at most {} m, or a thicker block",
+                number(thickness / SOLID)
+            ),
         );
         if cells < THINNEST * (1.0 - 1e-9) {
             let reason = format!(

@@ -30,9 +30,10 @@ mod network;
 use super::Clock;
 use super::envelope::{Margin, critical_solid_time_step, margin, moving};
 use crate::dem::contact::hertz_mindlin::deepest;
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
-use crate::scene::findings::{Findings, number};
+use crate::scene::findings::{Findings, at_least, at_most, number};
 use crate::scene::solids::GrainSource;
 
 /// Springs (N/m) and dashpots (N s/m) of a contact: normal, shear.
@@ -283,8 +284,8 @@ fn openings(scene: &Scene, contact: &ContactTable, findings: &mut Findings) {
         }
         format!(
             "use at most {} N, or a normal stiffness of at least {} N/m",
-            number(stiffness * room(part)),
-            number(strength / room(part))
+            number(at_most(stiffness * room(part))),
+            number(at_least(strength / room(part)))
         )
     };
     if opening > A_GRAIN_BETWEEN * smallest {
@@ -328,13 +329,13 @@ fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> Limits {
             GrainSource::List(_) | GrainSource::File { .. }
         )
     });
-    let mut network = network::Network::of(scene, contact, !prepared, Depth::Expected);
-    let sticking = network.limit();
+    let network = network::Network::of(scene, contact, !prepared, Depth::Expected);
     let held = !prepared && scene.regions.is_empty() && network.holds_all();
-    network = network::Network::of(scene, contact, !prepared, Depth::Start);
+    let sticking = network.stiffest_part().limit();
+    let mut network = network::Network::of(scene, contact, !prepared, Depth::Start);
     network.let_slip();
     Limits {
-        slipping: network.limit(),
+        slipping: network.stiffest_part().limit(),
         sticking,
         packing,
         held,
@@ -352,22 +353,25 @@ fn path(scene: &Scene) -> &'static str {
     }
 }
 
-fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> String {
-    if scene.flow.is_some() {
-        format!(
-            "use at least {} solid steps in a fluid step",
-            number((clock.time_step / limit).ceil())
-        )
-    } else if scene.time.solid_time_step.is_some() {
-        format!(
-            "use a solid time step of at most {} s",
-            number(0.99 * limit)
-        )
+fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
+    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be shorter.
+    let critical = clock.critical_solid_time_step.unwrap_or(f64::INFINITY);
+    let safe = if scene.flow.is_some() || scene.time.solid_time_step.is_some() {
+        critical * scene.time.solid_time_step_safety
     } else {
-        format!(
-            "use a safety of at most {}",
-            number(0.99 * scene.time.solid_time_step_safety * limit / clock.solid_time_step)
-        )
+        f64::INFINITY
+    };
+    let limit = (0.99 * limit).min(safe);
+    if scene.flow.is_some() {
+        let steps = (clock.time_step / limit).ceil();
+        Remedy::from(format!("use at least {steps} solid steps in a fluid step"))
+            .set(path(scene), crate::scene::grid::whole(steps))
+    } else if scene.time.solid_time_step.is_some() {
+        let step = at_most(limit);
+        Remedy::from(format!("use a solid time step of at most {step:?} s")).set(path(scene), step)
+    } else {
+        let safety = at_most(scene.time.solid_time_step_safety * limit / clock.solid_time_step);
+        Remedy::from(format!("use a safety of at most {safety:?}")).set(path(scene), safety)
     }
 }
 

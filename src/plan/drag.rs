@@ -13,6 +13,7 @@ use crate::coupling::drag::{Bed, DragLaw, Grain};
 use crate::darcy::permeability::kozeny_carman;
 use crate::darcy::porosity::measure;
 use crate::darcy::{Enclosure, Grid, MeanDiameter, Method, Openness, Pores};
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
@@ -52,7 +53,7 @@ pub(super) fn check(
         return;
     }
     let most = (2.0 * shortest / clock.solid_time_step).ceil() - 1.0;
-    let remedy = if most >= 1.0 {
+    let text = if most >= 1.0 {
         format!(
             "use at most {} solid steps in an interval, or `semi_implicit_drag`",
             number(most)
@@ -60,6 +61,7 @@ pub(super) fn check(
     } else {
         "use `semi_implicit_drag`".to_owned()
     };
+    let remedy = Remedy::from(text).set("fluid.darcy.semi_implicit_drag", true);
     let reason = |time: f64| {
         format!(
             "drag is held for {} s, more than twice the {} s in which it stops a grain: its velocity changes sign and grows",

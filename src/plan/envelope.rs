@@ -4,9 +4,10 @@
 //! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
 
 use super::Clock;
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law, TimeLimits};
-use crate::scene::findings::{Findings, number};
+use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Condition, Flow, Initial, PATH};
 use crate::scene::grid::count;
 use crate::scene::solids::{GrainSource, Mobility};
@@ -220,19 +221,43 @@ fn mach(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Fi
 }
 
 /// What brings the Mach number down to the usual one.
-fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> String {
+fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     let dt = USUAL_MACH * h / velocity;
     let tau = 0.5 + 3.0 * nu * dt / (h * h);
     let finer = 3.0 * nu * USUAL_MACH / ((flow.relaxation_time - 0.5) * velocity);
     let first = match flow.fixed_by {
-        "relaxation_time" => format!("use a relaxation time of at most {tau:.4}"),
-        "time_step" | "accuracy" => format!("use a time step of at most {} s", number(dt)),
+        "relaxation_time" => {
+            format!(
+                "use a relaxation time of at most {}",
+                at_most(tau - 0.5) + 0.5
+            )
+        }
+        "time_step" | "accuracy" => format!("use a time step of at most {:?} s", at_most(dt)),
         _ => format!("raise the reference velocity to {} m/s", number(velocity)),
     };
-    format!(
+    let text = format!(
         "{first}, or a spacing of at most {} m at the same relaxation time, or drive it less",
         number(finer)
-    )
+    );
+    slower_clock(flow, h, dt / flow.time_step, text)
+}
+
+/// The least relaxation time that is proposed: below it stability is asked of the operator and the walls, not of the clock.
+const LEAST_PROPOSED: f64 = 0.505;
+
+/// Proposes `part` of the time step through whatever fixes it, where that leaves a relaxation time with which runs hold.
+pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Remedy {
+    let dt = at_most(part * flow.time_step);
+    let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);
+    let remedy = Remedy::from(text);
+    if part >= 1.0 || 0.5 + above < LEAST_PROPOSED {
+        return remedy;
+    }
+    match flow.fixed_by {
+        "relaxation_time" => remedy.set(format!("{PATH}.relaxation_time"), 0.5 + at_most(above)),
+        "time_step" | "accuracy" => remedy.set(format!("{PATH}.time_step"), dt),
+        _ => remedy,
+    }
 }
 
 /// The lattice takes pressure for density: dp/(rho c_s²) must stay small.
@@ -271,7 +296,17 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             "{what} changes the density of the lattice fluid by {} %",
             number(100.0 * change)
         );
-        let remedy = "use a smaller time step (the change goes with its square)";
+        // The change goes with the square of the time step.
+        let part = 0.99 * (USUAL_COMPRESSION / change).sqrt();
+        let remedy = slower_clock(
+            flow,
+            scene.grid.spacing,
+            part,
+            format!(
+                "use {} of the time step (the change goes with its square), or less pressure",
+                number(part)
+            ),
+        );
         if change > most || change.is_nan() {
             findings.error(
                 &path,

@@ -24,8 +24,9 @@
 
 use super::envelope::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
+use crate::error::Remedy;
 use crate::scene::Scene;
-use crate::scene::findings::{Findings, number};
+use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::grid::count;
 use crate::scene::solids::Mobility;
 
@@ -222,14 +223,13 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     if ratio >= bounds.holds {
         return;
     }
-    let mut remedy = format!(
-        "use a density of at least {} kg/m3",
-        number(bounds.holds * flow.density)
-    );
+    let dense = at_least(bounds.holds * flow.density);
+    let mut text = format!("use a density of at least {dense} kg/m3");
     if matches!(coupling, Coupling::BounceBack(_)) {
         let finer = scene.grid.spacing * ratio / bounds.holds;
-        remedy += &format!(", or a spacing of at most {} m", number(finer));
+        text += &format!(", or a spacing of at most {} m", number(finer));
     }
+    let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
             "a free body of {} cells in radius is {} times as dense as the fluid: {word} {} it is thrown to and fro by its own load",

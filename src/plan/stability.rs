@@ -18,6 +18,7 @@
 use super::envelope::{Margin, margin};
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Collision;
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Condition, Flow};
@@ -108,6 +109,20 @@ fn measured(collision: &Collision, dimension: usize, around: Surroundings, eddie
     ("cavity-3d-20", bounds)
 }
 
+/// Cells that bring the cell Reynolds number down.
+fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
+    let text = format!(
+        "use a spacing of at most {} m, or a slower flow or a larger viscosity",
+        number(finest)
+    );
+    // At a stated time step finer cells make the flow faster in cells.
+    if flow.fixed_by == "time_step" {
+        text.into()
+    } else {
+        super::bodies::finer(scene, finest, text)
+    }
+}
+
 /// Whether a wall that moves along itself ends at one that does not.
 fn lid_meets_wall(flow: &Flow) -> bool {
     let faces = |moving: bool| {
@@ -143,7 +158,8 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
                 number(cell),
                 number(fails)
             ),
-            "use partially_saturated, or \"half_way\" links, for the blocks",
+            Remedy::from("use partially_saturated, or \"half_way\" links, for the blocks")
+                .set("coupling.bounce_back.scheme", "half_way"),
         );
     }
 }
@@ -192,6 +208,19 @@ pub(super) fn check(
     }
     // The border lies between the two; a little less than what failed is taken as failing.
     if cell * slack < limit.fails {
+        if limit.holds > 0.0 && cell > limit.holds * slack {
+            findings.warn(
+                &speed.path,
+                format!(
+                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up to {} and failed from {} on; between the two nothing was run",
+                    speed.what,
+                    number(cell),
+                    number(limit.holds),
+                    number(limit.fails),
+                ),
+                finer_cells(scene, flow, scene.grid.spacing * limit.holds / cell),
+            );
+        }
         return;
     }
     let slower = at.checked_sub(1).map(|at| border[at].mach);
@@ -203,7 +232,12 @@ pub(super) fn check(
                 speed.what,
                 number(mach),
             ),
-            "use a smaller time step or relaxation time, or a slower flow",
+            super::envelope::slower_clock(
+                flow,
+                scene.grid.spacing,
+                slower / mach,
+                "use a smaller time step or relaxation time, or a slower flow".into(),
+            ),
         );
         return;
     }
@@ -218,10 +252,7 @@ pub(super) fn check(
             number(limit.fails),
             slower.map_or(String::new(), |mach| format!(" above Mach {mach}")),
         ),
-        format!(
-            "use a spacing of at most {} m, or a slower flow or a larger viscosity",
-            number(finest)
-        ),
+        finer_cells(scene, flow, finest),
     );
 }
 

@@ -9,11 +9,13 @@
 
 use super::Clock;
 use crate::case::fluid::Collision;
+use crate::error::Remedy;
 use crate::lbm::collision::growth::{self, Wave};
 use crate::lbm::collision::mrt::{Mrt, Rates};
 use crate::lbm::lattice::D3Q27;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, SUGA_GROWS};
+use serde_json::json;
 
 /// G of which nothing is said.
 const QUIET: f64 = 7.0;
@@ -72,7 +74,8 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
         wave.length(),
         number(100.0 * gain),
     );
-    let remedy = "use cumulant, or a larger tau";
+    let remedy = Remedy::from("use cumulant, or a larger tau")
+        .set("fluid.lattice_boltzmann.collision", json!({"cumulant": {}}));
     if gain < FAILS {
         let steps = clock.steps;
         let long = format!(

@@ -8,7 +8,9 @@ use super::unique;
 use crate::case::Case;
 use crate::case::check::nearest;
 use crate::case::collapse::StageThresholds;
+use crate::error::Remedy;
 use serde::Serialize;
+use serde_json::json;
 
 /// More cells than this are a slip of a unit; the state of the analysis holds a number for each.
 pub const MOST_CELLS: f64 = 1e6;
@@ -62,14 +64,14 @@ pub(crate) fn resolve(
         findings.error(
             PATH,
             "there are no grains in this case",
-            "add `grains`, or take the analysis out",
+            Remedy::take_out("add `grains`, or take the analysis out", PATH),
         );
     }
     if grid.dimension != 3 {
         findings.error(
             PATH,
             "this analysis needs a surface over two horizontal axes, so 3-D, and this is a 2-D problem",
-            "take it out; `erosion_law` is for 2-D too",
+            Remedy::take_out("take it out; `erosion_law` is for 2-D too", PATH),
         );
         return None;
     }
@@ -78,7 +80,8 @@ pub(crate) fn resolve(
         findings.error(
             "gravity",
             "the settlement of the ground is measured along gravity, which must point along one axis",
-            "write for example [0, 0, -9.81], or take `analysis.ground_collapse` out",
+            Remedy::from("write for example [0, 0, -9.81], or take `analysis.ground_collapse` out")
+                .set("gravity", json!([0, 0, -9.81])),
         );
         return None;
     };
@@ -93,7 +96,10 @@ pub(crate) fn resolve(
         findings.error(
             &format!("{PATH}.long_axis"),
             "this axis is vertical, as gravity says",
-            "name a horizontal axis, or leave it out",
+            Remedy::take_out(
+                "name a horizontal axis, or leave it out",
+                &format!("{PATH}.long_axis"),
+            ),
         );
         return None;
     }
@@ -108,7 +114,7 @@ pub(crate) fn resolve(
                     "a cell is larger than the domain, which is {} m along its shortest axis",
                     number(least)
                 ),
-                "use about two mean diameters, or leave it out",
+                Remedy::take_out("use about two mean diameters, or leave it out", &path),
             );
         } else if cells > MOST_CELLS {
             findings.error(
@@ -186,12 +192,16 @@ fn points(
             None => {
                 let names: Vec<&str> = removing().map(|(_, r)| r.name.as_str()).collect();
                 let remedy = match nearest(&point.name, &names) {
-                    Some(near) => format!("did you mean `{near}`? Or give it a `box`"),
+                    Some(near) => {
+                        Remedy::from(format!("did you mean `{near}`? Or give it a `box`"))
+                            .set(format!("{path}.name"), near)
+                    }
                     None if names.is_empty() => "give it a `box`".into(),
                     None => format!(
                         "regions that remove: {}; or give it a `box`",
                         names.join(", ")
-                    ),
+                    )
+                    .into(),
                 };
                 findings.error(
                     &format!("{path}.name"),

@@ -10,8 +10,11 @@ use crate::case::grains::GrainSource;
 use crate::case::solids::Motion;
 use crate::dem::contact::hertz_mindlin::{self, Elastic};
 use crate::dem::polyhedron::Polyhedron;
+use crate::error::Remedy;
+use crate::scene::{has_polyhedra, linear_law};
 use nalgebra::Matrix3;
 use serde::Serialize;
+use serde_json::json;
 use std::f64::consts::PI;
 
 /// Which law.
@@ -277,7 +280,10 @@ impl ContactTable {
                 findings.error(
                     &format!("{path}.cohesion"),
                     "this law has no cohesion",
-                    "use cohesive_frictional, or take it out",
+                    Remedy::take_out(
+                        "use cohesive_frictional, or take it out",
+                        &format!("{path}.cohesion"),
+                    ),
                 );
             }
             for (name, value) in [
@@ -288,7 +294,10 @@ impl ContactTable {
                     findings.error(
                         &format!("{path}.{name}"),
                         "this law has no bonds of given strength",
-                        "use contact_bond, or take it out",
+                        Remedy::take_out(
+                            "use contact_bond, or take it out",
+                            &format!("{path}.{name}"),
+                        ),
                     );
                 }
             }
@@ -318,7 +327,7 @@ impl ContactTable {
             findings.error(
                 path,
                 "this is a law of spheres: the contact of two discs in the plane has no force of its overlap alone",
-                "use linear, or a domain of three dimensions",
+                Remedy::from("use linear, or a domain of three dimensions").set("contact", linear_law()),
             );
             return None;
         }
@@ -431,7 +440,12 @@ impl ContactTable {
             findings.error(
                 path,
                 "this is a law for three dimensions",
-                "use linear, or a domain of three dimensions",
+                if has_polyhedra(case) {
+                    "use a domain of three dimensions".into()
+                } else {
+                    Remedy::from("use linear, or a domain of three dimensions")
+                        .set("contact", linear_law())
+                },
             );
             return None;
         }
@@ -587,7 +601,8 @@ fn stiffness(value: Scaled, path: &str, findings: &mut Findings) {
         findings.error(
             path,
             "the stiffness must be above 0",
-            "write for example {\"per_diameter\": 1e8}",
+            Remedy::from("write for example {\"per_diameter\": 1e8}")
+                .set(path, json!({"per_diameter": 1e8})),
         );
     }
 }

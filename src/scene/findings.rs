@@ -3,21 +3,25 @@
 use crate::case::Case;
 use crate::case::set::lookup;
 use crate::case::text::brief;
-use crate::error::{Problem, Severity};
+use crate::error::{Problem, Remedy, Severity};
 use serde_json::Value;
+use std::cell::OnceCell;
 
 /// The findings so far.
 #[derive(Debug)]
-pub(crate) struct Findings {
-    tree: Value,
+pub(crate) struct Findings<'a> {
+    case: &'a Case,
+    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it lists.
+    tree: OnceCell<Value>,
     /// In the order found.
     pub(crate) problems: Vec<Problem>,
 }
 
-impl Findings {
-    pub(crate) fn new(case: &Case) -> Self {
+impl<'a> Findings<'a> {
+    pub(crate) fn new(case: &'a Case) -> Self {
         Self {
-            tree: serde_json::to_value(case).unwrap_or(Value::Null),
+            case,
+            tree: OnceCell::new(),
             problems: Vec::new(),
         }
     }
@@ -27,7 +31,7 @@ impl Findings {
         &mut self,
         path: &str,
         reason: impl Into<String>,
-        remedy: impl Into<String>,
+        remedy: impl Into<Remedy>,
     ) {
         self.push(path, reason.into(), remedy.into(), Severity::Error);
     }
@@ -37,7 +41,7 @@ impl Findings {
         &mut self,
         path: &str,
         reason: impl Into<String>,
-        remedy: impl Into<String>,
+        remedy: impl Into<Remedy>,
     ) {
         self.push(path, reason.into(), remedy.into(), Severity::Warning);
     }
@@ -47,13 +51,16 @@ impl Findings {
         &mut self,
         path: &str,
         reason: impl Into<String>,
-        remedy: impl Into<String>,
+        remedy: impl Into<Remedy>,
     ) {
         self.push(path, reason.into(), remedy.into(), Severity::Unstable);
     }
 
-    fn push(&mut self, path: &str, reason: String, remedy: String, severity: Severity) {
-        let value = match lookup(&self.tree, path) {
+    fn push(&mut self, path: &str, reason: String, remedy: Remedy, severity: Severity) {
+        let tree = self
+            .tree
+            .get_or_init(|| serde_json::to_value(self.case).unwrap_or(Value::Null));
+        let value = match lookup(tree, path) {
             None | Some(Value::Null) => "missing".to_string(),
             Some(value) => brief(value),
         };
@@ -76,6 +83,32 @@ impl Findings {
 #[must_use]
 pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)
+}
+
+/// The largest number of four significant digits that is not above a value.
+pub(crate) fn at_most(value: f64) -> f64 {
+    four_digits(value, f64::floor).unwrap_or(value)
+}
+
+/// The smallest number of four significant digits that is not below a value.
+pub(crate) fn at_least(value: f64) -> f64 {
+    four_digits(value, f64::ceil).unwrap_or(value)
+}
+
+fn four_digits(value: f64, whole: fn(f64) -> f64) -> Option<f64> {
+    let text = format!("{:e}", value);
+    let (digits, exponent) = text.split_once('e')?;
+    let digits = whole(digits.parse::<f64>().ok()? * 1e3);
+    format!("{digits}e{}", exponent.parse::<i32>().ok()? - 3)
+        .parse()
+        .ok()
+}
+
+/// The multiple of a spacing nearest to a number of cells, without the digits of round-off.
+pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
+    format!("{:.12e}", cells * spacing)
+        .parse()
+        .unwrap_or(cells * spacing)
 }
 
 /// A number as in a sentence: four significant digits.
@@ -101,7 +134,18 @@ pub(crate) fn number(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::number;
+    use super::{at_least, at_most, number};
+
+    #[test]
+    fn bounds_are_rounded_to_the_side_that_holds() {
+        for value in [0.123_456, 9.999_96, 1e-7 / 3.0, 123_456.7, 2.5, 1e-300] {
+            let (low, high) = (at_most(value), at_least(value));
+            assert!(low <= value && value <= high, "{low} {value} {high}");
+            assert!(high - low <= 1.1e-3 * value);
+        }
+        assert_eq!((at_most(0.123_456), at_least(0.123_456)), (0.1234, 0.1235));
+        assert_eq!((at_most(2.5), at_least(2.5)), (2.5, 2.5));
+    }
 
     #[test]
     fn numbers_keep_four_digits() {

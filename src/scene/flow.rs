@@ -1,7 +1,7 @@
 //! The fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
 
 use super::block::Block;
-use super::findings::{Findings, number};
+use super::findings::{Findings, at_least, at_most, number};
 use super::grid::{Grid, count, whole};
 use crate::case::Case;
 use crate::case::boundary::{Condition as Written, Fluctuations, VelocityProfile as Profile};
@@ -10,8 +10,10 @@ use crate::case::fluid::{
     self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence, TurbulenceChoice,
 };
 use crate::case::geometry::Face;
+use crate::error::Remedy;
 use crate::units::LatticeUnits;
 use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Where the lattice Boltzmann part of a case stands.
@@ -262,7 +264,8 @@ impl Flow {
             findings.warn(
                 &format!("{PATH}.gravity_acts_on_fluid"),
                 "there is no gravity in this case",
-                "add `gravity`, or leave this out",
+                Remedy::from("add `gravity`, or leave this out")
+                    .set(format!("{PATH}.gravity_acts_on_fluid"), false),
             );
         }
         let (time_step, fixed_by) = time_step(lbm, grid, findings)?;
@@ -276,7 +279,10 @@ impl Flow {
         let relaxation_time = lbm
             .relaxation_time
             .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
-        growing_waves(lbm, relaxation_time, findings);
+        // A relaxation time that is only chosen later is judged then.
+        if fixed_by != "accuracy" {
+            growing_waves(lbm, relaxation_time, findings);
+        }
         Some(Self {
             density: lbm.density,
             kinematic_viscosity: lbm.kinematic_viscosity,
@@ -316,7 +322,7 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
                 "this is a {dimension}-D lattice in a {}-D domain",
                 grid.dimension
             ),
-            "use auto",
+            Remedy::from("use auto").set(format!("{PATH}.lattice"), "auto"),
         );
     }
     if let Some(name) = multiple
@@ -326,9 +332,10 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             &format!("{PATH}.collision.{name}"),
             "the moments of this operator are those of D3Q27",
             if grid.dimension == 2 {
-                "use trt in 2-D"
+                Remedy::from("use trt in 2-D").set(format!("{PATH}.collision"), json!({"trt": {}}))
             } else {
-                "use the lattice d3q27 or auto, or the collision trt"
+                Remedy::from("use the lattice d3q27 or auto, or the collision trt")
+                    .set(format!("{PATH}.lattice"), "auto")
             },
         );
     }
@@ -341,7 +348,8 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
         findings.error(
             &format!("{PATH}.turbulence.wale"),
             "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow",
-            "use smagorinsky, or a domain in 3-D",
+            Remedy::from("use smagorinsky, or a domain in 3-D")
+                .set(format!("{PATH}.turbulence"), json!({"smagorinsky": {}})),
         );
     }
     lattice
@@ -357,7 +365,7 @@ const SUGA_FAILS: f64 = 0.7;
 const SECOND_ORDER_GROWS: f64 = 0.52;
 
 /// Whether waves grow by themselves with the rates of multiple relaxation times.
-fn growing_waves(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
+pub(super) fn growing_waves(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
     let Some(collision @ Collision::Mrt { .. }) = &lbm.collision else {
         return;
     };
@@ -368,14 +376,18 @@ fn growing_waves(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
-                "look at the flow for waves of a few cells, or use cumulant",
+                Remedy::from("look at the flow for waves of a few cells, or use cumulant")
+                    .set(format!("{PATH}.collision"), json!({"cumulant": {}})),
             );
         }
     } else if collision.higher_rates() == [None; 8] && tau >= SUGA_GROWS {
         let reason = format!(
             "{at}: with the rates of Suga, made for tau near 1/2, waves of three cells grow by themselves from {SUGA_GROWS} on"
         );
-        let remedy = format!("use trt or cumulant, or `higher`: 1, or a tau below {SUGA_GROWS}");
+        let remedy = Remedy::from(format!(
+            "use trt or cumulant, or `higher`: 1, or a tau below {SUGA_GROWS}"
+        ))
+        .set(format!("{PATH}.collision"), json!({"trt": {}}));
         if tau >= SUGA_FAILS {
             findings.unstable(
                 &path,
@@ -414,7 +426,17 @@ fn time_step(
         findings.error(
             &format!("{PATH}.{missing}"),
             "`reference_velocity` and `mach` fix the time step together",
-            format!("add `{missing}` (for example mach 0.05), or leave both out"),
+            if lbm.mach.is_some() {
+                Remedy::take_out(
+                    format!("add `{missing}`, or leave `mach` out"),
+                    &format!("{PATH}.mach"),
+                )
+            } else {
+                Remedy::from(format!(
+                    "add `{missing}` (for example mach 0.05), or leave both out"
+                ))
+                .set(format!("{PATH}.mach"), 0.05)
+            },
         );
         if given.is_empty() || missing == "mach" {
             return None;
@@ -431,7 +453,16 @@ fn time_step(
                     "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
                     given.join(" and ")
                 ),
-                "keep one of them, or none: the program then chooses the time step",
+                {
+                    let remedy = Remedy::from(
+                        "keep one of them, or none: the program then chooses the time step",
+                    );
+                    let others = given[1..].iter().copied();
+                    let more = lbm.mach.is_some().then_some("mach");
+                    others.chain(more).fold(remedy, |remedy, name| {
+                        remedy.set(format!("{PATH}.{name}"), serde_json::Value::Null)
+                    })
+                },
             );
             return None;
         }
@@ -454,7 +485,7 @@ fn time_step(
         findings.error(
             &path,
             "the viscosity on the lattice is (tau - 1/2)/3 and must be positive: tau must be above 0.5",
-            "use 0.51 to 2, for example 0.8",
+            Remedy::from("use 0.51 to 2, for example 0.8").set(&*path, 0.8),
         );
         return None;
     }
@@ -473,10 +504,14 @@ fn time_step(
             format!(
                 "the relaxation time becomes tau = {tau:.6e}; it must be above 0.5 and below 1000"
             ),
-            format!(
-                "use a time step of {} … {} s at this spacing and viscosity",
-                number(0.01 * h * h / (3.0 * nu)),
-                number(0.5 * h * h / nu)
+            of_time(
+                lbm,
+                format!(
+                    "use a time step of {} … {} s at this spacing and viscosity",
+                    number(0.01 * h * h / (3.0 * nu)),
+                    number(0.5 * h * h / nu)
+                ),
+                at_most(0.1 * h * h / nu),
             ),
         );
         return None;
@@ -488,10 +523,30 @@ fn time_step(
                 "the relaxation time is tau = {}: large values cost accuracy",
                 number(tau)
             ),
-            format!("use a time step below {} s", number(0.5 * h * h / nu)),
+            of_time(
+                lbm,
+                format!("use a time step below {} s", number(0.5 * h * h / nu)),
+                at_most(0.49 * h * h / nu),
+            ),
         );
     }
     Some((dt, name))
+}
+
+/// Proposes a time step instead of whatever fixes it.
+fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
+    let null = serde_json::Value::Null;
+    let mut remedy = Remedy::from(text);
+    for (name, given) in [
+        ("relaxation_time", lbm.relaxation_time),
+        ("reference_velocity", lbm.reference_velocity),
+        ("mach", lbm.mach),
+    ] {
+        if given.is_some() {
+            remedy = remedy.set(format!("{PATH}.{name}"), null.clone());
+        }
+    }
+    remedy.set(format!("{PATH}.time_step"), time_step)
 }
 
 fn body_force(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> BodyForce {
@@ -551,14 +606,16 @@ fn initial(
                 findings.error(
                     &format!("{path}.taylor_green.waves"),
                     "at least one wave is needed along each axis",
-                    "write for example [1, 1]",
+                    Remedy::from("write for example [1, 1]")
+                        .set(format!("{path}.taylor_green.waves"), json!([1, 1])),
                 );
             }
             if !(grid.periodic[0] && grid.periodic[1]) {
                 findings.error(
                     &format!("{path}.taylor_green"),
                     "the vortices repeat along x and y, but the domain does not",
-                    "write \"periodic\": [\"x\", \"y\"] in the domain",
+                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
+                        .set("domain.periodic", json!(["x", "y"])),
                 );
             }
             if *waves_along_z > 0 && !(grid.dimension == 3 && grid.periodic[2]) {
@@ -590,7 +647,8 @@ fn initial(
                 findings.error(
                     &format!("{path}.shear_layers"),
                     "the layers repeat along x and y, but the domain does not",
-                    "write \"periodic\": [\"x\", \"y\"] in the domain",
+                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
+                        .set("domain.periodic", json!(["x", "y"])),
                 );
             }
             Initial::ShearLayers {
@@ -647,7 +705,11 @@ fn resolved(fluctuations: &Fluctuations, grid: &Grid, path: &str, findings: &mut
                 "eddies of this length fall between the cells, which are {} m wide",
                 number(grid.spacing)
             ),
-            format!("use at least {}, or a finer spacing", number(least)),
+            Remedy::from(format!(
+                "use at least {}, or a finer spacing",
+                at_least(least)
+            ))
+            .set(format!("{path}.length_scale"), at_least(least)),
         );
     }
 }

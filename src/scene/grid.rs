@@ -1,7 +1,8 @@
 //! The box as cells.
 
-use super::findings::{Findings, number};
+use super::findings::{Findings, length_of, number};
 use crate::case::domain::{Domain, Split};
+use crate::error::Remedy;
 use serde::Serialize;
 
 /// The domain as a grid of cells; the lower corner is the origin, cell centres lie at (i + 1/2) h.
@@ -75,18 +76,17 @@ impl Grid {
                 );
                 good = false;
             } else if (ratio - ratio.round()).abs() > 1e-6 * ratio.max(1.0) || ratio < 0.5 {
-                let below = ratio.floor().max(1.0) * spacing;
+                let cells = ratio.floor().max(1.0);
+                let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, spacing));
+                let nearest = if ratio.round() > cells { above } else { below };
                 findings.error(
                     &path,
                     format!(
                         "the size is {} spacings; it must be a whole number of them",
                         number(ratio)
                     ),
-                    format!(
-                        "use {} or {} m, or another spacing",
-                        number(below),
-                        number(below + spacing)
-                    ),
+                    Remedy::from(format!("use {below} or {above} m, or another spacing"))
+                        .set(&*path, nearest),
                 );
                 good = false;
             } else {
@@ -113,7 +113,7 @@ impl Grid {
             findings.error(
                 "domain.split",
                 "there is no z in a 2-D problem",
-                "use auto, x or y",
+                Remedy::from("use auto, x or y").set("domain.split", "auto"),
             );
             good = false;
         }
@@ -127,7 +127,10 @@ impl Grid {
                 findings.error(
                     "domain.slab_bounds",
                     format!("the planes must rise and lie between 0 and {most}"),
-                    "sort them, or leave them out for equal slabs",
+                    Remedy::take_out(
+                        "sort them, or leave them out for equal slabs",
+                        "domain.slab_bounds",
+                    ),
                 );
             }
             planes

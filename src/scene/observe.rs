@@ -1,7 +1,7 @@
 //! Regions, probes, outputs and analysis of a scene.
 
 use super::block::Block;
-use super::findings::{Findings, number};
+use super::findings::{Findings, at_least, number};
 use super::grid::Grid;
 use super::solids::{Body, check_radii};
 use super::{material, unique};
@@ -10,6 +10,7 @@ use crate::case::fluid::Fluid;
 use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
 use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
+use crate::error::Remedy;
 use serde::Serialize;
 
 /// A box in which something happens to grains.
@@ -251,8 +252,11 @@ pub(crate) fn probes(
                 if index.is_none() {
                     let names: Vec<&str> = bodies.iter().map(|b| b.name.as_str()).collect();
                     let remedy = crate::case::check::nearest(name, &names).map_or_else(
-                        || format!("bodies here: {}", names.join(", ")),
-                        |near| format!("did you mean `{near}`?"),
+                        || format!("bodies here: {}", names.join(", ")).into(),
+                        |near| {
+                            Remedy::from(format!("did you mean `{near}`?"))
+                                .set(format!("{path}.at.body.name"), near)
+                        },
                     );
                     findings.error(
                         &format!("{path}.at.body.name"),
@@ -284,14 +288,15 @@ pub(crate) fn probes(
 
 /// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
 pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
-    if every > case.time.end * (1.0 + 1e-12) {
+    // A run without a length is refused for that.
+    if case.time.end > 0.0 && every > case.time.end * (1.0 + 1e-12) {
         findings.warn(
             path,
             format!(
                 "the run ends at {} s, before this interval has passed once",
                 number(case.time.end)
             ),
-            format!("use at most {}", number(case.time.end)),
+            Remedy::from(format!("use at most {}", case.time.end)).set(path, case.time.end),
         );
     }
     if every > 0.0 && case.time.end / every > 1e7 {
@@ -301,7 +306,11 @@ pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) 
                 "this makes {} samples; at most 1e7",
                 number(case.time.end / every)
             ),
-            "use a longer interval; it is in s",
+            Remedy::from(format!(
+                "use a longer interval, of {} s or more",
+                at_least(case.time.end / 1e7)
+            ))
+            .set(path, at_least(case.time.end / 1e7)),
         );
     }
 }
@@ -314,14 +323,14 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
             findings.error(
                 "output.fluid",
                 "there is no fluid in this case",
-                "take this output out",
+                Remedy::take_out("take this output out", "output.fluid"),
             );
         }
         if fluid.fields.is_empty() {
             findings.error(
                 "output.fluid.fields",
                 "no field is named",
-                "name one, or take this output out",
+                Remedy::take_out("name one, or take this output out", "output.fluid"),
             );
         }
         for (n, field) in fluid.fields.iter().enumerate() {
@@ -366,7 +375,7 @@ fn averages(case: &Case, findings: &mut Findings) {
         findings.error(
             path,
             "averages are those of a fluid on a lattice, and there is none in this case",
-            "take this output out",
+            Remedy::take_out("take this output out", path),
         );
     }
     due(
@@ -385,7 +394,8 @@ fn averages(case: &Case, findings: &mut Findings) {
                 "the run ends at {} s, before the first sample",
                 number(case.time.end)
             ),
-            format!("use less than {}", number(case.time.end)),
+            Remedy::from(format!("use less than {}", case.time.end))
+                .set(format!("{path}.from"), 0.5 * case.time.end),
         );
     }
     if averages.profile == Some(Axis::Z) && case.domain.size.0.len() == 2 {

@@ -50,8 +50,10 @@ pub fn read(
     let radius_column = needed("radius")?;
     let material_column = column("material");
     let mut grains = Vec::new();
+    let mut cells: Vec<&str> = Vec::new();
     for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        cells.clear();
+        cells.extend(line.split(',').map(str::trim));
         let number = |column: usize| {
             cells
                 .get(column)

@@ -9,7 +9,9 @@ use crate::case::Case;
 use crate::case::darcy::{self, Darcy, SeepageCondition};
 use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
+use crate::error::Remedy;
 use serde::Serialize;
+use serde_json::json;
 
 /// Where the seepage stands in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
@@ -65,7 +67,7 @@ impl Seepage {
             findings.error(
                 "domain.periodic",
                 "the seepage knows walls and openings only: its grid does not repeat itself",
-                "leave `periodic` out",
+                Remedy::from("leave `periodic` out").set("domain.periodic", json!([])),
             );
         }
         let (cells, origin, spacing) = coarse(written, grid, findings)?;
@@ -273,7 +275,8 @@ impl Seepage {
             findings.error(
                 &format!("{PATH}.least_porosity"),
                 "the least porosity must be below the cap",
-                format!("use a value below {}", written.porosity_cap),
+                Remedy::from(format!("use a value below {}", written.porosity_cap))
+                    .set(format!("{PATH}.least_porosity"), 0.5 * written.porosity_cap),
             );
         }
         if written.resistance == darcy::Resistance::Ergun
@@ -282,7 +285,10 @@ impl Seepage {
             findings.error(
                 &format!("{PATH}.resistance"),
                 "the equations as printed know the resistance of Kozeny and Carman alone",
-                "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
+                Remedy::from(
+                    "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
+                )
+                .set(format!("{PATH}.equations"), "corrected"),
             );
         }
         let edge = self.smallest_edge(grid.dimension);
@@ -317,14 +323,14 @@ impl Seepage {
             findings.error(
                 "coupling",
                 "the seepage acts on the grains by its own drag",
-                "take the coupling out",
+                Remedy::take_out("take the coupling out", "coupling"),
             );
         }
         if case.time.warm_up.is_some() {
             findings.error(
                 "time.warm_up",
                 "the seepage is steady at every coupling: there is nothing to warm up",
-                "take it out",
+                Remedy::take_out("take it out", "time.warm_up"),
             );
         }
         if case.grains.is_none() && case.bodies.is_empty() {

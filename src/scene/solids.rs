@@ -3,6 +3,7 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
+use super::pairs::{self, Ball};
 use super::{blocks, material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
@@ -12,8 +13,11 @@ use crate::case::grains::{
 use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape, WallStage};
 use crate::dem::Surface;
 use crate::dem::polyhedron::{Piece, Solid};
+use crate::error::Remedy;
 use nalgebra::Vector3;
 use serde::Serialize;
+use serde_json::json;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -224,7 +228,13 @@ pub(crate) fn walls(
                     findings.error(
                         "box_wall_material",
                         "the walls need a material: there are no grains or blocks to take it from",
-                        "add `box_wall_material`",
+                        match names.first() {
+                            Some(first) => Remedy::from(format!(
+                                "add `box_wall_material`, for example `{first}`"
+                            ))
+                            .set("box_wall_material", first.as_str()),
+                            None => "add `box_wall_material`, and the material".into(),
+                        },
                     );
                 }
                 None
@@ -356,7 +366,7 @@ pub(crate) fn bodies(
                     findings.error(
                         &format!("{path}.orientation"),
                         "a disc or sphere looks the same from all sides",
-                        "take it out",
+                        Remedy::take_out("take it out", &format!("{path}.orientation")),
                     );
                 }
                 (None, *radius)
@@ -455,7 +465,8 @@ pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
         findings.error(
             &format!("materials.{name}.density"),
             "what moves freely needs the density of its material",
-            "add it in kg/m3, for example 2650",
+            Remedy::from("add it in kg/m3, for example 2650")
+                .set(format!("materials.{name}.density"), 2650),
         );
     }
 }
@@ -526,6 +537,22 @@ pub(crate) fn grains(
             }
             let mut resolved = Vec::with_capacity(list.len());
             for (n, grain) in list.iter().enumerate() {
+                let plain = grain.position.0.len() == grid.dimension
+                    && grid.contains(grain.position.to_array())
+                    && grain.velocity.is_none()
+                    && grain.angular_velocity.is_none()
+                    && grain.material.is_none();
+                if plain {
+                    // Paths of grains are written only where there may be something to say.
+                    resolved.push(Grain {
+                        position: grain.position.to_array(),
+                        radius: grain.radius,
+                        velocity: [0.0; 3],
+                        angular_velocity: [0.0; 3],
+                        material: index,
+                    });
+                    continue;
+                }
                 let path = format!("grains.initial.list[{n}]");
                 let (velocity, angular_velocity) = motion(
                     grid,
@@ -630,7 +657,9 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
                 findings.error(
                     &format!("{path}.uniform"),
                     "the smallest radius is above the largest",
-                    "exchange min and max",
+                    Remedy::from("exchange min and max")
+                        .set(format!("{path}.uniform.min"), *max)
+                        .set(format!("{path}.uniform.max"), *min),
                 );
             }
             min <= max && *min > 0.0
@@ -708,10 +737,15 @@ fn falls(
                 "these grains would fill {} of the cloud's box; a loose cloud fills at most {most}",
                 number(fraction)
             ),
-            format!(
-                "use a box {} times as high, or fewer or smaller grains",
-                number(fraction / most)
-            ),
+            {
+                // Part of the classes: a little less than in proportion.
+                let fewer = (0.99 * count(number_of) * most / fraction).floor();
+                Remedy::from(format!(
+                    "use a box {} times as high, or smaller grains, or {fewer} of these at most",
+                    number(fraction / most)
+                ))
+                .set(format!("{path}.number"), super::grid::whole(fewer))
+            },
         );
     }
     let along = (0..grid.dimension)
@@ -722,10 +756,15 @@ fn falls(
         })
         .count();
     if along != 1 {
+        let down = if grid.dimension == 2 {
+            json!([0, -9.81])
+        } else {
+            json!([0, 0, -9.81])
+        };
         findings.error(
             "gravity",
             "rain needs gravity along one axis",
-            "write for example [0, 0, -9.81]",
+            Remedy::from(format!("write for example {down}")).set("gravity", down),
         );
     }
     let bounds = grading.bounds();
@@ -796,7 +835,19 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
                 "the grains would fill {} of the box at full size; a packing holds at most {most}",
                 number(fraction)
             ),
-            "use fewer or smaller grains",
+            match growth.amount {
+                Amount::SolidFraction(_) => Remedy::from(format!(
+                    "use fewer or smaller grains, a fraction of {most} at most"
+                ))
+                .set(&*amount_path, most),
+                Amount::Number(_) => {
+                    let fewer = (number_of * most / fraction).floor();
+                    Remedy::from(format!(
+                        "use fewer or smaller grains, {fewer} of these at most"
+                    ))
+                    .set(&*amount_path, super::grid::whole(fewer))
+                }
+            },
         );
     } else if fraction < least {
         findings.warn(
@@ -835,43 +886,42 @@ pub(crate) fn overlaps(
     findings: &mut Findings,
 ) {
     const ALLOWED: f64 = 0.05;
-    let mut solids: Vec<(f64, [f64; 3], f64, String)> = Vec::new();
-    if let Some(Grains {
-        source: GrainSource::List(list),
-        ..
-    }) = grains
-    {
-        for (n, g) in list.iter().enumerate() {
-            solids.push((
-                g.position[0] - g.radius,
-                g.position,
-                g.radius,
-                format!("grains.initial.list[{n}].position"),
-            ));
-        }
-    }
-    for (n, b) in bodies.iter().enumerate().filter(|(_, b)| b.solid.is_none()) {
-        solids.push((
-            b.position[0] - b.radius,
-            b.position,
-            b.radius,
-            format!("bodies[{n}].position"),
-        ));
-    }
-    for (_, position, radius, path) in &solids {
+    /// Pairs that are named, and pairs that are counted.
+    const NAMED: usize = 20;
+    const COUNTED: usize = 100_000;
+    let listed = match grains.map(|grains| &grains.source) {
+        Some(GrainSource::List(list)) => list.as_slice(),
+        _ => &[],
+    };
+    let round = bodies.iter().enumerate().filter(|(_, b)| b.solid.is_none());
+    let bodies: Vec<(usize, &Body)> = round.collect();
+    let name = |solid: usize| match solid.checked_sub(listed.len()) {
+        None => format!("grains.initial.list[{solid}]"),
+        Some(body) => format!("bodies[{}]", bodies[body].0),
+    };
+    let of_grains = listed.iter().map(|g| (g.position, g.radius));
+    let of_bodies = bodies.iter().map(|(_, b)| (b.position, b.radius));
+    let solids: Vec<Ball> = of_grains
+        .chain(of_bodies)
+        .map(|(mut at, reach)| {
+            at[grid.dimension..].fill(0.0);
+            Ball { at, reach }
+        })
+        .collect();
+    for (n, solid) in solids.iter().enumerate() {
         for wall in walls {
             let distance = wall.surface.as_ref().map_or_else(
                 || {
                     (0..3)
-                        .map(|a| (position[a] - wall.point[a]) * wall.normal[a])
+                        .map(|a| (solid.at[a] - wall.point[a]) * wall.normal[a])
                         .sum::<f64>()
                 },
-                |surface| surface.clearance(&Vector3::from(*position)),
+                |surface| surface.clearance(&Vector3::from(solid.at)),
             );
-            let depth = radius - distance;
-            if depth > ALLOWED * radius {
+            let depth = solid.reach - distance;
+            if depth > ALLOWED * solid.reach {
                 findings.error(
-                    path,
+                    &format!("{}.position", name(n)),
                     format!(
                         "this overlaps the wall `{}` by {} m at the start",
                         wall.name,
@@ -882,37 +932,42 @@ pub(crate) fn overlaps(
             }
         }
     }
-    solids.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found = 0;
-    for (i, (_, centre, radius, path)) in solids.iter().enumerate() {
-        for (left, other_centre, other_radius, other_path) in &solids[i + 1..] {
-            if *left > centre[0] + radius {
-                break;
-            }
-            let squared: f64 = (0..grid.dimension)
-                .map(|a| (centre[a] - other_centre[a]).powi(2))
-                .sum();
-            let depth = radius + other_radius - squared.sqrt();
-            if depth > ALLOWED * radius.min(*other_radius) {
-                found += 1;
-                if found <= 20 {
-                    findings.error(
-                        other_path,
-                        format!(
-                            "this overlaps {} by {} m at the start",
-                            path.trim_end_matches(".position"),
-                            number(depth)
-                        ),
-                        "move them apart",
-                    );
-                }
-            }
+    let mut found = Vec::new();
+    let all = pairs::near(&solids, [None; 3], |one, other| {
+        let squared: f64 = (0..grid.dimension)
+            .map(|a| (solids[one].at[a] - solids[other].at[a]).powi(2))
+            .sum();
+        let [a, b] = [solids[one].reach, solids[other].reach];
+        let depth = a + b - squared.sqrt();
+        if depth > ALLOWED * a.min(b) {
+            found.push((other, one, depth));
         }
+        if found.len() < COUNTED {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    });
+    found.sort_unstable_by_key(|(other, one, _)| (*other, *one));
+    for (other, one, depth) in found.iter().take(NAMED) {
+        findings.error(
+            &format!("{}.position", name(*other)),
+            format!(
+                "this overlaps {} by {} m at the start",
+                name(*one),
+                number(*depth)
+            ),
+            "move them apart",
+        );
     }
-    if found > 20 {
+    if found.len() > NAMED {
+        let least = if all.is_break() { "at least " } else { "" };
         findings.error(
             "grains.initial.list",
-            format!("{} more pairs overlap", number(count(found - 20))),
+            format!(
+                "{least}{} more pairs overlap",
+                number(count(found.len() - NAMED))
+            ),
             "move them apart",
         );
     }

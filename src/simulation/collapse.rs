@@ -23,6 +23,7 @@ use crate::darcy::overlap::sphere_box;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::plan::Plan;
+use crate::plan::interval::Interval;
 use crate::scene::collapse::GroundCollapse;
 use crate::scene::grid::count;
 use decomposition::{Domain, ExactSum};
@@ -86,7 +87,7 @@ struct Tables {
 #[derive(Debug)]
 pub struct CollapseRecorder {
     asked: Option<GroundCollapse>,
-    interval: u64,
+    interval: Option<Interval>,
     first_grain: u64,
     state: State,
     tables: Tables,
@@ -107,9 +108,7 @@ impl CollapseRecorder {
     ) -> Result<Self, Error> {
         let asked = plan.scene.ground_collapse.clone();
         let mut recorder = Self {
-            interval: asked
-                .as_ref()
-                .map_or(u64::MAX, |asked| plan.clock.interval_to_steps(asked.every)),
+            interval: asked.as_ref().map(|asked| plan.clock.every(asked.every)),
             first_grain: plan.scene.first_grain(),
             state: State::default(),
             tables: Tables::default(),
@@ -168,10 +167,50 @@ impl CollapseRecorder {
         if self.state.start.is_none() {
             self.state.start = Some(self.measure_start(view));
         }
-        if view.step.is_multiple_of(self.interval) && self.state.last_row != Some(view.step) {
+        let due = self.interval.is_some_and(|every| every.falls_on(view.step));
+        if due && self.state.last_row != Some(view.step) {
             self.write_row(view)?;
         }
         Ok(())
+    }
+
+    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that goes on
+    /// afterwards.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn record_end<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
+        if self.asked.is_none() {
+            return Ok(());
+        }
+        if self.state.last_row != Some(view.step) {
+            // A finished run that is resumed has these rows already.
+            self.drop_end(view.step, view.domain)?;
+            self.write_row(view)?;
+        }
+        Ok(())
+    }
+
+    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] where the run
+    /// goes on.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
+        if self.state.last_row == Some(step) {
+            return Ok(());
+        }
+        let tables = &mut self.tables;
+        let dropped = [
+            &mut tables.rows,
+            &mut tables.points,
+            &mut tables.clusters,
+            &mut tables.surface,
+        ]
+        .into_iter()
+        .flatten()
+        .try_for_each(|table| table.drop_from(step));
+        agreed(domain, dropped)
     }
 
     /// One line for each stage that began since the last call; on rank 0 only.

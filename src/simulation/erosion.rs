@@ -39,6 +39,7 @@ use crate::dem::space::{Components, Space};
 use crate::dem::{BondBreak, Failure};
 use crate::error::Error;
 use crate::plan::Plan;
+use crate::plan::interval::Interval;
 use crate::scene::contact::Law;
 use crate::scene::flow::Condition;
 use crate::scene::grid::{count, whole};
@@ -101,7 +102,7 @@ struct Pending {
 #[derive(Debug)]
 pub struct ErosionRecorder {
     law: Option<Hole>,
-    interval: u64,
+    interval: Option<Interval>,
     first_grain: u64,
     state: State,
     /// Bonds broken on this rank since the last flush.
@@ -239,7 +240,7 @@ impl ErosionRecorder {
             interval: scene
                 .erosion_law
                 .as_ref()
-                .map_or(u64::MAX, |law| plan.clock.interval_to_steps(law.every)),
+                .map(|law| plan.clock.every(law.every)),
             first_grain: scene.first_grain(),
             state: State::default(),
             pending: Vec::new(),
@@ -267,7 +268,7 @@ impl ErosionRecorder {
     /// Whether a row of `erosion.csv` is due at this step.
     #[must_use]
     pub fn is_due(&self, step: u64) -> bool {
-        self.law.is_some() && step.is_multiple_of(self.interval)
+        self.interval.is_some_and(|every| every.falls_on(step))
     }
 
     /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is due.
@@ -325,7 +326,39 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Writes the bonds that broke since the last row. Call it at the end of a run; [`Self::state`] and every row include it.
+    /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one of this step.
+    /// [`Self::state`] is not that of a run that goes on afterwards.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where a table cannot be written.
+    pub fn record_end<S: Space>(
+        &mut self,
+        view: &View<'_, S>,
+        mass_error: f64,
+    ) -> Result<(), Error> {
+        self.flush(view.domain)?;
+        if self.state.last_row != Some(view.step) {
+            // A finished run that is resumed has this row already.
+            self.drop_end(view.step, view.domain)?;
+            self.write_row(view, mass_error)?;
+        }
+        Ok(())
+    }
+
+    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`] where the run
+    /// goes on.
+    ///
+    /// # Errors
+    /// [`Error::Io`] on every rank where the table cannot be written.
+    pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
+        if self.state.last_row == Some(step) {
+            return Ok(());
+        }
+        let rows = self.rows.as_mut();
+        agreed(domain, rows.map_or(Ok(()), |rows| rows.drop_from(step)))
+    }
+
+    /// Writes the bonds that broke since the last row. [`Self::state`] and every row include it.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.

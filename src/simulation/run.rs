@@ -307,7 +307,8 @@ fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
                 "start {} ranks, give {} numbers, or leave the list out",
                 inner.len() + 1,
                 ranks - 1
-            ),
+            )
+            .into(),
             severity: Severity::Error,
         }]));
     }
@@ -763,9 +764,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .scene
             .checkpoint
             .every
-            .map(|t| self.simulation.now.plan.clock.interval_to_steps(t));
+            .map(|t| self.simulation.now.plan.clock.every(t));
         let mut ask_at = self.simulation.now.step + self.watch.steps();
-        while self.simulation.now.step < steps {
+        if self.first_step > 0 && self.goes_on() {
+            self.simulation.drop_end()?;
+        }
+        while self.goes_on() {
             self.simulation.step()?;
             for line in self.simulation.collapse.take_news() {
                 self.progress.note(&line);
@@ -774,7 +778,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 self.progress.note(&line);
             }
             let step = self.simulation.now.step;
-            if save_every.is_some_and(|every| step.is_multiple_of(every)) && step < steps {
+            if save_every.is_some_and(|every| every.falls_on(step)) && step < steps {
                 self.save(Occasion::Asked)?;
             }
             if self.eroded() {
@@ -789,6 +793,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 match request {
                     Request::None => {}
                     Request::Checkpoint => self.save(Occasion::Asked)?,
+                    // Nothing is left to stop, but the file that asks for it would stop the next run.
+                    Request::Stop if step >= steps => {
+                        if self.simulation.now.domain.rank() == 0 {
+                            self.watch.forget_file();
+                        }
+                    }
                     Request::Stop => {
                         self.save(Occasion::Stop)?;
                         self.simulation.look()?;
@@ -816,17 +826,21 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.save(Occasion::End)?;
         }
         self.folder.forget_preparation();
-        self.simulation
-            .outputs
-            .write_all_now(&self.simulation.now.view())?;
-        self.simulation
-            .recorder
-            .flush(&self.simulation.now.domain)?;
+        // No checkpoint may be written after this: rows at the end are no part of what a run that goes on remembers.
+        self.simulation.record_end()?;
+        for line in self.simulation.collapse.take_news() {
+            self.progress.note(&line);
+        }
         self.simulation
             .collapse
             .draw(self.folder.path(), &self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(())
+    }
+
+    /// Whether there is a step left to do; the same on every rank.
+    fn goes_on(&self) -> bool {
+        self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
     }
 
     /// Whether so much has left that the case calls the run done; the same on every rank.

@@ -55,6 +55,28 @@ impl Table {
                 Err(error) => return Err(fail(error)),
             }
         }
+        Self::replace(path, &text)
+    }
+
+    /// Drops the rows from `step` on.
+    pub(super) fn drop_from(&mut self, step: u64) -> Result<(), Error> {
+        let old = fs::read_to_string(&self.path)
+            .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))?;
+        let kept = |(n, line): &(usize, &str)| {
+            let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
+            *n == 0 || first.is_some_and(|row| row < step)
+        };
+        let lines = old.split_inclusive('\n').enumerate().filter(kept);
+        let text: String = lines.map(|(_, line)| line).collect();
+        if text.len() < old.len() {
+            *self = Self::replace(self.path.clone(), &text)?;
+        }
+        Ok(())
+    }
+
+    /// A table with this text instead of whatever was there.
+    fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
+        let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
         // A crash leaves the old table or the new one.
         let part = path.with_extension("csv.part");
         fs::write(&part, text).map_err(fail)?;

@@ -1351,6 +1351,50 @@ fn broken_cases_are_refused_by_the_binary() {
 }
 
 #[test]
+fn one_wrong_grain_among_many_is_named() {
+    let grain = |n: u32| {
+        let at = |k: u32| 0.0006 + 0.0011 * f64::from(k);
+        serde_json::json!({"position": [at(n % 100), at(n / 100)], "radius": 5e-4})
+    };
+    let mut grains: Vec<Value> = (0..10_000).map(grain).collect();
+    let case = |grains: &[Value]| {
+        serde_json::json!({
+            "domain": {"size": [0.2, 0.2], "spacing": 0.01},
+            "materials": {"glass": {"density": 2500}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}}},
+            "grains": {"material": "glass", "initial": {"list": grains}},
+            "time": {"end": 0.001}
+        })
+        .to_string()
+    };
+    assert_eq!(judge(&case(&grains), &[]), []);
+    for (n, field, value) in [
+        (4711, "radius", serde_json::json!(-1)),
+        (4712, "colour", serde_json::json!("red")),
+        (4713, "position", serde_json::json!([0.1, "a"])),
+    ] {
+        grains[n][field] = value;
+    }
+    let problems = judge(&case(&grains), &[]);
+    let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+    let list = "grains.initial.list";
+    assert_eq!(
+        paths,
+        [
+            format!("{list}[4711].radius"),
+            format!("{list}[4712].colour"),
+            format!("{list}[4713].position[1]"),
+        ]
+    );
+    // What is wrong with the case as a whole is named too.
+    let mut grains: Vec<Value> = (0..10_000).map(grain).collect();
+    grains[77]["position"] = grains[78]["position"].clone();
+    let problems = judge(&case(&grains), &[]);
+    assert_eq!(problems.len(), 1);
+    assert_eq!(problems[0].path, format!("{list}[78].position"));
+}
+
+#[test]
 fn a_run_made_shorter_than_an_interval_is_only_warned_of() {
     let text = find("piping").unwrap().text;
     let set = ["time.end=0.0015", "checkpoint.every=0.1"].map(String::from);

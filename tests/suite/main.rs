@@ -18,6 +18,7 @@ mod collapse;
 mod extremes;
 mod folders;
 mod guards;
+mod proposals;
 mod ranks;
 mod same_bits;
 mod seepage;

@@ -47,6 +47,77 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
     study.same("straight", "parts");
 }
 
+/// Everything that is due falls between the steps, and every end of a part between two rows.
+#[test]
+fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
+    let _beside = beside_others();
+    let study = Study::eroding(&[
+        (
+            "probes",
+            r#"[
+                {"name": "cut", "every": 0.00037, "at": {"plane": {"axis": "x", "position": 0.0015}}},
+                {"name": "face", "every": 0.00053, "at": {"wall": {"face": "y_min"}}}
+            ]"#,
+        ),
+        ("analysis.erosion_law.every", "0.00031"),
+        ("output.fluid.every", "0.0017"),
+        ("output.grains.every", "0.0023"),
+        (
+            "output.averages",
+            r#"{"sample_every": 0.00029, "every": 0.0019, "profile": "y"}"#,
+        ),
+        ("checkpoint.every", "0.0027"),
+        ("time.end", "0.006"),
+    ]);
+    study.run("straight", 1, 1, &[]);
+    let summary = study.summary("straight");
+    let end = summary["steps"].as_u64().unwrap();
+    let step = summary["time"].as_f64().unwrap() / number(end);
+    for (file, every) in [
+        ("probe_cut.csv", 0.00037),
+        ("probe_face.csv", 0.00053),
+        ("erosion.csv", 0.00031),
+    ] {
+        let text = std::fs::read_to_string(study.path("straight").join(file)).unwrap();
+        let found: Vec<u64> = text
+            .lines()
+            .filter_map(|line| line.split(',').next()?.parse().ok())
+            .collect();
+        let mut expected: Vec<u64> = (0..=end)
+            .filter(|&n| {
+                let event = (number(n) * step / every).round() * every;
+                ((event / step).round() - number(n)).abs() < 0.5
+            })
+            .collect();
+        assert_ne!(expected.last(), Some(&end), "{file} ends between two rows");
+        expected.push(end);
+        // Nothing has crossed a face at step 0.
+        let expected = &expected[usize::from(file == "probe_face.csv")..];
+        assert_eq!(found, expected, "{file}");
+    }
+    study.run("parts", 1, 1, &["time.end=0.0025"]);
+    for (ranks, end) in [(2, "0.0043"), (1, "0.006")] {
+        let done = study
+            .restart("parts", ranks, &[&format!("time.end={end}")])
+            .expect(0);
+        assert!(
+            done.stdout.contains("going on from step"),
+            "{}",
+            done.stdout
+        );
+    }
+    study.same("straight", "parts");
+    // A finished run that is asked to go on has nothing to do, and stays as it is.
+    study.restart("parts", 1, &["time.end=0.006"]).expect(0);
+    assert_eq!(study.summary("parts")["steps_of_this_run"], 0);
+    study.same("straight", "parts");
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
+fn number(n: u64) -> f64 {
+    n as f64
+}
+
 #[test]
 fn single_precision_at_rest_too() {
     let _beside = beside_others();

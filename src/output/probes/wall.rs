@@ -25,11 +25,13 @@ pub(super) struct Wall {
     faces: Vec<Face>,
     reference: [i128; 3],
     cells: f64,
-    warm: bool,
+    /// Without it nothing has crossed the face before the step after this one.
+    first: Option<u64>,
 }
 
 impl Wall {
-    pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, warm: bool) -> Self {
+    /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved since.
+    pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
         let velocities = match flow.lattice {
             Lattice::D2q9 => Velocities::of::<D2Q9, 9>(),
             Lattice::D3q19 => Velocities::of::<D3Q19, 19>(),
@@ -43,13 +45,13 @@ impl Wall {
                 .filter(|&a| a != face.axis())
                 .map(|a| count(grid.cells[a]))
                 .product(),
-            warm,
+            first,
         }
     }
 
-    /// Nothing has crossed a face before the first step of all.
+    /// Nothing has crossed a face before the first step of this process.
     pub(super) fn has_flux(&self, step: u64) -> bool {
-        step > 0 || self.warm
+        self.first.is_none_or(|first| step > first)
     }
 
     /// Force, its normal part (positive towards the wall) and the size of its part along the face, both per area, mass
@@ -272,7 +274,7 @@ mod tests {
 
     fn sample(face: Face, plan: &Plan, fluid: &Still) -> [f64; 8] {
         let flow = plan.scene.flow.as_ref().unwrap();
-        Wall::new(face, flow, &plan.scene.grid, false)
+        Wall::new(face, flow, &plan.scene.grid, Some(0))
             .sample(fluid, &Communicator::serial())
             .unwrap()
     }

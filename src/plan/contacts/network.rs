@@ -4,7 +4,9 @@ use super::{Constants, Depth, Meeting, bonds, constants, limit, turning};
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::grid::Grid;
+use crate::scene::pairs::{self, Ball};
 use crate::scene::solids::{GrainSource, Mobility};
+use std::ops::ControlFlow;
 
 /// A grain or body; what does not move by forces has inverse masses of zero.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +42,13 @@ pub(super) struct Network {
 /// Translation and rotation of a node, in coordinates scaled by the roots of the masses.
 type Motion = [[f64; 3]; 2];
 
+/// Nodes of which an eigenvalue is sought at most, and how many of them are chosen by their own bounds alone.
+const LARGEST: usize = 20_000;
+const SEEDS: usize = 64;
+
+/// Contacts of a node at most, in the mean.
+const MOST_PARTNERS: usize = 100;
+
 /// Most rounds of the power iteration.
 const ROUNDS: usize = 400;
 
@@ -67,37 +76,89 @@ impl Network {
         network
     }
 
-    /// Pairs by a sweep along x.
-    fn touch_each_other(&mut self, grid: &Grid, maker: &Maker<'_>) {
-        let n = self.nodes.len();
-        let length = grid.size[0];
-        let along = |node: &Node| {
-            if grid.periodic[0] {
-                node.position[0].rem_euclid(length)
-            } else {
-                node.position[0]
-            }
-        };
-        let mut order: Vec<(f64, usize)> = self.nodes.iter().map(along).zip(0..).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let widest = self
-            .nodes
-            .iter()
-            .map(|node| node.radius)
-            .fold(0.0, f64::max);
-        for (place, &(x, i)) in order.iter().enumerate() {
-            let reach = self.nodes[i].radius + widest + maker.reach;
-            for step in 1..n {
-                let wrapped = place + step >= n;
-                let (other, j) = order[(place + step) % n];
-                let ahead = other - x + if wrapped { length } else { 0.0 };
-                if ahead > reach || (wrapped && !grid.periodic[0]) {
-                    break;
-                }
-                let spring = maker.between(&self.nodes, [i, j], grid);
-                self.springs.extend(spring);
+    /// The part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away springs lowers every
+    /// eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is alike everywhere it differs by the
+    /// square of the inverse of its width.
+    pub(super) fn stiffest_part(self) -> Self {
+        if self.nodes.len() <= LARGEST {
+            return self;
+        }
+        let mut bounds = vec![0.0; self.nodes.len()];
+        for spring in &self.springs {
+            let bound: f64 = spring.constants.stiffness.iter().sum();
+            for (end, k) in spring.ends().enumerate() {
+                let [mass, inertia] = self.nodes[k].roots;
+                bounds[k] += bound * (mass * mass + (inertia * spring.arms[end]).powi(2));
             }
         }
+        let mut partners: Vec<Vec<usize>> = vec![Vec::new(); self.nodes.len()];
+        for spring in &self.springs {
+            if let Some(second) = spring.second {
+                partners[spring.first].push(second);
+                partners[second].push(spring.first);
+            }
+        }
+        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
+        order.sort_unstable_by(|&a, &b| bounds[b].total_cmp(&bounds[a]).then(a.cmp(&b)));
+        // Layer by layer round the stiffest nodes.
+        const UNKNOWN: usize = usize::MAX;
+        let mut place = vec![UNKNOWN; self.nodes.len()];
+        let mut chosen = Vec::with_capacity(LARGEST);
+        let mut seeds = order.into_iter();
+        let mut next = 0;
+        while chosen.len() < LARGEST {
+            let seed = if chosen.len() < SEEDS || next == chosen.len() {
+                seeds.find(|&k| place[k] == UNKNOWN)
+            } else {
+                None
+            };
+            if let Some(k) = seed {
+                place[k] = chosen.len();
+                chosen.push(k);
+                continue;
+            }
+            let Some(&centre) = chosen.get(next) else {
+                break;
+            };
+            next += 1;
+            for &k in &partners[centre] {
+                if place[k] == UNKNOWN && chosen.len() < LARGEST {
+                    place[k] = chosen.len();
+                    chosen.push(k);
+                }
+            }
+        }
+        let inside = |spring: &&Spring| spring.ends().all(|k| place[k] != UNKNOWN);
+        let moved = |spring: &Spring| Spring {
+            first: place[spring.first],
+            second: spring.second.map(|k| place[k]),
+            ..*spring
+        };
+        Self {
+            springs: self.springs.iter().filter(inside).map(moved).collect(),
+            nodes: chosen.iter().map(|&k| self.nodes[k]).collect(),
+            bonded: self.bonded,
+        }
+    }
+
+    fn touch_each_other(&mut self, grid: &Grid, maker: &Maker<'_>) {
+        let ball = |node: &Node| Ball {
+            at: node.position,
+            reach: node.radius + 0.5 * maker.reach,
+        };
+        let balls: Vec<Ball> = self.nodes.iter().map(ball).collect();
+        let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
+        let most = MOST_PARTNERS * self.nodes.len();
+        let (nodes, springs) = (&self.nodes, &mut self.springs);
+        // Bodies in one another have more contacts than are worth a sum; such a case is refused elsewhere.
+        let _ = pairs::near(&balls, period, |i, j| {
+            springs.extend(maker.between(nodes, [i, j], grid));
+            if springs.len() < most {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        });
     }
 
     fn touch_walls(&mut self, scene: &Scene, maker: &Maker<'_>) {
@@ -279,6 +340,11 @@ impl Maker<'_> {
 }
 
 impl Spring {
+    /// The nodes at its ends.
+    fn ends(&self) -> impl Iterator<Item = usize> {
+        [Some(self.first), self.second].into_iter().flatten()
+    }
+
     /// How far the second's side of the contact moves against the first's: along the normal, and across it.
     fn stretch(&self, nodes: &[Node], vector: &[Motion]) -> (f64, [f64; 3]) {
         let first = unscaled(&nodes[self.first], &vector[self.first]);

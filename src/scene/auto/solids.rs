@@ -7,10 +7,12 @@ use crate::case::contact::{
 };
 use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
 use crate::case::solids::Motion;
+use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, fastest_approach};
 use crate::scene::findings::{Findings, number};
 use crate::scene::solids::{GrainSource, Mobility};
+use serde_json::json;
 
 /// Deepest overlap of a chosen spring, as a part of the diameter.
 const OVERLAP: f64 = 0.01;
@@ -57,7 +59,8 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
         findings.warn(
             "coupling",
             "discs that touch close all pores between them in 2-D, and no hydraulic radius is given",
-            "for a packing that water passes state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}",
+            Remedy::from("for a packing that water passes state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
+                .set("coupling", json!({"bounce_back": {"hydraulic_radius_factor": 0.8}})),
         );
     }
 }

@@ -5,8 +5,9 @@ use super::measured::{self, Row};
 use super::{Chosen, asked, step};
 use crate::case::Case;
 use crate::case::fluid::{Fluid, LatticeBoltzmann};
+use crate::error::Remedy;
 use crate::scene::Scene;
-use crate::scene::findings::{Findings, number};
+use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::flow::Flow;
 use crate::scene::grid::{Grid, count, whole};
 
@@ -179,20 +180,30 @@ fn whole_cells(
         .find(|h| fits(*h));
     if found.is_none() {
         let h = shortest / least;
+        // Cells up to ten times as fine are worth naming, no more.
+        let finer =
+            (0..=whole(10.0 * least)).map(|more| length_of(1.0, shortest / (least + count(more))));
+        let common = finer.into_iter().find(|h| fits(*h));
         for (axis, size) in sizes
             .iter()
             .enumerate()
             .filter(|(_, size)| !fits_one(**size, h))
         {
-            let below = (size / h).floor();
+            let cells = (size / h).floor();
+            let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, h));
+            let path = format!("domain.size[{axis}]");
+            let text = format!("use {below} or {above} m");
+            let remedy = match common {
+                Some(common) => Remedy::from(format!(
+                    "{text}, or state a spacing of {common} m, which divides them all"
+                ))
+                .set("domain.spacing", common),
+                None => Remedy::from(text).set(&*path, below),
+            };
             findings.error(
-                &format!("domain.size[{axis}]"),
+                &path,
                 "no cell that is fine enough, and not twice as fine, divides all edges of the domain",
-                format!(
-                    "use {} or {} m, or state a spacing",
-                    number(below * h),
-                    number((below + 1.0) * h)
-                ),
+                remedy,
             );
         }
     }

@@ -16,6 +16,7 @@ use crate::case::coupling::{Coupling, SolidOperator};
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use crate::scene::flow::growing_waves;
 use crate::scene::flow::{BodyForce, Condition, Flow, Initial, Lattice, PATH};
 use crate::scene::speed::{self, Speed};
 use crate::units::LatticeUnits;
@@ -85,6 +86,7 @@ pub(crate) fn choose(
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
         time_step(scene, &mut flow, speed.as_ref(), target);
+        growing_waves(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
     operator(scene, &mut flow, lbm, findings);

@@ -146,7 +146,7 @@ fn records(folder: &Path) -> Vec<ErosionRecord> {
 }
 
 fn late(plan: &Plan) -> u64 {
-    10 * plan.clock.interval_to_steps(0.01)
+    plan.clock.every(0.01).step(10)
 }
 
 #[test]
@@ -343,12 +343,17 @@ fn the_ledger_is_ordered_and_says_where_bonds_broke() {
     );
 }
 
-/// Steps `from..=to`, each with a grain gone through either region and a broken bond.
+/// The step of half interval `n`.
+fn half(plan: &Plan, n: u64) -> u64 {
+    let every = plan.clock.every(0.01);
+    every.step(n / 2) + (n % 2) * every.step(1) / 2
+}
+
+/// Half intervals `from..=to`, each with a grain gone through either region and a broken bond.
 fn run(recorder: &mut ErosionRecorder, plan: &Plan, from: u64, to: u64) {
     let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(1e-4));
-    let interval = plan.clock.interval_to_steps(0.01);
     for step in from..=to {
-        let at = step * interval / 2;
+        let at = half(plan, step);
         let removed = [departed(at, 2 * step, 0), departed(at, 2 * step + 1, 1)];
         let breaks = vec![broken(step, 2 * step, 2e-3, 0.5e-4)];
         let view = view(plan, &domain, &fluid, &particles, at);
@@ -384,7 +389,7 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
         .unwrap();
     file.write_all(b"1,0.5,7").unwrap();
 
-    let at = 5 * plan.clock.interval_to_steps(0.01) / 2;
+    let at = half(&plan, 5);
     let mut second = ErosionRecorder::create(&plan, resumed.path(), &domain, Some(at)).unwrap();
     second
         .restore(&serde_json::from_str(&saved).unwrap())
