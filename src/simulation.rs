@@ -199,7 +199,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     fn record_end(&mut self) -> Result<(), Error> {
         let view = self.now.view();
         self.outputs.write_all_now(&view)?;
-        self.recorder.record_end(&view, self.guards.mass_error())?;
+        let mass_error = self.guards.mass_error().unwrap_or(0.0);
+        self.recorder.record_end(&view, mass_error)?;
         self.collapse.record_end(&view)
     }
 

@@ -27,7 +27,7 @@ use crate::coupling::water::Water;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Plane, Space, Volume};
-use crate::error::{Error, Problem, Severity, Verdict};
+use crate::error::{Error, Problem, Severity};
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
@@ -480,11 +480,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
             notes = attributes["notes"].clone();
+            guards_state = attributes["guards"].clone();
             if runs {
                 removal.restore(&attributes["removal"], resumed.regions.as_deref())?;
                 recorder_state = attributes["recorder"].clone();
                 collapse_state = attributes["collapse"].clone();
-                guards_state = attributes["guards"].clone();
             }
             if solid {
                 let (grains, mut contacts) = checkpoint::read_tables(&reader, domain.rank())?;
@@ -619,9 +619,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         earlier: &[f64],
                         flow: &dyn LatticeFlow<Sp, S>,
                         particles: &Particles<Sp>,
-                        watch: &mut Watch,
+                        (watch, guards): (&mut Watch, &Guards),
                         request: Request| {
                 kept["preparation"] = json!({ "warm_up": steps });
+                kept["guards"] = guards.state();
                 let state = State::<Sp, S> {
                     fluid: Some(flow.fluid()),
                     averages: None,
@@ -644,7 +645,6 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 &plan,
                 flow,
                 &mut particles,
-                &mut guards,
                 &domain,
                 (&mut watch, &mut guards),
                 (begun, earlier),
@@ -1208,7 +1208,6 @@ fn warm_up<Sp: Space, S: Saved>(
     plan: &Plan,
     flow: &mut dyn LatticeFlow<Sp, S>,
     particles: &mut Particles<Sp>,
-    guards: &mut Guards,
     domain: &Domain,
     (watch, guards): (&mut Watch, &mut Guards),
     reached: (u64, Option<Vec<f64>>),
@@ -1217,7 +1216,7 @@ fn warm_up<Sp: Space, S: Saved>(
         &[f64],
         &dyn LatticeFlow<Sp, S>,
         &Particles<Sp>,
-        &mut Watch,
+        (&mut Watch, &Guards),
         Request,
     ) -> Result<(), Error>,
 ) -> Result<(u64, String), Error> {
@@ -1257,7 +1256,7 @@ fn warm_up<Sp: Space, S: Saved>(
             let request = watch.ask(communicator);
             ask_at = step + watch.steps();
             if request != Request::None {
-                keep(step, &before, flow, particles, watch, request)?;
+                keep(step, &before, flow, particles, (watch, guards), request)?;
             }
         }
     }
