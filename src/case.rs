@@ -157,7 +157,16 @@ impl Document {
         let mut elsewhere = tree.clone();
         anchor(&mut elsewhere, directory);
         let canonical = elsewhere.to_string();
-        problems.extend(check::against_schema(&mut tree));
+        let cut_short = text::cut_short(&problems);
+        let checked = check::against_schema(&mut tree);
+        problems.extend(checked.problems);
+        if cut_short {
+            // What seems to be missing may stand among the keys that were not read.
+            problems.retain(|problem| problem.value != "missing");
+        }
+        if cut_short || checked.misshapen {
+            return Err(problems);
+        }
         match serde_path_to_error::deserialize::<_, Case>(tree) {
             Ok(mut case) => {
                 case.directory = directory.to_path_buf();

@@ -14,8 +14,8 @@ use crate::lbm::lanes::Stored;
 use crate::output::averages::{Averages, SUMS};
 use crate::output::together::Together;
 use decomposition::{Communicator, StateHash, field_key};
-use io::checkpoint::{Array, Reader};
-use io::data::Data;
+use io::checkpoint::{Array, Manifest, Reader};
+use io::data::{Data, Kind};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -440,6 +440,153 @@ fn table_from_json(value: &Value) -> Table {
     }
     table
 }
+
+/// What the checkpoints of a case can hold: asked of a manifest before anything is allocated for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
+    pub lattice: Option<([usize; 3], usize, usize)>,
+    /// Cells of the grid in which water seeps; none without seepage.
+    pub seepage: Option<usize>,
+    /// Grains, blocks and bodies at most; none where nothing is solid.
+    pub grains: Option<u64>,
+    /// Steps of the case.
+    pub steps: u64,
+    /// Steps of the fluid before the first, at most.
+    pub warm_up: u64,
+    /// Longest edge of the domain [m].
+    pub length: f64,
+}
+
+/// Contacts of a grain at most, on the mean.
+const MOST_CONTACTS: u64 = 1000;
+
+impl Expected {
+    /// Whether a manifest can be that of a checkpoint of the case.
+    ///
+    /// # Errors
+    /// A sentence that says what does not fit.
+    pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
+        let attributes = &manifest.attributes;
+        let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
+        let count = |name: &str| {
+            let value = &attributes[name];
+            let number = if value.is_null() {
+                Some(0)
+            } else {
+                value.as_u64()
+            };
+            number.ok_or_else(|| format!("its `{name}` is {value}, which is no count"))
+        };
+        if manifest.step > self.steps {
+            return Err(format!(
+                "it is of step {}, and the case ends at step {}",
+                manifest.step, self.steps
+            ));
+        }
+        if let Some(([nx, ny, nz], q, bytes)) = self.lattice {
+            let cells = |numbers: usize| vec![nz, ny, nx, numbers];
+            let kind = if bytes == 4 { Kind::F32 } else { Kind::F64 };
+            known.push(("populations".to_owned(), kind, cells(q)));
+            if attributes["velocities"] == json!(true) {
+                known.push(("velocities".to_owned(), Kind::F32, cells(3)));
+            }
+            if count("averages")? > 0 || manifest.arrays.iter().any(|a| a.name == "averages") {
+                known.push(("averages".to_owned(), Kind::F64, cells(SUMS)));
+            }
+            let steps = count("fluid_steps")?;
+            if steps < manifest.step || steps > manifest.step.saturating_add(self.warm_up) {
+                return Err(format!(
+                    "its fluid has done {steps} steps at step {}",
+                    manifest.step
+                ));
+            }
+        }
+        let seepage = count("seepage")?;
+        if seepage > 0 {
+            let cells = self.seepage.unwrap_or(0);
+            if cells.checked_mul(3) != Some(whole(seepage)) {
+                return Err(format!(
+                    "it holds {seepage} numbers of seepage, and the case has {cells} cells of three"
+                ));
+            }
+            known.push(("seepage".to_owned(), Kind::F64, vec![whole(seepage)]));
+        }
+        self.tables(attributes, &mut known)?;
+        for array in &manifest.arrays {
+            let Some((_, kind, shape)) = known.iter().find(|(name, ..)| *name == array.name) else {
+                return Err(format!(
+                    "it holds an array {} that the case does not have",
+                    array.name
+                ));
+            };
+            if array.kind != *kind || array.shape != *shape {
+                return Err(format!(
+                    "its array {} has the shape {:?} of {:?}, and that of the case has {shape:?} of {kind:?}",
+                    array.name, array.shape, array.kind
+                ));
+            }
+        }
+        let lacking = known
+            .iter()
+            .find(|(name, ..)| manifest.arrays.iter().all(|array| array.name != *name));
+        match lacking {
+            Some((name, ..)) => Err(format!("it lacks the array {name}")),
+            None => Ok(()),
+        }
+    }
+
+    /// The arrays of grains and contacts.
+    fn tables(
+        &self,
+        attributes: &Value,
+        known: &mut Vec<(String, Kind, Vec<usize>)>,
+    ) -> Result<(), String> {
+        let most = self.grains.unwrap_or(0);
+        for (n, kind) in TABLES.iter().enumerate() {
+            let rows = attributes["rows"][n].as_u64();
+            let rows = rows.ok_or_else(|| format!("it does not say how many {kind} it holds"))?;
+            let most = if n == 0 {
+                most
+            } else {
+                most.saturating_mul(MOST_CONTACTS)
+            };
+            if rows > most {
+                return Err(format!(
+                    "it holds {rows} {kind}, and the case has {most} at most"
+                ));
+            }
+            for column in attributes["columns"][n].as_array().into_iter().flatten() {
+                let (Some(name), Some(values)) = (column[0].as_str(), column[1].as_str()) else {
+                    return Err(format!("a column of its {kind} has no name"));
+                };
+                let values = match values {
+                    "real" => Kind::F64,
+                    "whole" => Kind::U64,
+                    other => return Err(format!("its {kind} have a column of {other} numbers")),
+                };
+                if rows > 0 {
+                    known.push((format!("{kind}_{name}"), values, vec![whole(rows)]));
+                }
+                if known.len() > MOST_ARRAYS {
+                    return Err(format!("it has more than {MOST_ARRAYS} columns"));
+                }
+            }
+        }
+        let radius = &attributes["typical_radius"];
+        let plausible = |r: f64| r > 0.0 && r <= self.length;
+        if self.grains.is_some() && !radius.as_f64().is_some_and(plausible) {
+            return Err(format!(
+                "its typical radius is {radius}, in a domain of {} m",
+                self.length
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Arrays of a checkpoint at most.
+const MOST_ARRAYS: usize = 1000;
 
 /// Fills the populations of a slab from a checkpoint.
 ///

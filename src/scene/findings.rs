@@ -2,7 +2,7 @@
 
 use crate::case::Case;
 use crate::case::set::lookup;
-use crate::case::text::brief;
+use crate::case::text::{MOST_PROBLEMS, brief};
 use crate::error::{Problem, Severity};
 use serde_json::Value;
 
@@ -12,6 +12,8 @@ pub(crate) struct Findings {
     tree: Value,
     /// In the order found.
     pub(crate) problems: Vec<Problem>,
+    /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
+    unlisted: Vec<(Severity, usize, usize)>,
 }
 
 impl Findings {
@@ -19,6 +21,7 @@ impl Findings {
         Self {
             tree: serde_json::to_value(case).unwrap_or(Value::Null),
             problems: Vec::new(),
+            unlisted: Vec::new(),
         }
     }
 
@@ -53,6 +56,12 @@ impl Findings {
     }
 
     fn push(&mut self, path: &str, reason: String, remedy: String, severity: Severity) {
+        // A list of a million grains may be wrong a million times. One error more or less changes nothing then.
+        let alike = self.problems.iter().filter(|p| p.severity == severity);
+        if alike.count() >= MOST_PROBLEMS {
+            self.only_count(severity);
+            return;
+        }
         let value = match lookup(&self.tree, path) {
             None | Some(Value::Null) => "missing".to_string(),
             Some(value) => brief(value),
@@ -64,6 +73,28 @@ impl Findings {
             remedy,
             severity,
         });
+    }
+
+    /// Adds to the line about the findings that are not listed.
+    fn only_count(&mut self, severity: Severity) {
+        let known = self.unlisted.iter_mut().find(|rest| rest.0 == severity);
+        let (_, at, count) = match known {
+            Some(rest) => rest,
+            None => {
+                self.problems.push(Problem {
+                    path: "the case".into(),
+                    value: String::new(),
+                    reason: format!("only the first {MOST_PROBLEMS} of this weight are listed"),
+                    remedy: "correct those first".into(),
+                    severity,
+                });
+                self.unlisted.push((severity, self.problems.len() - 1, 0));
+                let last = self.unlisted.len() - 1;
+                &mut self.unlisted[last]
+            }
+        };
+        *count += 1;
+        self.problems[*at].value = format!("{count} more");
     }
 
     /// Whether the case is refused.
