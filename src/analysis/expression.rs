@@ -46,7 +46,7 @@ pub fn excerpt(text: &str) -> String {
     if text.len() <= 200 {
         return format!("{text:?}");
     }
-    format!("{:?}...", &text[..text.floor_char_boundary(60)])
+    format!("{:?}...", text.chars().take(60).collect::<String>())
 }
 
 struct Reader<'a> {

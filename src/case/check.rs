@@ -521,8 +521,8 @@ fn clipped(name: &str) -> Cow<'_, str> {
     if name.len() <= LONGEST_NAME {
         return name.into();
     }
-    let end = name.floor_char_boundary(60);
-    format!("{}...", &name[..end]).into()
+    let begin: String = name.chars().take(60).collect();
+    format!("{begin}...").into()
 }
 
 /// The name with the smallest edit distance, if it is close enough to be meant.
