@@ -160,7 +160,16 @@ impl Document {
         if !written.is_empty() {
             put_back(&mut tree, &mut written.into_iter());
         }
-        problems.extend(check::against_schema(&mut tree));
+        let cut_short = text::cut_short(&problems);
+        let checked = check::against_schema(&mut tree);
+        problems.extend(checked.problems);
+        if cut_short {
+            // What seems to be missing may stand among the keys that were not read.
+            problems.retain(|problem| problem.value != "missing");
+        }
+        if cut_short || checked.misshapen {
+            return Err(problems);
+        }
         // Where an error lies costs as much as all else: it is looked for only where there is one.
         let read = Case::deserialize(&tree).or_else(|_| serde_path_to_error::deserialize(tree));
         match read {

@@ -19,6 +19,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Water eroding grains and rock.
@@ -267,6 +268,9 @@ pub struct Engine {
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
+    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
+    // flag itself is never looked at.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|first| first == "--version") {
@@ -569,21 +573,18 @@ fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<
 /// Reads, checks and plans the case; lists everything that is wrong with it.
 fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let path = &case.case;
-    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::InvalidData => Error::Case(vec![]),
-        _ => Error::Io(format!("cannot read the case {}: {e}", path.display())),
-    });
-    let text = match text {
-        Err(Error::Case(_)) => {
+    let text = io::plain::text(path, io::plain::LONGEST_CASE);
+    let text = text.map_err(|error| match error {
+        io::Error::Corrupt { .. } => {
             complain(&format!(
                 "error: {} is not text (UTF-8); a case is JSON text",
                 path.display()
             ));
             complain(&refusal(&[], path));
-            return Err(Error::Case(vec![]));
+            Error::Case(vec![])
         }
-        other => other?,
-    };
+        other => Error::Io(format!("the case: {other}")),
+    })?;
     let directory = path.parent().unwrap_or(Path::new(""));
     Document::read(&text, &case.set, directory)
         .and_then(Plan::prepare)

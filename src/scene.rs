@@ -15,9 +15,11 @@ pub mod numbering;
 pub mod observe;
 pub mod packing;
 pub(crate) mod pairs;
+pub mod profile;
 pub mod rain;
 pub mod rock;
 pub mod sample;
+pub(crate) mod saved;
 pub mod seepage;
 pub mod solids;
 pub(crate) mod speed;
@@ -172,6 +174,7 @@ impl Scene {
         let solid = has_solids(case);
         observe::outputs(case, solid, &mut findings);
         agree(case, &mut findings);
+        saved::names(case, &mut findings);
         if findings.refused()
             && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
                 || case.grains.is_some() && grains.is_none()

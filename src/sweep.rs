@@ -67,8 +67,8 @@ pub type Say<'a> = &'a dyn Fn(&str);
 /// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
 pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
     let file = &sweep.study;
-    let text = std::fs::read_to_string(file)
-        .map_err(|e| Error::Io(format!("cannot read the study {}: {e}", file.display())))?;
+    let text = io::plain::text(file, io::plain::LONGEST_CASE)
+        .map_err(|e| Error::Io(format!("the study: {e}")))?;
     let beside = file.parent().unwrap_or(Path::new(""));
     let study = Study::read(&text).map_err(Error::Case)?;
     let members = members::members(&study, beside).map_err(Error::Case)?;

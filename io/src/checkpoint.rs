@@ -9,7 +9,8 @@
 //! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an
 //! older one, the newest is the one written last, not the one with the highest step.
 
-use std::fs::{self, File};
+use std::collections::BTreeSet;
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,7 @@ use crate::data::{Data, Element, Kind};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
 use crate::hdf::{self, Attribute, Content, Mode, Part, Transfer, product};
+use crate::plain;
 
 /// One rank's box of a named array of the state.
 #[derive(Clone, Debug)]
@@ -92,6 +94,12 @@ struct Signed {
 }
 
 const FORMAT: u32 = 1;
+/// Longest manifest [bytes].
+const LONGEST: u64 = 1 << 30;
+/// Axes of an array at most.
+const DIMENSIONS: usize = 8;
+/// Room for what describes the arrays in a file [bytes].
+const HEADERS: u64 = 16 << 20;
 /// Fewer than this many are never kept: the last may be the damaged one.
 const FEWEST: usize = 2;
 
@@ -112,20 +120,78 @@ impl Manifest {
 
     /// Read a manifest and make sure that it is, byte for byte, the one that was written.
     fn read(path: &Path) -> Result<Self> {
-        let bytes = fs::read(path).map_err(|e| Error::io("read", path, &e))?;
-        let signed: Signed =
-            serde_json::from_slice(&bytes).map_err(|e| Error::corrupt(path, e.to_string()))?;
+        let bytes = plain::bytes(path, LONGEST)?;
+        let signed: Signed = serde_json::from_slice(&bytes).map_err(|e| {
+            // Another format may have other fields.
+            other_format(path, &bytes).unwrap_or_else(|| Error::corrupt(path, e.to_string()))
+        })?;
         // The rendering holds the hash, so one comparison covers the content and every byte between.
         if signed.checkpoint.render()?.as_bytes() != bytes {
             return Err(Error::corrupt(path, "it does not match its own hash"));
         }
-        if signed.checkpoint.format != FORMAT {
-            return Err(Error::corrupt(
-                path,
-                format!("format {} instead of {FORMAT}", signed.checkpoint.format),
+        if let Some(error) = other_format(path, &bytes) {
+            return Err(error);
+        }
+        signed.checkpoint.sound(path, bytes.len() as u64)?;
+        Ok(signed.checkpoint)
+    }
+
+    /// What the manifest says can be: anyone can compute its hash, so that the hash proves nothing but that no bit has
+    /// changed. What fits the case is for the caller to say.
+    fn sound(&self, path: &Path, length: u64) -> Result<()> {
+        let wrong = |what: String| Err(Error::corrupt(path, what));
+        let file = Path::new(&self.file);
+        if file.file_name() != Some(file.as_os_str()) || !is_ours(file, "h5") {
+            return wrong(format!(
+                "it names {:?}, which is no file of a checkpoint in its own folder",
+                self.file
             ));
         }
-        Ok(signed.checkpoint)
+        if !self.time.is_finite() {
+            return wrong("its time is not finite".to_owned());
+        }
+        let mut names = BTreeSet::new();
+        let mut all = 0_u64;
+        for array in &self.arrays {
+            let name = &array.name;
+            check_name(name)?;
+            if !names.insert(name) {
+                return wrong(format!("it has two arrays {name}"));
+            }
+            let numbers = array
+                .shape
+                .iter()
+                .try_fold(1_usize, |n, &m| n.checked_mul(m));
+            let bytes = numbers
+                .filter(|_| (1..=DIMENSIONS).contains(&array.shape.len()))
+                .and_then(|n| n.checked_mul(array.kind.size()))
+                .and_then(|n| all.checked_add(n as u64))
+                .filter(|&bytes| bytes <= self.bytes);
+            let Some(bytes) = bytes else {
+                return wrong(format!(
+                    "the array {name} of shape {:?} does not fit into a file of {} bytes",
+                    array.shape, self.bytes
+                ));
+            };
+            all = bytes;
+            let outside =
+                |block: &&Block| !hdf::is_inside(&block.start, &block.count, &array.shape);
+            if let Some(block) = array.blocks.iter().find(outside) {
+                return wrong(format!(
+                    "a block at {:?} of size {:?} leaves the array {name} of shape {:?}",
+                    block.start, block.count, array.shape
+                ));
+            }
+        }
+        // Beside the arrays the file holds their headers and the caller's attributes.
+        let most = all.saturating_add(HEADERS).saturating_add(4 * length);
+        if self.bytes > most {
+            return wrong(format!(
+                "a file of {} bytes for arrays of {all} bytes",
+                self.bytes
+            ));
+        }
+        Ok(())
     }
 
     /// The HDF5 file beside `manifest`.
@@ -135,6 +201,16 @@ impl Manifest {
 
     fn verify_file(&self, manifest: &Path) -> Result<()> {
         let path = self.heavy(manifest);
+        let known = fs::symlink_metadata(&path).map_err(|e| Error::io("read", &path, &e))?;
+        if known.is_symlink() {
+            return Err(Error::corrupt(&path, "it is a link to another file"));
+        }
+        if known.is_file() && known.len() != self.bytes {
+            return Err(Error::corrupt(
+                &path,
+                format!("{} bytes instead of {}", known.len(), self.bytes),
+            ));
+        }
         let (bytes, hash) = hash_file(&path)?;
         if bytes != self.bytes {
             return Err(Error::corrupt(
@@ -149,9 +225,32 @@ impl Manifest {
     }
 }
 
+/// What is wrong where a manifest is of a format that this program does not read.
+fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
+    let tree: Value = serde_json::from_slice(bytes).ok()?;
+    let checkpoint = tree.get("checkpoint")?;
+    let format = checkpoint.get("format")?.as_u64()?;
+    if format == u64::from(FORMAT) {
+        return None;
+    }
+    let writer = |key: &str| {
+        let written = checkpoint.get("attributes").and_then(|all| all.get(key));
+        let text = written.and_then(Value::as_str).unwrap_or("unknown");
+        text.chars().take(40).collect::<String>()
+    };
+    Some(Error::invalid(
+        &path.display().to_string(),
+        format!(
+            "a checkpoint of format {format}, written by version {} (commit {}), and this program reads format {FORMAT}: go on with that version",
+            writer("version"),
+            writer("commit")
+        ),
+    ))
+}
+
 fn hash_file(path: &Path) -> Result<(u64, String)> {
     let failed = |e: &std::io::Error| Error::io("read", path, e);
-    let mut file = File::open(path).map_err(|e| failed(&e))?;
+    let (mut file, _) = plain::open(path, u64::MAX)?;
     let mut hasher = blake3::Hasher::new();
     let mut buffer = vec![0; 1 << 20];
     let mut bytes = 0;
@@ -444,6 +543,18 @@ pub struct Found {
 /// # Errors
 /// [`Error::NoCheckpoint`], with what was wrong with each, or the system's error for the folder.
 pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
+    newest_that(folder, group, |_| Ok(()))
+}
+
+/// As [`newest`], where the manifest also `fits` the caller's case; that is asked before a byte of the file is read.
+///
+/// # Errors
+/// As [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
+pub fn newest_that(
+    folder: &Path,
+    group: &dyn Group,
+    fits: impl Fn(&Manifest) -> std::result::Result<(), String>,
+) -> Result<Found> {
     on_root(group, || {
         let mut passed_over = Vec::new();
         let mut candidates = Vec::new();
@@ -461,6 +572,9 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
             }
         }
         for (path, manifest) in candidates {
+            if let Err(reason) = fits(&manifest) {
+                return Err(Error::invalid(&path.display().to_string(), reason));
+            }
             match manifest.verify_file(&path) {
                 Ok(()) => {
                     log::debug!(
@@ -488,6 +602,10 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
 /// [`Error::Corrupt`] with what does not fit, or the system's error.
 pub fn verify(manifest: &Path, group: &dyn Group) -> Result<Found> {
     on_root(group, || {
+        let link = |known: fs::Metadata| known.is_symlink();
+        if fs::symlink_metadata(manifest).is_ok_and(link) {
+            return Err(Error::corrupt(manifest, "it is a link to another file"));
+        }
         let read = Manifest::read(manifest)?;
         read.verify_file(manifest)?;
         Ok(Found {
@@ -520,6 +638,58 @@ pub struct Reader<'g> {
     transfer: Transfer,
 }
 
+/// Whether a file holds the arrays of its manifest in itself: as they were written, not as links or references to other
+/// files, which could be anything.
+fn holds(file: &hdf5::File, manifest: &Manifest) -> hdf5::Result<()> {
+    within(file, "", 0, &mut 0)?;
+    for array in &manifest.arrays {
+        let dataset = file.dataset(&format!("/{}", array.name))?;
+        let described = dataset.dcpl()?;
+        if described.layout() != hdf5::dataset::Layout::Contiguous
+            || !described.external().is_empty()
+        {
+            return Err(format!("{} is not stored in one piece", array.name).into());
+        }
+        if dataset.shape() != array.shape || hdf::kind_of(&dataset)? != Some(array.kind) {
+            return Err(format!(
+                "{} has the shape {:?} in the file and {:?} in the manifest, or other numbers",
+                array.name,
+                dataset.shape(),
+                array.shape
+            )
+            .into());
+        }
+    }
+    Ok(())
+}
+
+/// Refuses links that are no plain names of objects in the same file.
+fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hdf5::Result<()> {
+    let mut names = Vec::new();
+    group.iter_visit_default(|name, info| {
+        *seen += 1;
+        if info.link_type != hdf5::LinkType::Hard || depth > DIMENSIONS || *seen > MOST_NAMES {
+            return Err(format!("{path}/{name} is a link, or there are too many objects").into());
+        }
+        names.push(name.to_owned());
+        Ok(())
+    })?;
+    for name in names {
+        if group.loc_type_by_name(&name)? == hdf5::LocationType::Group {
+            within(
+                &group.group(&name)?,
+                &format!("{path}/{name}"),
+                depth + 1,
+                seen,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Names in the file of a checkpoint at most.
+const MOST_NAMES: usize = 10_000;
+
 impl<'g> Reader<'g> {
     /// Open for this rank alone: it reads what and when it likes.
     ///
@@ -527,8 +697,10 @@ impl<'g> Reader<'g> {
     /// [`Error::Hdf`].
     pub fn open(found: &Found) -> Result<Self> {
         let path = found.manifest.heavy(&found.path);
+        let file = hdf::open(&path, None)?;
+        holds(&file, &found.manifest).map_err(|e| Error::hdf(&path, "use its arrays", &e))?;
         Ok(Self {
-            file: hdf::open(&path, None)?,
+            file,
             path,
             manifest: found.manifest.clone(),
             group: None,
@@ -550,6 +722,8 @@ impl<'g> Reader<'g> {
             });
         };
         let path = found.manifest.heavy(&found.path);
+        // What the file holds is looked at by each rank for itself, before they open it together.
+        agree(group, Self::open(found).and_then(Self::close))?;
         let opened = hdf::open(&path, Some(communicator));
         Ok(Self {
             file: agree(group, opened).map_err(|e| e.broken(&path))?,

@@ -72,14 +72,24 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         groups: Vec::new(),
         datasets: Vec::new(),
     };
-    let walked = walk(&file, &mut info).map_err(|e| Error::hdf(path, "list the file", &e));
+    let walked = walk(&file, &mut info, 0).map_err(|e| Error::hdf(path, "list the file", &e));
     let closed = file
         .close()
         .map_err(|e| Error::hdf(path, "close the file", &e));
     walked.and(closed).map(|()| info)
 }
 
-fn walk(group: &hdf5::Group, info: &mut FileInfo) -> hdf5::Result<()> {
+/// Groups within each other, and objects of a file, at most: links may lead round in a circle.
+const DEEPEST: usize = 32;
+const MOST_OBJECTS: usize = 100_000;
+
+fn walk(group: &hdf5::Group, info: &mut FileInfo, depth: usize) -> hdf5::Result<()> {
+    if depth > DEEPEST || info.groups.len() + info.datasets.len() > MOST_OBJECTS {
+        return Err(format!(
+            "its groups nest more than {DEEPEST} deep, or it has more than {MOST_OBJECTS} objects"
+        )
+        .into());
+    }
     info.groups.push((group.name(), attributes(group)?));
     for dataset in group.datasets()? {
         let attributes = attributes(&dataset)?;
@@ -97,7 +107,7 @@ fn walk(group: &hdf5::Group, info: &mut FileInfo) -> hdf5::Result<()> {
         });
     }
     for child in group.groups()? {
-        walk(&child, info)?;
+        walk(&child, info, depth + 1)?;
     }
     Ok(())
 }
@@ -191,12 +201,9 @@ pub struct Values {
     pub values: Vec<f64>,
 }
 
-/// Find a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
-///
-/// # Errors
-/// [`Error::Invalid`] where there is none; it lists the names there are.
-pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetInfo> {
-    let places = if name.starts_with('/') {
+/// Where a column of this name may stand in a file.
+fn places(name: &str) -> Vec<String> {
+    if name.starts_with('/') {
         vec![name.to_owned()]
     } else if name == "position" {
         vec!["/VTKHDF/Points".to_owned()]
@@ -206,8 +213,45 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
             format!("/VTKHDF/PointData/{name}"),
             format!("/{name}"),
         ]
-    };
-    places
+    }
+}
+
+/// The shape of a column, found as by [`find_column`]; of the file only what describes it is read.
+///
+/// # Errors
+/// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column of numbers.
+pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
+    let file = hdf::open(path, None)?;
+    let mut found = None;
+    for place in places(name) {
+        // A place without a dataset is none: the next one is asked.
+        if let Ok(dataset) = file.dataset(&place) {
+            found = Some((dataset.shape(), hdf::kind_of(&dataset)));
+            break;
+        }
+    }
+    let closed = file
+        .close()
+        .map_err(|e| Error::hdf(path, "close the file", &e));
+    match found {
+        Some((shape, Ok(Some(_)))) => closed.map(|()| shape),
+        Some(_) => Err(Error::invalid(
+            &path.display().to_string(),
+            format!("its column {name} holds no numbers"),
+        )),
+        None => Err(Error::invalid(
+            &path.display().to_string(),
+            format!("holds no column {name}"),
+        )),
+    }
+}
+
+/// Find a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
+///
+/// # Errors
+/// [`Error::Invalid`] where there is none; it lists the names there are.
+pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetInfo> {
+    places(name)
         .iter()
         .find_map(|place| info.dataset(place))
         .cloned()

@@ -26,6 +26,7 @@ use crate::atomic;
 use crate::data::{Data, Kind, index};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
+use crate::plain;
 
 /// How several ranks write one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -740,9 +741,12 @@ pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Resu
             .with_fapl(|access| access.mpio(communicator, None).all_coll_metadata_ops(true))
             .open(path),
         // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays open.
-        None => File::with_options()
-            .with_fapl(|access| access.fclose_degree(FileCloseDegree::Semi))
-            .open(path),
+        None => {
+            plain::open(path, u64::MAX)?;
+            File::with_options()
+                .with_fapl(|access| access.fclose_degree(FileCloseDegree::Semi))
+                .open(path)
+        }
     };
     opened.map_err(|e| Error::hdf(path, "open the file", &e))
 }

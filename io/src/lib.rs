@@ -10,7 +10,9 @@
 //! | how does ParaView find the steps? | [`series`] |
 //! | how is the whole state kept and found again? | [`checkpoint`] |
 //! | how are numbers over time kept? | [`table`] |
+//! | how does a restart know its tables again? | [`marks`] |
 //! | how are files read back? | [`fields`] |
+//! | how is a file read that others wrote? | [`plain`] |
 //!
 //! Two promises hold everywhere. A file whose name does not end in `.part` is complete: it was written under
 //! another name, closed, flushed to the disk and renamed. And every function that takes a [`Group`] returns the same
@@ -24,7 +26,9 @@ pub mod fields;
 pub mod group;
 pub mod hdf;
 pub mod image;
+pub mod marks;
 pub mod mesh;
+pub mod plain;
 pub mod series;
 pub mod table;
 mod xdmf;

@@ -16,6 +16,7 @@ use crate::group::{Group, on_root};
 use crate::hdf::{Attribute, Content, Mode};
 use crate::image::{self, Image};
 use crate::mesh::{self, Mesh};
+use crate::plain;
 use crate::xdmf;
 
 /// When an output was written.
@@ -237,7 +238,7 @@ impl Series {
 
     /// The steps of the index, or nothing where it is missing, not of this form, or not in step with the heavy files.
     fn read_index(&self) -> Option<Vec<Step>> {
-        let text = std::fs::read_to_string(self.index()).ok()?;
+        let text = plain::text(&self.index(), plain::LONGEST_TABLE).ok()?;
         let body = text
             .strip_prefix(HEAD)?
             .strip_prefix(&self.collection())?

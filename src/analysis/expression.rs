@@ -2,27 +2,58 @@
 //!
 //! Numbers, names, `+ - * / ^`, brackets and the functions below; `^` binds to the right and before a sign. Angles are in
 //! radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case: `bodies[0].shape.disc.radius`.
+//! A formula has at most 10,000 bytes, and brackets, signs and powers nest 100 deep at most.
+
+/// Bytes of a formula at most.
+pub const LONGEST: usize = 10_000;
+/// Brackets, signs and powers within each other at most.
+pub const DEEPEST: usize = 100;
 
 /// The value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
 /// What cannot be read, with the expression.
 pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
+    if text.len() > LONGEST {
+        return Err(format!(
+            "{}: a formula of {} bytes; at most {LONGEST} are read",
+            excerpt(text),
+            text.len()
+        ));
+    }
     let mut reader = Reader {
         rest: text.trim_start(),
         lookup,
+        depth: 0,
     };
-    let value = reader.comparison().map_err(|e| format!("{text:?}: {e}"))?;
+    let value = reader
+        .comparison()
+        .map_err(|e| format!("{}: {e}", excerpt(text)))?;
     if reader.rest.is_empty() {
         Ok(value)
     } else {
-        Err(format!("{text:?}: unexpected {:?}", reader.rest))
+        Err(format!(
+            "{}: unexpected {}",
+            excerpt(text),
+            excerpt(reader.rest)
+        ))
     }
+}
+
+/// The beginning of a formula, in quotes.
+#[must_use]
+pub fn excerpt(text: &str) -> String {
+    if text.len() <= 200 {
+        return format!("{text:?}");
+    }
+    format!("{:?}...", text.chars().take(60).collect::<String>())
 }
 
 struct Reader<'a> {
     rest: &'a str,
     lookup: &'a dyn Fn(&str) -> Option<f64>,
+    /// Signs, powers and brackets round the place that is read.
+    depth: usize,
 }
 
 impl Reader<'_> {
@@ -71,7 +102,21 @@ impl Reader<'_> {
         }
     }
 
+    /// Every way into itself leads through here.
     fn signed(&mut self) -> Result<f64, String> {
+        if self.depth > DEEPEST {
+            return Err(format!(
+                "brackets, signs and powers nest more than {DEEPEST} deep before {}",
+                excerpt(self.rest)
+            ));
+        }
+        self.depth += 1;
+        let value = self.unbounded();
+        self.depth -= 1;
+        value
+    }
+
+    fn unbounded(&mut self) -> Result<f64, String> {
         if self.eat('-') {
             return Ok(-self.signed()?);
         }
@@ -88,14 +133,17 @@ impl Reader<'_> {
             return if self.eat(')') {
                 Ok(value)
             } else {
-                Err(format!("a bracket is not closed before {:?}", self.rest))
+                Err(format!(
+                    "a bracket is not closed before {}",
+                    excerpt(self.rest)
+                ))
             };
         }
         let length = self.word_length();
         if length == 0 {
             return Err(format!(
-                "a number or a name is missing before {:?}",
-                self.rest
+                "a number or a name is missing before {}",
+                excerpt(self.rest)
             ));
         }
         let (word, rest) = self.rest.split_at(length);
@@ -103,7 +151,7 @@ impl Reader<'_> {
         if word.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
             return word
                 .parse()
-                .map_err(|_| format!("{word:?} is not a number"));
+                .map_err(|_| format!("{} is not a number", excerpt(word)));
         }
         if self.eat('(') {
             let argument = self.comparison()?;
@@ -112,13 +160,16 @@ impl Reader<'_> {
                 second = Some(self.comparison()?);
             }
             if !self.eat(')') {
-                return Err(format!("a bracket is not closed before {:?}", self.rest));
+                return Err(format!(
+                    "a bracket is not closed before {}",
+                    excerpt(self.rest)
+                ));
             }
             return function(word, argument, second);
         }
         match word {
             "pi" => Ok(std::f64::consts::PI),
-            _ => (self.lookup)(word).ok_or_else(|| format!("nothing is named {word:?}")),
+            _ => (self.lookup)(word).ok_or_else(|| format!("nothing is named {}", excerpt(word))),
         }
     }
 
@@ -198,6 +249,25 @@ mod tests {
             "[0]",
         ] {
             assert!(value(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn long_and_deep_formulas_are_refused_with_a_sentence() {
+        let value = |text: &str| evaluate(text, &|_| Some(1.0));
+        let nested = |n: usize| format!("{}1{}", "(".repeat(n), ")".repeat(n));
+        assert_eq!(value(&nested(100)), Ok(1.0));
+        assert_eq!(value(&format!("1{}", " + 1".repeat(2000))), Ok(2001.0));
+        for (bad, says) in [
+            (nested(101), "nest more than 100 deep"),
+            (nested(40_000), "a formula of 80001 bytes"),
+            (format!("{}1", "-".repeat(5000)), "nest more than 100 deep"),
+            (format!("1{}", "^1".repeat(4000)), "nest more than 100 deep"),
+            (format!("{}1", "sqrt(".repeat(1500)), "nest more than"),
+            ("-".repeat(100_000), "a formula of 100000 bytes"),
+        ] {
+            let error = value(&bad).unwrap_err();
+            assert!(error.contains(says) && error.len() < 300, "{error}");
         }
     }
 }

@@ -231,7 +231,7 @@ fn summary(output: &Path, path: &str) -> Result<f64, String> {
 }
 
 fn read(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
+    io::plain::text(path, io::plain::LONGEST_TABLE).map_err(|e| e.to_string())
 }
 
 /// Text in rows and columns.

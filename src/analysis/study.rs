@@ -300,11 +300,11 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
 
 /// The file as JSON; `None` where there is none.
 fn read_json(path: &Path) -> Result<Option<Value>, Error> {
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(Error::Io(format!("{}: {error}", path.display()))),
-    };
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = io::plain::text(path, io::plain::LONGEST_CASE)
+        .map_err(|error| Error::Io(error.to_string()))?;
     serde_json::from_str(&text)
         .map(Some)
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))

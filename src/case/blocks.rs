@@ -18,7 +18,7 @@ pub struct Blocks {
     #[serde(default)]
     pub fixed: Vec<Extent>,
     /// JSON file to which the blocks are written as they start, in the form that `file` reads, so that every run of a study can
-    /// reuse them; relative to the output folder.
+    /// reuse them: a file name in the output folder, none of those that the run writes itself.
     #[serde(default)]
     pub save: Option<PathBuf>,
 }

@@ -14,7 +14,7 @@ pub struct Grains {
     /// Where the grains come from.
     pub initial: GrainSource,
     /// CSV file to which the prepared sample is written before anything is cut, so that every run of a study can
-    /// reuse it; relative to the output folder.
+    /// reuse it: a file name in the output folder, none of those that the run writes itself.
     #[serde(default)]
     pub save: Option<PathBuf>,
     /// Boxes emptied after the preparation: chambers, holes. A grain goes if its centre lies in the box.

@@ -94,7 +94,13 @@ pub fn covers(path: &str, known: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || rest.starts_with('['))
 }
 
+/// No path of a case has more steps; a tree that is deeper could not be walked.
+const MOST_STEPS: usize = 64;
+
 fn parse(path: &str) -> Option<Vec<Step>> {
+    if path.matches(['.', '[']).count() >= MOST_STEPS {
+        return None;
+    }
     let mut steps = Vec::new();
     for part in path.split('.') {
         let (key, mut rest) = part.split_at(part.find('[').unwrap_or(part.len()));
@@ -138,5 +144,7 @@ mod tests {
         ] {
             assert!(apply(&mut tree, bad).is_err(), "{bad}");
         }
+        let deep = format!("deep{}=1", "[0]".repeat(40_000));
+        assert!(apply(&mut tree, &deep).is_err());
     }
 }

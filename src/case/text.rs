@@ -1,12 +1,34 @@
-//! JSON text to a tree. A key written twice is refused: the reader cannot know which of the two was meant.
+//! JSON text to a tree, at a bounded cost. A key written twice is refused: the reader cannot know which of the two was
+//! meant. Objects of more keys than [`MOST_KEYS`] and texts of more values than [`MOST_VALUES`] are refused; brackets
+//! nest 127 deep at most.
 
 mod plain;
 
 use crate::error::{Problem, Severity};
-use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::fmt;
+use std::io;
+
+/// Keys of one object at most.
+pub const MOST_KEYS: usize = 10_000;
+/// Values of a text at most, those of lists and objects counted one by one.
+pub const MOST_VALUES: usize = 20_000_000;
+/// Problems of one text that are listed; the rest is counted.
+pub const MOST_PROBLEMS: usize = 50;
+
+/// What is said of the problems that are not listed.
+#[must_use]
+pub fn unlisted(more: usize) -> Option<Problem> {
+    (more > 0).then(|| Problem {
+        path: "the text".into(),
+        value: format!("{more} more problems"),
+        reason: format!("only the first {MOST_PROBLEMS} are listed"),
+        remedy: "correct those first".into(),
+        severity: Severity::Error,
+    })
+}
 
 /// The tree, as far as there is one, and what is wrong with the text.
 #[must_use]
@@ -16,9 +38,12 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
         return (Some(tree), Vec::new());
     }
     let problems = RefCell::new(Vec::new());
+    let (values, more) = (Cell::new(0), Cell::new(0));
     let node = Node {
         path: String::new(),
         problems: &problems,
+        values: &values,
+        more: &more,
     };
     let mut reader = serde_json::Deserializer::from_str(text);
     let tree = node.deserialize(&mut reader).and_then(|tree| {
@@ -26,6 +51,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
         Ok(tree)
     });
     let mut problems = problems.into_inner();
+    problems.extend(unlisted(more.get()));
     match tree {
         Ok(tree) => (Some(tree), problems),
         Err(error) => {
@@ -41,15 +67,52 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     }
 }
 
+/// How the sentence begins about an object whose last keys were not read.
+const TOO_MANY: &str = "an object has at most so many keys, and only those are read:";
+
+/// Whether an object of the text was read in part.
+#[must_use]
+pub(crate) fn cut_short(problems: &[Problem]) -> bool {
+    problems.iter().any(|p| p.reason.starts_with(TOO_MANY))
+}
+
 struct Node<'a> {
     path: String,
     problems: &'a RefCell<Vec<Problem>>,
+    /// Values read so far.
+    values: &'a Cell<usize>,
+    /// Problems beyond those listed.
+    more: &'a Cell<usize>,
+}
+
+impl Node<'_> {
+    fn below(&self, path: String) -> Node<'_> {
+        Node {
+            path,
+            problems: self.problems,
+            values: self.values,
+            more: self.more,
+        }
+    }
+
+    fn report(&self, problem: impl FnOnce() -> Problem) {
+        let mut problems = self.problems.borrow_mut();
+        if problems.len() < MOST_PROBLEMS {
+            problems.push(problem());
+        } else {
+            self.more.set(self.more.get() + 1);
+        }
+    }
 }
 
 impl<'de> DeserializeSeed<'de> for Node<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        self.values.set(self.values.get() + 1);
+        if self.values.get() > MOST_VALUES {
+            return Err(Error::custom(format!("more than {MOST_VALUES} values")));
+        }
         deserializer.deserialize_any(self)
     }
 }
@@ -87,10 +150,9 @@ impl<'de> Visitor<'de> for Node<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();
-        while let Some(value) = access.next_element_seed(Node {
-            path: format!("{}[{}]", self.path, list.len()),
-            problems: self.problems,
-        })? {
+        while let Some(value) =
+            access.next_element_seed(self.below(format!("{}[{}]", self.path, list.len())))?
+        {
             list.push(value);
         }
         Ok(list.into())
@@ -98,14 +160,14 @@ impl<'de> Visitor<'de> for Node<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
-        while let Some(key) = access.next_key::<String>()? {
+        while map.len() < MOST_KEYS {
+            let Some(key) = access.next_key::<String>()? else {
+                return Ok(map.into());
+            };
             let path = join(&self.path, &key);
-            let value = access.next_value_seed(Node {
-                path: path.clone(),
-                problems: self.problems,
-            })?;
+            let value = access.next_value_seed(self.below(path.clone()))?;
             if map.contains_key(&key) {
-                self.problems.borrow_mut().push(Problem {
+                self.report(|| Problem {
                     path,
                     value: brief(&value),
                     reason: "this key is written twice".into(),
@@ -114,6 +176,23 @@ impl<'de> Visitor<'de> for Node<'_> {
                 });
             }
             map.insert(key, value);
+        }
+        let mut more = 0_usize;
+        while access.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {
+            more += 1;
+        }
+        if more > 0 {
+            self.report(|| Problem {
+                path: if self.path.is_empty() {
+                    "the case".into()
+                } else {
+                    self.path.clone()
+                },
+                value: format!("{{{} keys}}", map.len() + more),
+                reason: format!("{TOO_MANY} {MOST_KEYS}"),
+                remedy: "take out what is not meant".into(),
+                severity: Severity::Error,
+            });
         }
         Ok(map.into())
     }
@@ -132,13 +211,40 @@ pub fn join(path: &str, key: &str) -> String {
 /// A value as text short enough for a sentence.
 #[must_use]
 pub fn brief(value: &Value) -> String {
-    let text = value.to_string();
+    let mut head = Head(Vec::new());
+    // The end of a long text is not made at all; that is no failure.
+    let _ = serde_json::to_writer(&mut head, value);
+    let text = String::from_utf8_lossy(&head.0);
     if text.chars().count() <= 60 {
-        return text;
+        return text.into_owned();
     }
     let mut short: String = text.chars().take(57).collect();
     short.push_str("...");
     short
+}
+
+/// Takes the first bytes of a text and refuses the others.
+struct Head(Vec<u8>);
+
+impl Head {
+    /// Enough for 61 characters.
+    const MOST: usize = 256;
+}
+
+impl io::Write for Head {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let room = Self::MOST - self.0.len();
+        if room == 0 {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        let taken = &bytes[..bytes.len().min(room)];
+        self.0.extend_from_slice(taken);
+        Ok(taken.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 #[cfg(test)]

@@ -69,7 +69,8 @@ fn file(path: &Path) -> Result<Value, Error> {
 }
 
 fn read_json(path: &Path) -> Result<Value, Error> {
-    let text = std::fs::read_to_string(path).map_err(|error| failed(path, error))?;
+    let text =
+        io::plain::text(path, io::plain::LONGEST_CASE).map_err(|e| Error::Io(e.to_string()))?;
     serde_json::from_str(&text).map_err(|error| failed(path, error))
 }
 
@@ -194,7 +195,8 @@ fn series(path: &Path) -> Result<Value, Error> {
 }
 
 fn table(path: &Path) -> Result<Value, Error> {
-    let text = std::fs::read_to_string(path).map_err(|error| failed(path, error))?;
+    let text =
+        io::plain::text(path, io::plain::LONGEST_TABLE).map_err(|e| Error::Io(e.to_string()))?;
     let mut lines = text
         .split_inclusive('\n')
         .filter(|line| line.ends_with('\n'))

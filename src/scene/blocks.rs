@@ -325,8 +325,8 @@ fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> O
 fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
     let file = case.directory.join(&mesh.path);
-    let made = std::fs::read(&file)
-        .map_err(|e| format!("cannot read {}: {e}", file.display()))
+    let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+        .map_err(|e| e.to_string())
         .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
         .and_then(|triangles| Polyhedron::from_triangles(&triangles).map_err(|e| e.to_string()))
         .map_err(|e| format!("{}: {e}", mesh.path.display()));
@@ -402,8 +402,8 @@ fn read(
     findings: &mut Findings,
 ) -> Option<Vec<RockBlock>> {
     let file = case.directory.join(path);
-    let read = std::fs::read_to_string(&file)
-        .map_err(|e| vec![format!("cannot read {}: {e}", file.display())])
+    let read = io::plain::text(&file, io::plain::LONGEST_INPUT)
+        .map_err(|e| vec![e.to_string()])
         .and_then(|text| list::read(&text));
     let at = "blocks.initial.file.path";
     let remedy = "correct the path (relative to the case) or the file";

@@ -2,7 +2,7 @@
 
 use crate::case::Case;
 use crate::case::set::lookup;
-use crate::case::text::brief;
+use crate::case::text::{MOST_PROBLEMS, brief};
 use crate::error::{Problem, Remedy, Severity};
 use serde_json::Value;
 use std::cell::OnceCell;
@@ -15,6 +15,8 @@ pub(crate) struct Findings<'a> {
     tree: OnceCell<Value>,
     /// In the order found.
     pub(crate) problems: Vec<Problem>,
+    /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
+    unlisted: Vec<(Severity, usize, usize)>,
 }
 
 impl<'a> Findings<'a> {
@@ -23,6 +25,7 @@ impl<'a> Findings<'a> {
             case,
             tree: OnceCell::new(),
             problems: Vec::new(),
+            unlisted: Vec::new(),
         }
     }
 
@@ -57,6 +60,12 @@ impl<'a> Findings<'a> {
     }
 
     fn push(&mut self, path: &str, reason: String, remedy: Remedy, severity: Severity) {
+        // A list of a million grains may be wrong a million times. One error more or less changes nothing then.
+        let alike = self.problems.iter().filter(|p| p.severity == severity);
+        if alike.count() >= MOST_PROBLEMS {
+            self.only_count(severity);
+            return;
+        }
         let tree = self
             .tree
             .get_or_init(|| serde_json::to_value(self.case).unwrap_or(Value::Null));
@@ -71,6 +80,28 @@ impl<'a> Findings<'a> {
             remedy,
             severity,
         });
+    }
+
+    /// Adds to the line about the findings that are not listed.
+    fn only_count(&mut self, severity: Severity) {
+        let known = self.unlisted.iter_mut().find(|rest| rest.0 == severity);
+        let (_, at, count) = match known {
+            Some(rest) => rest,
+            None => {
+                self.problems.push(Problem {
+                    path: "the case".into(),
+                    value: String::new(),
+                    reason: format!("only the first {MOST_PROBLEMS} of this weight are listed"),
+                    remedy: "correct those first".into(),
+                    severity,
+                });
+                self.unlisted.push((severity, self.problems.len() - 1, 0));
+                let last = self.unlisted.len() - 1;
+                &mut self.unlisted[last]
+            }
+        };
+        *count += 1;
+        self.problems[*at].value = format!("{count} more");
     }
 
     /// Whether the case is refused.

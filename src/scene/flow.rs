@@ -3,6 +3,7 @@
 use super::block::Block;
 use super::findings::{Findings, at_least, at_most, number};
 use super::grid::{Grid, count, whole};
+use super::profile::Table;
 use crate::case::Case;
 use crate::case::boundary::{Condition as Written, Fluctuations, VelocityProfile as Profile};
 use crate::case::coupling::{PartiallySaturated, SolidOperator};
@@ -219,7 +220,7 @@ pub enum VelocityProfile {
     /// A parabola along the inward normal with this peak [m/s], zero at the edges of the patch.
     Parabolic(f64),
     /// From a CSV file.
-    File(PathBuf),
+    File(Table),
 }
 
 impl Flow {
@@ -686,12 +687,17 @@ fn initial(
                 fluctuations: *fluctuations,
             }
         }
-        fluid::Initial::File { path: file } => Initial::File(existing(
-            directory,
-            file,
-            &format!("{path}.file.path"),
-            findings,
-        )),
+        fluid::Initial::File { path: file } => {
+            let file = directory.join(file);
+            if let Err(reason) = holds_fields(&file, grid) {
+                findings.error(
+                    &format!("{path}.file.path"),
+                    reason,
+                    "name a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the case",
+                );
+            }
+            Initial::File(file)
+        }
     }
 }
 
@@ -714,7 +720,7 @@ fn resolved(fluctuations: &Fluctuations, grid: &Grid, path: &str, findings: &mut
     }
 }
 
-/// Turbulence enters with the mean flow; what a file holds is seen when it is read.
+/// Turbulence enters with the mean flow; a table is asked once its patch is known.
 fn carried_in(profile: &Profile, face: Face, path: &str, findings: &mut Findings) {
     let inflow = match profile {
         Profile::Uniform(velocity) => {
@@ -726,31 +732,82 @@ fn carried_in(profile: &Profile, face: Face, path: &str, findings: &mut Findings
         Profile::File { .. } => return,
     };
     if inflow <= 0.0 {
-        findings.error(
-            path,
-            "turbulence is carried in by the mean flow, but this profile does not flow into the domain",
-            "turn the profile round, or take the turbulence out",
-        );
+        findings.error(path, OUTWARD, TURN_ROUND);
     }
 }
 
-/// A file beside the case, or a finding.
-pub(crate) fn existing(
-    directory: &Path,
-    file: &Path,
-    path: &str,
-    findings: &mut Findings,
-) -> PathBuf {
-    let full = directory.join(file);
-    if !full.is_file() {
-        findings.error(
-            path,
-            format!("there is no file {}", full.display()),
-            "correct the path; it is relative to the case",
-        );
+/// Whether a file holds velocity and pressure of every cell; only its headers are read.
+fn holds_fields(file: &Path, grid: &Grid) -> Result<(), String> {
+    for (name, components) in [("velocity", 3), ("pressure", 1)] {
+        let shape = io::fields::column_shape(file, name).map_err(|e| e.to_string())?;
+        let numbers = shape.iter().try_fold(1_usize, |all, n| all.checked_mul(*n));
+        if numbers != grid.cell_count().checked_mul(components) {
+            return Err(format!(
+                "{}: `{name}` has the shape {shape:?}, which is not that of {:?} cells",
+                file.display(),
+                grid.cells
+            ));
+        }
     }
-    full
+    Ok(())
 }
+
+/// Mean velocity of a table into the domain over the cells of a patch [m/s]; none where it is not worth the time.
+fn mean_inflow(table: &Table, patch: &Patch, grid: &Grid) -> Option<f64> {
+    let (axis, inward) = (patch.face.axis(), patch.face.inward());
+    let cells = (0..3).map(|a| patch.to[a].saturating_sub(patch.from[a]));
+    let cells = cells.fold(1, usize::saturating_mul);
+    let looks = if grid.dimension == 2 { 20 } else { table.len() };
+    if cells.saturating_mul(looks) > MOST_LOOKS || cells == 0 {
+        return None;
+    }
+    let mut sum = 0.0;
+    for z in patch.from[2]..patch.to[2] {
+        for y in patch.from[1]..patch.to[1] {
+            for x in patch.from[0]..patch.to[0] {
+                let centre = grid.centre([x, y, z]);
+                let across: Vec<f64> = (0..grid.dimension)
+                    .filter(|&a| a != axis)
+                    .map(|a| centre[a])
+                    .collect();
+                let u = table.at(&across);
+                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+            }
+        }
+    }
+    Some(sum / count(cells))
+}
+
+/// Rows of a profile that are looked at before the run, at most.
+const MOST_LOOKS: usize = 20_000_000;
+
+/// Turbulence enters with the mean flow, that of a table too.
+fn tables_flow_in(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+    for patch in faces.iter().flatten() {
+        let (
+            Some(n),
+            Condition::Velocity {
+                profile: VelocityProfile::File(table),
+                turbulence: Some(_),
+                ..
+            },
+        ) = (patch.index, &patch.condition)
+        else {
+            continue;
+        };
+        if !table.is_empty() && mean_inflow(table, patch, grid).is_some_and(|mean| mean <= 0.0) {
+            findings.error(
+                &format!("{PATH}.boundaries[{n}].condition.velocity.turbulence"),
+                OUTWARD,
+                TURN_ROUND,
+            );
+        }
+    }
+}
+
+const OUTWARD: &str =
+    "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
+const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
 
 fn faces(
     lbm: &LatticeBoltzmann,
@@ -850,6 +907,7 @@ fn faces(
         });
     }
     closed_volume(&faces, grid, findings);
+    tables_flow_in(&faces, grid, findings);
     faces
 }
 
@@ -919,12 +977,17 @@ fn condition(
                     findings,
                 )),
                 Profile::Parabolic { peak } => VelocityProfile::Parabolic(*peak),
-                Profile::File { path: file } => VelocityProfile::File(existing(
-                    directory,
-                    file,
-                    &format!("{path}.file.path"),
-                    findings,
-                )),
+                Profile::File { path: file } => {
+                    let file = directory.join(file);
+                    let empty = Table::empty(file.clone(), grid.dimension);
+                    VelocityProfile::File(Table::read(file, grid.dimension).unwrap_or_else(
+                        |reason| {
+                            let remedy = "correct the path (relative to the case) or the file";
+                            findings.error(&format!("{path}.file.path"), reason, remedy);
+                            empty
+                        },
+                    ))
+                }
             };
             Condition::Velocity {
                 profile,

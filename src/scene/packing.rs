@@ -904,8 +904,8 @@ impl<S: Space> Packing<S> {
     /// # Errors
     /// Where the file cannot be read or is not a packing.
     pub fn load(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Error::Io(format!("{}: {error}", path.display())))?;
+        let text = io::plain::text(path, io::plain::LONGEST_INPUT)
+            .map_err(|error| Error::Io(error.to_string()))?;
         Self::from_csv(&text)
     }
 }

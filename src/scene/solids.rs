@@ -319,8 +319,8 @@ fn facets(
                 Block::vector(grid, at, &format!("{path}.origin"), findings)
             });
             let file = case.directory.join(&mesh.path);
-            let made = std::fs::read(&file)
-                .map_err(|e| format!("cannot read {}: {e}", file.display()))
+            let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+                .map_err(|e| e.to_string())
                 .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
                 .map_err(|e| format!("{}: {e}", mesh.path.display()));
             (
@@ -617,8 +617,8 @@ fn sample(
     findings: &mut Findings,
 ) -> Source {
     let path = "grains.initial.file.path";
-    let read = std::fs::read_to_string(file)
-        .map_err(|e| format!("cannot read {}: {e}", file.display()))
+    let read = io::plain::text(file, io::plain::LONGEST_INPUT)
+        .map_err(|e| e.to_string())
         .and_then(|text| {
             sample::read(&text, grid.dimension, names, material)
                 .map_err(|e| format!("{}: {e}", written.display()))

@@ -99,6 +99,15 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
                 format!("{path}.velocity.profile.parabolic.peak"),
                 peak.abs() * gusts(*turbulence),
             ),
+            Condition::Velocity {
+                profile: VelocityProfile::File(table),
+                turbulence,
+                ..
+            } => add(
+                "the imposed velocity",
+                format!("{path}.velocity.profile.file.path"),
+                table.fastest() * gusts(*turbulence),
+            ),
             _ => {}
         }
     }

@@ -297,6 +297,19 @@ impl CollapseRecorder {
                 asked.points.len()
             )));
         }
+        if let Some(ground) = &state.ground {
+            let [x, y, z] = ground.cells.count;
+            let columns = x.checked_mul(y);
+            let good = columns.and_then(|n| n.checked_mul(z)) == Some(ground.solid.len())
+                && columns == Some(ground.surface.len())
+                && columns == Some(ground.skin.len())
+                && ground.cells.size.iter().all(|h| *h > 0.0 && h.is_finite());
+            if !good {
+                return Err(Error::Io(
+                    "the checkpoint: the ground at time 0 does not fit its own cells".into(),
+                ));
+            }
+        }
         self.state = state;
         Ok(())
     }

@@ -93,8 +93,8 @@ pub struct Critical {
 /// # Errors
 /// What is wrong with the case or the bounds, and why a run failed.
 pub fn command(search: &Search, json: bool) -> Result<String, Error> {
-    let text = std::fs::read_to_string(&search.case)
-        .map_err(|e| Error::Io(format!("{}: {e}", search.case.display())))?;
+    let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
+        .map_err(|e| Error::Io(e.to_string()))?;
     let plan = planned(&text, search, &[])?;
     let inlet = Inlet::of(&plan, search)?;
     let found = run::on_world(search.threads, |communicator, threads| {
@@ -418,7 +418,8 @@ fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
     }
     let path = folder.join("summary.json");
     let wrong = |e: String| Error::Io(format!("{}: {e}", path.display()));
-    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let text =
+        io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| Error::Io(e.to_string()))?;
     let summary: Value = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     let porosity = summary["seepage"]["mean_porosity"].as_f64();
     Ok((early, late, porosity.unwrap_or(f64::NAN)))

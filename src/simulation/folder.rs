@@ -384,7 +384,8 @@ impl Found {
             return Ok(None);
         }
         let json = |name: &str| -> Option<Value> {
-            serde_json::from_str(&fs::read_to_string(folder.join(name)).ok()?).ok()
+            let text = io::plain::text(&folder.join(name), io::plain::LONGEST_CASE).ok()?;
+            serde_json::from_str(&text).ok()
         };
         let outcome = json("summary.json")
             .and_then(|summary| Some(summary.get("outcome")?.as_str()?.to_owned()));

@@ -6,17 +6,21 @@
 
 use super::folder::RunFolder;
 use super::setup;
+use crate::case::fluid::Precision;
 use crate::case::{Case, Document, restart};
+use crate::checkpoint;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
-use crate::plan::Plan;
+use crate::plan::{Plan, steps_number};
+use crate::scene::grid::whole;
 use crate::scene::observe::Action;
 use crate::scene::solids::Wall;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Found;
+use io::marks::{Marks, cut_back};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -118,15 +122,166 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
         other => other,
     };
     let found = found.map_err(|e| Error::Io(e.to_string()))?;
-    for passed in &found.passed_over {
-        log::warn!("checkpoint passed over: {passed}");
+    if communicator.rank() == 0 {
+        for passed in &found.passed_over {
+            log::warn!("checkpoint passed over: {passed}");
+        }
+        tell_version(&found);
     }
     Ok(found)
 }
 
+/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash proves that no bit has changed
+/// since somebody wrote it, not who did.
+///
+/// # Errors
+/// [`Error::Io`] with what does not fit, the same on all ranks.
+pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
+    let found = &resumed.found;
+    let manifest = &found.manifest;
+    let stage = resumed.stage()?;
+    let wrong = |what: String| {
+        Err(Error::Io(format!(
+            "{} does not fit the case: {what}",
+            found.path.display()
+        )))
+    };
+    if let Err(what) = expected(plan, resumed.changed, &stage).fits(manifest) {
+        return wrong(what);
+    }
+    let time = match stage {
+        Stage::Run => steps_number(manifest.step) * plan.clock.time_step,
+        _ => 0.0,
+    };
+    if (manifest.time - time).abs() > 1e-9 * time.abs() {
+        return wrong(format!(
+            "it says {} s at step {}, where the case is at {time} s",
+            manifest.time, manifest.step
+        ));
+    }
+    Ok(())
+}
+
+/// What checkpoints of a plan can hold.
+fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
+    let scene = &plan.scene;
+    let lattice = scene.flow.as_ref().map(|flow| {
+        let bytes = match flow.storage {
+            Precision::F32 => 4,
+            Precision::F64 => 8,
+        };
+        (scene.grid.cells, setup::velocities(flow), bytes)
+    });
+    let of_blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
+    let radii = (scene.bodies.iter().map(|body| body.radius))
+        .chain(of_blocks.map(|block| block.solid.shape.radius()));
+    let length = scene.grid.size.iter().copied().chain(radii);
+    let expected = scene.grains.as_ref().map_or(0, |grains| grains.expected) as u64;
+    let generates =
+        (scene.regions.iter()).any(|region| matches!(region.action, Action::Generate { .. }));
+    let mut grains = scene
+        .first_grain()
+        .saturating_add(expected.saturating_mul(2));
+    for region in &scene.regions {
+        if let Action::Generate { rate, at_most, .. } = &region.action {
+            let by_time = whole(rate * scene.time.end) as u64;
+            let most = at_most.map_or(u64::MAX, u64::from).min(by_time);
+            grains = grains.saturating_add(most.saturating_add(1));
+        }
+    }
+    checkpoint::Expected {
+        prepared: matches!(stage, Stage::Run),
+        lattice,
+        seepage: scene
+            .seepage
+            .as_ref()
+            .map(|seepage| seepage.cells.iter().product()),
+        grains: (scene.has_solids() || generates).then_some(grains),
+        steps: plan.clock.steps,
+        // A shorter warm-up may have been asked for since.
+        warm_up: if changed {
+            u64::MAX
+        } else {
+            plan.clock.warm_up_steps
+        },
+        length: length.fold(0.0, f64::max),
+    }
+}
+
+/// What grains and contacts of a plan can be.
+pub(super) fn bounds(plan: &Plan) -> checkpoint::Bounds {
+    let scene = &plan.scene;
+    checkpoint::Bounds {
+        size: scene.grid.size,
+        materials: scene.materials.len() as u64,
+        shapes: scene.polyhedra().count() as u64,
+    }
+}
+
+/// The tables that the run of a plan may write, by name.
+pub(super) fn tables(plan: &Plan) -> Vec<String> {
+    let probes = plan.scene.probes.iter();
+    let probes = probes.map(|probe| format!("probe_{}.csv", probe.name));
+    let others = [
+        "averages_profile.csv",
+        "bonds.csv",
+        "clusters.csv",
+        "collapse.csv",
+        "collapse_points.csv",
+        "erosion.csv",
+        "removed.csv",
+        "surface.csv",
+    ];
+    probes.chain(others.map(str::to_owned)).collect()
+}
+
+/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. Collective.
+///
+/// # Errors
+/// [`Error::Io`] with the table that was changed since, the same on all ranks.
+pub(super) fn cut_tables_back(
+    found: &Found,
+    folder: &Path,
+    communicator: &Communicator,
+) -> Result<(), Error> {
+    let written = &found.manifest.attributes["tables"];
+    if written.is_null() {
+        // A checkpoint of an earlier version says nothing of them.
+        return Ok(());
+    }
+    let marks: Marks = serde_json::from_value(written.clone())
+        .map_err(|e| Error::Io(format!("{}: tables: {e}", found.path.display())))?;
+    let gone = Together(communicator).on_root(|| cut_back(folder, &marks))?;
+    if communicator.rank() == 0 {
+        for name in gone {
+            log::warn!(
+                "{} is gone: a new one begins at step {}",
+                folder.join(name).display(),
+                found.manifest.step
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Says so where another version or commit wrote a checkpoint.
+fn tell_version(found: &Found) {
+    let of = |key: &str| found.manifest.attributes[key].as_str().unwrap_or("unknown");
+    let (version, commit) = (of("version"), of("commit"));
+    let mine = (env!("CARGO_PKG_VERSION"), env!("SOLVER_COMMIT"));
+    if (version, commit) != mine {
+        log::warn!(
+            "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ from those of one program",
+            found.path.display(),
+            mine.0,
+            mine.1
+        );
+    }
+}
+
 /// Whether a folder holds a run of this very plan that can go on. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
-    let case = std::fs::read_to_string(folder.join("case.json"));
+    let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {
         std::fs::read_dir(folder.join(name)).is_ok_and(|mut entries| entries.next().is_some())
     };

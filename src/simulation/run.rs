@@ -32,12 +32,14 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::averages::Averages;
+use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
 use crate::scene::flow::Initial;
 use crate::scene::grid::Grid;
 use crate::scene::waiting::Request;
 use decomposition::{Communicator, Domain, Slabs, World};
 use io::checkpoint::Reader;
+use io::marks::Marker;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -97,10 +99,9 @@ pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
 /// As [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
 pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(), Error> {
     let path = folder.join("case.json");
-    let text = std::fs::read_to_string(&path).map_err(|e| {
+    let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| {
         Error::Io(format!(
-            "{}: {e}; a folder that can go on holds the case of its run",
-            path.display()
+            "{e}; a folder that can go on holds the case of its run"
         ))
     })?;
     on_world(options.threads, |communicator, threads| {
@@ -181,7 +182,8 @@ pub(super) fn is_done(
     folder: &Path,
 ) -> Result<bool, Error> {
     let done = agreement::on_first(communicator, || {
-        let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+        let text = io::plain::text(&folder.join("summary.json"), io::plain::LONGEST_CASE)
+            .unwrap_or_default();
         let summary: Value = serde_json::from_str(&text).unwrap_or_default();
         Ok(summary["outcome"] == "done" && summary["case_hash"] == plan.case_hash.as_str())
     })?;
@@ -372,6 +374,8 @@ struct Runner<Sp: Space, S: Saved> {
     first_step: u64,
     notes: Value,
     initial_mass: f64,
+    /// Marks the tables for checkpoints; on the first rank.
+    marker: Marker,
 }
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
@@ -421,6 +425,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             Level::best().name()
         ));
         let resumed = start.resumed;
+        if let Some(resumed) = &resumed {
+            resume::fits(&plan, resumed)?;
+        }
         if resumed.as_ref().is_none_or(|resumed| resumed.changed) {
             agreement::on_first(&communicator, || {
                 io::atomic::write(&folder.path().join("case.json"), plan.case_text.as_bytes())
@@ -468,14 +475,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let (Some(found), Some(resumed)) = (found, &resumed) {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
             if flowed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
-                checkpoint::read_fluid(flow.fluid_mut(), &reader)?;
+                agreement::agree(
+                    &communicator,
+                    checkpoint::read_fluid(flow.fluid_mut(), &reader),
+                )?;
                 if let Some(Stage::WarmUp(_)) = stage {
-                    earlier = Some(checkpoint::read_earlier(flow.fluid(), &reader)?);
+                    let read = checkpoint::read_earlier(flow.fluid(), &reader);
+                    earlier = Some(agreement::agree(&communicator, read)?);
                 }
                 flow.restart();
             }
             if runs && let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
-                flow.restore(&checkpoint::read_seepage(&reader)?)?;
+                let read = checkpoint::read_seepage(&reader);
+                flow.restore(&agreement::agree(&communicator, read)?)?;
             }
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
@@ -487,11 +499,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 collapse_state = attributes["collapse"].clone();
             }
             if solid {
-                let (grains, mut contacts) = checkpoint::read_tables(&reader, domain.rank())?;
+                // The first rank alone reads the grains, so that it alone may find them wrong.
+                let read = checkpoint::read_tables(&reader, domain.rank());
+                let read = read.and_then(|(grains, contacts)| {
+                    resume::bounds(&plan).hold(&grains, &contacts)?;
+                    Ok((Particles::from_table(&grains)?, contacts))
+                });
+                let (read, mut contacts) = agreement::agree(&communicator, read)?;
+                particles = read;
                 if let Some(walls) = &resumed.walls {
                     contacts.take_walls(walls)?;
                 }
-                particles = Particles::from_table(&grains)?;
                 setup::blocks::shapes(&plan, &mut particles)?;
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
@@ -655,6 +673,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let resumed = runs;
         let resumed_at = resumed.then_some(step);
+        if let (Some(found), true) = (found, runs) {
+            resume::cut_tables_back(found, folder.path(), &communicator)?;
+        }
         let outputs = Outputs::create(
             &plan,
             folder.path(),
@@ -678,7 +699,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             (&mut averages, lattice, found, runs)
         {
             let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
-            checkpoint::read_averages(averages, flow.fluid(), &reader)?;
+            let read = checkpoint::read_averages(averages, flow.fluid(), &reader);
+            agreement::agree(&communicator, read)?;
         }
         progress = Progress::new(speaks, step);
         let mut runner = Self {
@@ -708,6 +730,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             first_step: step,
             notes,
             initial_mass: 0.0,
+            marker: Marker::default(),
         };
         runner.initial_mass = runner.mass();
         if !resumed {
@@ -909,6 +932,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         attributes["guards"] = simulation.guards.state();
         attributes["typical_radius"] = self.notes["typical_radius"].clone();
         attributes["notes"] = self.notes.clone();
+        let names = resume::tables(&simulation.now.plan);
+        let tables = Together(simulation.now.domain.communicator()).on_root(|| {
+            let names = names.iter().map(String::as_str);
+            self.marker.mark(self.folder.path(), names)
+        })?;
+        attributes["tables"] = json!(tables);
         let keep = simulation.now.plan.scene.checkpoint.keep as usize;
         let (step, time) = (simulation.now.step, simulation.now.time());
         let communicator = simulation.now.domain.communicator();

@@ -16,7 +16,7 @@ use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
-use crate::error::Error;
+use crate::error::{Error, Problem, Severity};
 use crate::lbm::boundary::turbulent::Synthetic;
 use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
 use crate::lbm::collision::mrt::Rates;
@@ -30,6 +30,7 @@ use crate::scene::flow::{
     self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
 };
 use crate::scene::grid::{Grid, count};
+use crate::scene::profile::Table;
 use crate::scene::solids::{Grain, Mobility};
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
@@ -38,6 +39,24 @@ use std::sync::Arc;
 /// Axis by number.
 pub fn axis(n: usize) -> Axis {
     [Axis::X, Axis::Y, Axis::Z][n.min(2)]
+}
+
+fn set(flow: &Flow) -> Set {
+    match flow.lattice {
+        Lattice::D2q9 => Set::D2Q9,
+        Lattice::D3q19 => Set::D3Q19,
+        Lattice::D3q27 => Set::D3Q27,
+    }
+}
+
+/// How many velocities the lattice of a fluid has.
+#[must_use]
+pub fn velocities(flow: &Flow) -> usize {
+    match flow.lattice {
+        Lattice::D2q9 => 9,
+        Lattice::D3q19 => 19,
+        Lattice::D3q27 => 27,
+    }
 }
 
 /// The fluid of a plan in lattice units.
@@ -51,11 +70,7 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
         patches.push(self::patch(plan, patch, units)?);
     }
     Ok(Setup {
-        set: match flow.lattice {
-            Lattice::D2q9 => Set::D2Q9,
-            Lattice::D3q19 => Set::D3Q19,
-            Lattice::D3q27 => Set::D3Q27,
-        },
+        set: set(flow),
         operator: match flow.collision {
             Collision::Bgk {} => Operator::Bgk,
             Collision::Trt { magic } => Operator::Trt { magic },
@@ -162,7 +177,9 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
                     plan.scene.grid.dimension,
                     units.velocity_to_lattice(*peak),
                 ),
-                VelocityProfile::File(path) => table(path, axis, plan, units)?,
+                VelocityProfile::File(written) => {
+                    table(written, axis, plan.scene.grid.dimension, units)
+                }
             };
             let ramp = growing(*ramp_time);
             match turbulence {
@@ -224,10 +241,14 @@ fn synthetic(
     }
     let speed = sum / f64::max(cells, 1.0);
     if speed <= 0.0 {
-        return Err(Error::Io(format!(
-            "boundary `{}`: turbulence is carried in by the mean flow, but the profile does not flow in",
-            patch.name
-        )));
+        return Err(Error::Case(vec![Problem {
+            path: format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name),
+            value: format!("{speed} of the lattice into the domain on the mean"),
+            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
+                .into(),
+            remedy: "turn the profile round, or take the turbulence out".into(),
+            severity: Severity::Error,
+        }]));
     }
     Ok(Synthetic {
         // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
@@ -253,73 +274,16 @@ fn parabola(axis: usize, upper: bool, patch: &flow::Patch, dimension: usize, pea
     })
 }
 
-/// A profile from CSV: the tangential coordinates, then the velocity components, linear between rows (nearest row in 3-D).
-fn table(
-    path: &std::path::Path,
-    axis: usize,
-    plan: &Plan,
-    units: &LatticeUnits,
-) -> Result<Profile, Error> {
-    let dimension = plan.scene.grid.dimension;
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Error::Io(format!("velocity profile {}: {e}", path.display())))?;
-    let mut rows: Vec<Vec<f64>> = Vec::new();
-    for (n, line) in text.lines().enumerate().skip(1) {
-        if line.trim().is_empty() || line.starts_with('#') {
-            continue;
-        }
-        let row: Option<Vec<f64>> = line.split(',').map(|v| v.trim().parse().ok()).collect();
-        match row {
-            Some(row) if row.len() == 2 * dimension - 1 && row.iter().all(|v| v.is_finite()) => {
-                rows.push(row)
-            }
-            _ => {
-                return Err(Error::Io(format!(
-                    "velocity profile {}: line {} needs {} numbers",
-                    path.display(),
-                    n + 1,
-                    2 * dimension - 1
-                )));
-            }
-        }
-    }
-    if rows.is_empty() {
-        return Err(Error::Io(format!(
-            "velocity profile {}: no rows",
-            path.display()
-        )));
-    }
-    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let spacing = units.spacing;
-    let units = *units;
-    Ok(Box::new(move |position| {
+/// A profile from a table.
+fn table(table: &Table, axis: usize, dimension: usize, units: &LatticeUnits) -> Profile {
+    let (table, units) = (table.clone(), *units);
+    Box::new(move |position| {
         let across: Vec<f64> = (0..dimension)
             .filter(|&a| a != axis)
-            .map(|a| position[a] * spacing)
+            .map(|a| position[a] * units.spacing)
             .collect();
-        let velocity: Vec<f64> = if dimension == 2 {
-            let k = rows.partition_point(|row| row[0] < across[0]);
-            let (low, high) = (&rows[k.saturating_sub(1)], &rows[k.min(rows.len() - 1)]);
-            let width = high[0] - low[0];
-            let s = if width > 0.0 {
-                ((across[0] - low[0]) / width).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            (1..3).map(|c| low[c] + s * (high[c] - low[c])).collect()
-        } else {
-            let distance =
-                |row: &Vec<f64>| (row[0] - across[0]).powi(2) + (row[1] - across[1]).powi(2);
-            rows.iter()
-                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-                .map_or_else(|| vec![0.0; 3], |row| row[2..].to_vec())
-        };
-        std::array::from_fn(|a| {
-            velocity
-                .get(a)
-                .map_or(0.0, |&v| units.velocity_to_lattice(v))
-        })
-    }))
+        table.at(&across).map(|v| units.velocity_to_lattice(v))
+    })
 }
 
 /// Lengths in cells after which a field repeats.

@@ -2,6 +2,7 @@
 
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;
+use crate::case::text::MOST_PROBLEMS;
 use crate::case::{Document, annotation, set, text};
 use crate::error::{Problem, Severity, Verdict};
 use crate::plan::Plan;
@@ -11,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 /// More members than this are a slip.
 const MOST_MEMBERS: usize = 10_000;
+/// Fields of one member that formulas set, at most: each of them is looked for in all the others.
+const MOST_FORMULAS: usize = 100;
 /// The field that lets a member beyond the limits run.
 const LIMITS: &str = "guards.limits";
 
@@ -77,6 +80,9 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     // The same sentence about many members is said once, with the first of them.
     let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
     for draft in drafts {
+        if found.len() >= MOST_PROBLEMS {
+            break;
+        }
         let (member, problems) = make(study, &base, &directory, draft);
         for mut problem in problems {
             let key = (
@@ -111,10 +117,10 @@ fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> 
     let (mut tree, directory) = match &study.case {
         Value::String(path) => {
             let file = beside.join(path);
-            let text = std::fs::read_to_string(&file).map_err(|e| {
+            let text = io::plain::text(&file, io::plain::LONGEST_CASE).map_err(|e| {
                 one(
                     path,
-                    format!("the case cannot be read: {e}"),
+                    format!("the case cannot be used: {e}"),
                     "write a path from the folder of the study",
                 )
             })?;
@@ -146,6 +152,16 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
             "too many",
             reason,
             "vary less at once",
+        )]);
+    }
+    if study.members.len() > MOST_MEMBERS {
+        let value = format!("{} members", study.members.len());
+        let reason = format!("more than {MOST_MEMBERS} members are listed");
+        return Err(vec![problem(
+            "members",
+            &value,
+            reason,
+            "list fewer, or vary a field",
         )]);
     }
     let mut grid = Vec::new();
@@ -225,6 +241,9 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
             ));
         }
         seen.push(&draft.name);
+        if found.len() >= MOST_PROBLEMS {
+            return found;
+        }
     }
     for (output, reference) in &study.reference {
         if let Reference::Found(FoundReference::Member(name)) = reference
@@ -320,6 +339,12 @@ fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Ve
             ),
         }
     }
+    if formulas.len() > MOST_FORMULAS {
+        let value = format!("{} formulas", formulas.len());
+        let reason = format!("at most {MOST_FORMULAS} fields of a member are set by formulas");
+        found.push(problem("set", &value, reason, "write numbers instead"));
+        return found;
+    }
     while let Some(next) = first_settled(&formulas) {
         let (path, formula) = formulas.remove(next);
         let known = |name: &str| set::lookup(case, name).and_then(Value::as_f64);
@@ -330,7 +355,12 @@ fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Ve
             }
             Err(reason) => {
                 let remedy = "name numbers of the case by their path, such as domain.spacing";
-                found.push(problem(&path, &format!("={formula}"), reason, remedy));
+                found.push(problem(
+                    &path,
+                    &expression::excerpt(&format!("={formula}")),
+                    reason,
+                    remedy,
+                ));
             }
         }
     }

@@ -110,7 +110,7 @@ impl Record {
     /// The record in a folder; none where there is none that can be read.
     #[must_use]
     pub fn read(folder: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
+        let text = io::plain::text(&folder.join(FILE), io::plain::LONGEST_CASE).ok()?;
         serde_json::from_str(&text).ok()
     }
 

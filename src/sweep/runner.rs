@@ -332,7 +332,8 @@ impl<'a> Runner<'a> {
 impl Job<'_> {
     /// Adds what this attempt cost, as the run itself measured it.
     fn close(&mut self, outcome: Outcome) {
-        let text = fs::read_to_string(self.folder.join("summary.json")).unwrap_or_default();
+        let text = io::plain::text(&self.folder.join("summary.json"), io::plain::LONGEST_CASE)
+            .unwrap_or_default();
         let summary: Value = serde_json::from_str(&text).unwrap_or_default();
         let seconds = |key: &str| summary[key].as_f64();
         let record = &mut self.record;
@@ -374,7 +375,8 @@ fn empty(folder: &Path) -> Result<(), Error> {
 
 /// What a run said last of what was wrong.
 fn last_words(folder: &Path) -> String {
-    let text = fs::read_to_string(folder.join("errors.txt")).unwrap_or_default();
+    let text =
+        io::plain::text(&folder.join("errors.txt"), io::plain::LONGEST_CASE).unwrap_or_default();
     let mut lines = text.lines().rev().filter(|line| !line.trim().is_empty());
     let last = lines.clone().next();
     let told = lines.find(|line| line.starts_with("solver:") || line.starts_with("error:"));

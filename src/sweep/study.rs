@@ -454,7 +454,7 @@ impl Output {
 fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
-        found.push(problem(path, &format!("{formula:?}"), reason, remedy));
+        found.push(problem(path, &expression::excerpt(formula), reason, remedy));
     }
 }
 

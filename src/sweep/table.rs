@@ -238,7 +238,8 @@ impl Row {
                 Cost::ProcessorTime => row.processor_seconds.filter(|_| finished),
             };
         }
-        let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+        let text = io::plain::text(&folder.join("summary.json"), io::plain::LONGEST_CASE)
+            .unwrap_or_default();
         let summary: Value = serde_json::from_str(&text).unwrap_or_default();
         let words = |value: &Value| value.as_str().unwrap_or_default().to_owned();
         row.memory = summary["peak_rss_bytes_all_ranks"].as_f64();

@@ -25,7 +25,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     (
         "cli",
         &["case", "output", "plan", "simulation", "sweep"],
-        &[],
+        &["io"],
     ),
     ("sweep", &["analysis", "case", "plan", "scene"], &["io"]),
     (

@@ -279,7 +279,8 @@ pub struct ErosionSummary {
 /// [`Error::Io`] with file, line and column where the file cannot be read.
 pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>, Error> {
     let fail = |what: String| Error::Io(format!("{}: {what}", path.display()));
-    let text = fs::read_to_string(path).map_err(|error| fail(error.to_string()))?;
+    let text = io::plain::text(path, io::plain::LONGEST_TABLE)
+        .map_err(|error| Error::Io(error.to_string()))?;
     let mut lines = text
         .lines()
         .enumerate()

@@ -1,0 +1,184 @@
+//! Tables as a checkpoint knows them: how long each was, and a hash of its bytes.
+//!
+//! A run that goes on from a checkpoint cuts its tables back to it. The hash shows whether what is left is still what was
+//! written: a table that was changed since is told, instead of being continued.
+
+use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::plain;
+
+/// A table at the moment of a checkpoint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// BLAKE3 hash of these bytes.
+    pub blake3: String,
+}
+
+/// Marks by the names of their files, all in one folder.
+pub type Marks = BTreeMap<String, Mark>;
+
+/// Marks tables that grow: what was hashed for one checkpoint is not read again for the next.
+#[derive(Clone, Debug, Default)]
+pub struct Marker {
+    known: BTreeMap<String, (u64, blake3::Hasher)>,
+}
+
+impl Marker {
+    /// The marks of those of the named files that are there.
+    ///
+    /// # Errors
+    /// The system's error; [`Error::Corrupt`] where a table has become shorter.
+    pub fn mark<'a>(
+        &mut self,
+        folder: &Path,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Marks> {
+        let mut marks = Marks::new();
+        for name in names {
+            let path = folder.join(name);
+            if !path.exists() {
+                continue;
+            }
+            let (done, hasher) = self.known.entry(name.to_owned()).or_default();
+            let (mut file, length) = plain::open(&path, u64::MAX)?;
+            if length < *done {
+                return Err(Error::corrupt(
+                    &path,
+                    format!("{length} bytes, but {done} were written to it"),
+                ));
+            }
+            file.seek(SeekFrom::Start(*done))
+                .map_err(|e| Error::io("read", &path, &e))?;
+            *done += hash(&path, file.take(length - *done), hasher)?;
+            marks.insert(
+                name.to_owned(),
+                Mark {
+                    bytes: *done,
+                    blake3: hasher.finalize().to_hex().to_string(),
+                },
+            );
+        }
+        Ok(marks)
+    }
+}
+
+fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result<u64> {
+    let mut buffer = vec![0; 1 << 16];
+    let mut bytes = 0;
+    loop {
+        let n = from
+            .read(&mut buffer)
+            .map_err(|e| Error::io("read", path, &e))?;
+        if n == 0 {
+            return Ok(bytes);
+        }
+        hasher.update(&buffer[..n]);
+        bytes += n as u64;
+    }
+}
+
+/// Cut tables back to their marks. Every table is looked at before the first is cut; those that are gone are returned.
+///
+/// # Errors
+/// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
+pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
+    let mut gone = Vec::new();
+    let mut longer = Vec::new();
+    for (name, mark) in marks {
+        // Names come from a file: one that leads out of the folder is none of a table.
+        if Path::new(name).file_name() != Some(name.as_ref()) {
+            return Err(Error::invalid(name, "is not the name of a table"));
+        }
+        let path = folder.join(name);
+        if !path.exists() {
+            gone.push(name.clone());
+            continue;
+        }
+        let (file, length) = plain::open(&path, u64::MAX)?;
+        let wrong = |what: &str| {
+            let remedy = "put it back as it was, or move it away: the run then begins a new one where it goes on";
+            Error::corrupt(&path, format!("{what}; {remedy}"))
+        };
+        if length < mark.bytes {
+            return Err(wrong(&format!(
+                "it has {length} bytes, and {} at the checkpoint",
+                mark.bytes
+            )));
+        }
+        let mut hasher = blake3::Hasher::new();
+        hash(&path, file.take(mark.bytes), &mut hasher)?;
+        if hasher.finalize().to_hex().as_str() != mark.blake3 {
+            return Err(wrong(&format!(
+                "its first {} bytes are not those of the checkpoint",
+                mark.bytes
+            )));
+        }
+        if length > mark.bytes {
+            longer.push((path, mark.bytes));
+        }
+    }
+    for (path, bytes) in longer {
+        OpenOptions::new()
+            .write(true)
+            .open(&path)
+            .and_then(|file| {
+                file.set_len(bytes)?;
+                file.sync_all()
+            })
+            .map_err(|e| Error::io("cut back", &path, &e))?;
+    }
+    Ok(gone)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn tables_are_cut_back_and_changed_ones_are_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.csv");
+        let mut marker = Marker::default();
+        fs::write(&path, "step,x\n1,2\n").unwrap();
+        let first = marker.mark(dir.path(), ["a.csv", "none.csv"]).unwrap();
+        assert_eq!(first.len(), 1);
+        fs::write(&path, "step,x\n1,2\n2,3\n").unwrap();
+        let second = marker.mark(dir.path(), ["a.csv"]).unwrap();
+        assert_eq!(second["a.csv"].bytes, 15);
+        // What was added step by step is hashed as what is there at once.
+        assert_eq!(
+            second,
+            Marker::default().mark(dir.path(), ["a.csv"]).unwrap()
+        );
+
+        assert_eq!(cut_back(dir.path(), &first), Ok(vec![]));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,x\n1,2\n");
+        let says = |marks: &Marks, what: &str| {
+            let error = cut_back(dir.path(), marks).unwrap_err().to_string();
+            assert!(error.contains("a.csv") && error.contains(what), "{error}");
+        };
+        says(&second, "it has 11 bytes, and 15 at the checkpoint");
+        fs::write(&path, "step,x\n1,3\n2,3\n").unwrap();
+        says(&first, "its first 11 bytes");
+        // Nothing was cut.
+        assert_eq!(fs::read_to_string(&path).unwrap().len(), 15);
+        fs::write(&path, [0xff; 15]).unwrap();
+        says(&second, "move it away");
+        fs::remove_file(&path).unwrap();
+        assert_eq!(cut_back(dir.path(), &first), Ok(vec!["a.csv".to_owned()]));
+        let outside = Marks::from([("../a.csv".to_owned(), first["a.csv"].clone())]);
+        says(&outside, "not the name of a table");
+        assert!(marker.mark(dir.path(), ["a.csv"]).unwrap().is_empty());
+        fs::write(&path, "").unwrap();
+        assert!(marker.mark(dir.path(), ["a.csv"]).is_err());
+    }
+}

@@ -1,0 +1,138 @@
+//! Files that others wrote, read at a bounded cost.
+//!
+//! Only plain files are read: a device, a pipe, a socket or a folder is refused before it is opened, since reading it
+//! may never end. A file longer than the caller's limit is refused before its bytes are read.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Read;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Longest text of a case or a study [bytes].
+pub const LONGEST_CASE: u64 = 256 << 20;
+/// Longest list that a case names: samples, blocks, meshes, profiles [bytes].
+pub const LONGEST_INPUT: u64 = 2 << 30;
+/// Longest table or summary that a run wrote and that is read back [bytes].
+pub const LONGEST_TABLE: u64 = 8 << 30;
+
+fn refused(path: &Path, reason: &str) -> Error {
+    Error::Io {
+        action: "read".to_owned(),
+        path: path.display().to_string(),
+        reason: reason.to_owned(),
+    }
+}
+
+/// What a file is, where it is not a plain one.
+fn kind(kind: fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    if kind.is_dir() {
+        "it is a folder, not a plain file"
+    } else if kind.is_fifo() {
+        "it is a pipe, not a plain file"
+    } else if kind.is_socket() {
+        "it is a socket, not a plain file"
+    } else {
+        "it is a device, not a plain file"
+    }
+}
+
+/// Open a plain file of at most `limit` bytes to read it; also its length.
+///
+/// # Errors
+/// The system's error, or [`Error::Io`] with the reason where the file is not plain or too long.
+pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
+    let look = |known: &fs::Metadata| -> Result<u64> {
+        if !known.is_file() {
+            return Err(refused(path, kind(known.file_type())));
+        }
+        if known.len() > limit {
+            let reason = format!(
+                "it holds {} bytes, and at most {limit} are read",
+                known.len()
+            );
+            return Err(refused(path, &reason));
+        }
+        Ok(known.len())
+    };
+    // Opening a pipe waits for its other end and opening a device may act on it, so the look comes first.
+    look(&fs::metadata(path).map_err(|e| Error::io("read", path, &e))?)?;
+    let file = OpenOptions::new()
+        .read(true)
+        .custom_flags(libc::O_NONBLOCK)
+        .open(path)
+        .map_err(|e| Error::io("read", path, &e))?;
+    // Another file may have taken the place meanwhile.
+    let length = look(&file.metadata().map_err(|e| Error::io("read", path, &e))?)?;
+    Ok((file, length))
+}
+
+/// All bytes of a plain file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`open`].
+pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let (file, length) = open(path, limit)?;
+    let mut all = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    // A file that grows while it is read stays within the limit.
+    file.take(limit.saturating_add(1))
+        .read_to_end(&mut all)
+        .map_err(|e| Error::io("read", path, &e))?;
+    if all.len() as u64 > limit {
+        let reason = format!("it holds more than the {limit} bytes that are read");
+        return Err(refused(path, &reason));
+    }
+    Ok(all)
+}
+
+/// The text of a plain file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
+pub fn text(path: &Path, limit: u64) -> Result<String> {
+    String::from_utf8(bytes(path, limit)?).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        Error::corrupt(path, format!("it is not text (UTF-8) from byte {at} on"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::net::UnixListener;
+
+    #[test]
+    fn only_plain_files_within_the_limit_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        fs::write(&path, "twelve bytes").unwrap();
+        assert_eq!(text(&path, 12).unwrap(), "twelve bytes");
+        let error = text(&path, 11).unwrap_err().to_string();
+        assert!(error.contains("holds 12 bytes, and at most 11"), "{error}");
+        fs::write(&path, [b'a', 0xff]).unwrap();
+        let error = text(&path, 12).unwrap_err().to_string();
+        assert!(error.contains("from byte 1 on"), "{error}");
+
+        let says = |path: &Path, what: &str| {
+            let error = bytes(path, 1000).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        };
+        says(dir.path(), "a folder");
+        says(Path::new("/dev/full"), "a device");
+        says(&dir.path().join("none"), "No such file");
+        let pipe = dir.path().join("pipe");
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(&pipe)
+                .status()
+                .unwrap()
+                .success()
+        );
+        says(&pipe, "a pipe");
+        let socket = dir.path().join("socket");
+        let _listener = UnixListener::bind(&socket).unwrap();
+        says(&socket, "a socket");
+    }
+}

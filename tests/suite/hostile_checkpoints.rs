@@ -1,0 +1,430 @@
+//! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits proves no
+//! good will: what a manifest says is bounded by the case, and files are those of its folder.
+//!
+//! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 12 without it. Each is
+//! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 4 or 5 (a number that
+//! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
+
+use crate::ranks::{SOLVER, Study, beside_others};
+use io::checkpoint::Manifest;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+#[derive(Serialize)]
+struct Signed<'a> {
+    checkpoint: &'a Manifest,
+    manifest_blake3: String,
+}
+
+/// Writes a manifest with its hash; what does not have the form of one is written without.
+fn sign(path: &Path, tree: &Value) {
+    let text = match serde_json::from_value::<Manifest>(tree.clone()) {
+        Ok(manifest) => {
+            let own = serde_json::to_string(&manifest).unwrap();
+            let signed = Signed {
+                checkpoint: &manifest,
+                manifest_blake3: blake3::hash(own.as_bytes()).to_hex().to_string(),
+            };
+            serde_json::to_string_pretty(&signed).unwrap() + "\n"
+        }
+        Err(_) => json!({"checkpoint": tree, "manifest_blake3": ""}).to_string(),
+    };
+    std::fs::write(path, text).unwrap();
+}
+
+/// A run of some hundred steps with checkpoints, made once.
+fn shared() -> &'static Study {
+    static STUDY: OnceLock<Study> = OnceLock::new();
+    STUDY.get_or_init(|| {
+        let study = Study::eroding(&[("checkpoint.every", "0.008"), ("checkpoint.keep", "2")]);
+        study.run("run", 0, 1, &[]);
+        study
+    })
+}
+
+/// A copy of the run with its newest checkpoint alone.
+struct Copy {
+    folder: PathBuf,
+    manifest: PathBuf,
+    tree: Value,
+}
+
+impl Copy {
+    fn new(name: &str) -> Self {
+        let (from, folder) = (shared().path("run"), shared().path(name));
+        let _ = std::fs::remove_dir_all(&folder);
+        let checkpoints = folder.join("checkpoints");
+        std::fs::create_dir_all(&checkpoints).unwrap();
+        for entry in std::fs::read_dir(&from).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                std::fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+            }
+        }
+        let found = io::newest(&from.join("checkpoints"), &io::Alone).unwrap();
+        let manifest = checkpoints.join(found.path.file_name().unwrap());
+        let heavy = from.join("checkpoints").join(&found.manifest.file);
+        std::fs::copy(heavy, checkpoints.join(&found.manifest.file)).unwrap();
+        let tree = serde_json::to_value(&found.manifest).unwrap();
+        sign(&manifest, &tree);
+        Self {
+            folder,
+            manifest,
+            tree,
+        }
+    }
+
+    fn heavy(&self) -> PathBuf {
+        let name = shared_file(&self.tree);
+        self.manifest.with_file_name(name)
+    }
+
+    /// Restarts; exit code and words.
+    fn restart(&self, ranks: usize) -> (Option<i32>, String) {
+        let mut words = vec!["--kill-after=5".to_owned(), "60".into()];
+        if ranks > 0 {
+            words.extend(["mpirun", "--oversubscribe", "-n"].map(str::to_owned));
+            words.push(ranks.to_string());
+        }
+        words.extend(
+            [
+                "bash",
+                "-c",
+                "ulimit -v 2097152; exec \"$0\" \"$@\"",
+                SOLVER,
+            ]
+            .map(str::to_owned),
+        );
+        words.extend(
+            ["restart", self.folder.to_str().unwrap(), "--threads", "1"].map(str::to_owned),
+        );
+        let mut command = Command::new("timeout");
+        for (key, value) in [
+            ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+            ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+            ("OMPI_MCA_mpi_yield_when_idle", "1"),
+        ] {
+            command.env(key, value);
+        }
+        let done = command.args(&words).output().unwrap();
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        (done.status.code(), told)
+    }
+
+    #[track_caller]
+    fn refused(&self, ranks: usize, reason: &str) {
+        let (code, told) = self.restart(ranks);
+        assert_eq!(code, Some(5), "{reason}: {told}");
+        assert!(told.contains(reason), "{reason}: {told}");
+        assert!(!told.contains("panicked"), "{told}");
+    }
+}
+
+fn shared_file(tree: &Value) -> String {
+    let name = Path::new(tree["file"].as_str().unwrap());
+    name.file_name().unwrap().to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_signed_manifest_is_bounded_by_the_case() {
+    let _beside = beside_others();
+    let copy = Copy::new("bounded");
+    let huge = 1_u64 << 40;
+    let array = |name: &str| {
+        let all = copy.tree["arrays"].as_array().unwrap();
+        all.iter().position(|a| a["name"] == name).unwrap()
+    };
+    let (populations, ids) = (array("populations"), array("grains_id"));
+    let cases: Vec<(&str, Value, &str)> = vec![
+        ("/file", json!("../../x.h5"), "no file of a checkpoint"),
+        ("/file", json!("/dev/zero"), "no file of a checkpoint"),
+        (
+            "/file",
+            json!("checkpoint_1.h5/../../x.h5"),
+            "no file of a checkpoint",
+        ),
+        ("/time", json!(1e9), "it says 1000000000 s at step"),
+        ("/step", json!(u64::MAX), "at step 18446744073709551615"),
+        ("/bytes", json!(huge), "for arrays of"),
+        ("/bytes", json!(17), "does not fit into a file of 17 bytes"),
+        (
+            "/format",
+            json!(2),
+            "a checkpoint of format 2, written by version",
+        ),
+        (
+            "/attributes/rows",
+            json!([huge, 0, 0]),
+            "grains, and the case has",
+        ),
+        ("/attributes/rows", json!([1, 2]), "does not say how many"),
+        ("/attributes/seepage", json!(huge), "numbers of seepage"),
+        (
+            "/attributes/fluid_steps",
+            json!(0),
+            "its fluid has done 0 steps",
+        ),
+        (
+            "/attributes/averages",
+            json!(u64::MAX),
+            "more averages than steps",
+        ),
+        ("/attributes/typical_radius", json!(1e300), "typical radius"),
+        ("/attributes/notes", json!([1]), "notes are no object"),
+        (
+            "/attributes/case_hash",
+            json!("0"),
+            "belongs to another case",
+        ),
+        (
+            "/attributes/columns",
+            json!([[["id", "imaginary"]], [], []]),
+            "imaginary numbers",
+        ),
+        ("/attributes/solid_steps", json!(u64::MAX), "solid steps"),
+        ("/attributes/removal/next_id", json!(u64::MAX), ""),
+    ];
+    let shapes = [
+        (populations, json!([1_000_000, 1_000_000, 1_000_000, 9])),
+        (populations, json!([u64::MAX >> 1, 2, 2, 2])),
+        (populations, json!([])),
+        (ids, json!([1_u64 << 62])),
+        (ids, json!([1])),
+    ];
+    for (path, value, reason) in cases {
+        let mut tree = copy.tree.clone();
+        match tree.pointer_mut(path) {
+            Some(place) => *place = value,
+            None => continue,
+        }
+        sign(&copy.manifest, &tree);
+        copy.refused(0, reason);
+    }
+    for (n, shape) in shapes {
+        let mut tree = copy.tree.clone();
+        tree["arrays"][n]["shape"] = shape;
+        tree["arrays"][n]["blocks"] = json!([]);
+        sign(&copy.manifest, &tree);
+        copy.refused(0, "");
+    }
+    let mut tree = copy.tree.clone();
+    tree["arrays"][ids]["shape"] = json!([1_u64 << 40]);
+    sign(&copy.manifest, &tree);
+    copy.refused(2, "does not fit into a file");
+    sign(&copy.manifest, &copy.tree);
+    let (code, told) = copy.restart(0);
+    assert_eq!(code, Some(0), "the whole one is taken: {told}");
+}
+
+#[test]
+fn a_checkpoint_is_a_plain_file_of_its_folder() {
+    let _beside = beside_others();
+    let copy = Copy::new("plain");
+    let (heavy, aside) = (copy.heavy(), copy.folder.join("aside.h5"));
+    std::fs::rename(&heavy, &aside).unwrap();
+    std::os::unix::fs::symlink(&aside, &heavy).unwrap();
+    copy.refused(0, "it is a link to another file");
+    std::fs::remove_file(&heavy).unwrap();
+    assert!(
+        Command::new("mkfifo")
+            .arg(&heavy)
+            .status()
+            .unwrap()
+            .success()
+    );
+    copy.refused(0, "it is a pipe");
+    copy.refused(2, "it is a pipe");
+    std::fs::remove_file(&heavy).unwrap();
+    std::fs::create_dir(&heavy).unwrap();
+    copy.refused(0, "it is a folder");
+    std::fs::remove_dir(&heavy).unwrap();
+    std::fs::rename(&aside, &heavy).unwrap();
+    let case = copy.folder.join("case.json");
+    std::fs::remove_file(&case).unwrap();
+    assert!(
+        Command::new("mkfifo")
+            .arg(&case)
+            .status()
+            .unwrap()
+            .success()
+    );
+    copy.refused(0, "it is a pipe");
+}
+
+#[test]
+fn another_program_is_named() {
+    let _beside = beside_others();
+    let copy = Copy::new("version");
+    let mut tree = copy.tree.clone();
+    tree["attributes"]["version"] = json!("0.0.7");
+    tree["attributes"]["commit"] = json!("abcdef");
+    sign(&copy.manifest, &tree);
+    let (code, told) = copy.restart(0);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(
+        told.contains("was written by version 0.0.7 (commit abcdef)"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_table_that_was_changed_is_told() {
+    let _beside = beside_others();
+    for name in ["bonds.csv", "erosion.csv"] {
+        let copy = Copy::new("tables");
+        let path = copy.folder.join(name);
+        let whole = std::fs::read(&path).unwrap();
+        let mark = &copy.tree["attributes"]["tables"][name];
+        let length = usize::try_from(mark["bytes"].as_u64().unwrap()).unwrap();
+        assert!(
+            length > 100 && whole.len() >= length,
+            "{name} has rows: {mark}"
+        );
+        let mut flipped = whole.clone();
+        flipped[length - 3] ^= 1;
+        std::fs::write(&path, &flipped).unwrap();
+        copy.refused(0, "are not those of the checkpoint; put it back");
+        copy.refused(2, name);
+        std::fs::write(&path, &whole[..length - 1]).unwrap();
+        copy.refused(0, "at the checkpoint; put it back");
+        // Longer is cut back, as a run that was killed leaves it.
+        std::fs::write(
+            &path,
+            [&whole[..length], &b"9999999,what was never a row"[..]].concat(),
+        )
+        .unwrap();
+        let (code, told) = copy.restart(0);
+        assert_eq!(code, Some(0), "{told}");
+        assert_eq!(std::fs::read(&path).unwrap(), whole, "{name}");
+    }
+    let copy = Copy::new("tables");
+    std::fs::remove_file(copy.folder.join("bonds.csv")).unwrap();
+    let (code, told) = copy.restart(0);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(
+        told.contains("bonds.csv is gone: a new one begins at step"),
+        "{told}"
+    );
+}
+
+/// SplitMix64.
+struct Dice(u64);
+
+impl Dice {
+    fn draw(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        usize::try_from(self.draw() % n.max(1) as u64).unwrap()
+    }
+
+    fn of<T: Clone>(&mut self, list: &[T]) -> T {
+        list[self.below(list.len())].clone()
+    }
+}
+
+/// JSON pointers of everything below a node; of long lists a few.
+fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
+    let children: Vec<(String, &Value)> = match node {
+        Value::Object(map) => map.iter().map(|(k, v)| (k.replace('/', "~1"), v)).collect(),
+        Value::Array(list) => {
+            let few = list.iter().enumerate().filter(|(n, _)| *n < 12);
+            few.map(|(n, v)| (n.to_string(), v)).collect()
+        }
+        _ => return,
+    };
+    for (key, child) in children {
+        let path = format!("{at}/{key}");
+        found.push(path.clone());
+        pointers(child, &path, found);
+    }
+}
+
+#[test]
+fn no_signed_mutant_gets_through() {
+    let _beside = beside_others();
+    let count: u64 = std::env::var("SOLVER_CHECKPOINT_MUTANTS")
+        .ok()
+        .and_then(|n| n.parse().ok())
+        .unwrap_or(12);
+    let mut copy = Copy::new("mutants");
+    let (manifest, heavy) = (copy.tree.clone(), std::fs::read(copy.heavy()).unwrap());
+    let mut paths = Vec::new();
+    pointers(&manifest, "", &mut paths);
+    let mut codes = std::collections::BTreeMap::new();
+    let mut bad = Vec::new();
+    for seed in 0..count {
+        let mut dice = Dice(seed);
+        let what;
+        if seed % 2 == 0 {
+            copy = Copy::new("mutants");
+            let mut tree = manifest.clone();
+            let path = dice.of(&paths);
+            let value = dice.of(&[
+                json!(0),
+                json!(-1),
+                json!(1),
+                json!(u64::MAX),
+                json!(i64::MAX),
+                json!(1_u64 << 40),
+                json!(1e300),
+                json!(-1e300),
+                json!(5e-324),
+                json!(0.5),
+                json!(""),
+                json!("text"),
+                json!(null),
+                json!([]),
+                json!({}),
+                json!(true),
+                json!([1, 2, 3]),
+            ]);
+            what = format!("{path} = {value}");
+            *tree.pointer_mut(&path).unwrap() = value;
+            sign(&copy.manifest, &tree);
+        } else {
+            // Words of eight bytes in the file itself, which is hashed and signed anew.
+            copy = Copy::new("mutants");
+            let mut bytes = heavy.clone();
+            let words = 1 + dice.below(4);
+            let mut places = Vec::new();
+            for _ in 0..words {
+                let at = dice.below(bytes.len() / 8 - 1) * 8;
+                let value: u64 = dice.of(&[
+                    f64::NAN.to_bits(),
+                    f64::INFINITY.to_bits(),
+                    1e300_f64.to_bits(),
+                    (-1.0_f64).to_bits(),
+                    0,
+                    1,
+                    u64::MAX,
+                    1 << 40,
+                    dice.0,
+                ]);
+                bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+                places.push(format!("{at}: {value:#x}"));
+            }
+            what = format!("words {}", places.join(", "));
+            std::fs::write(copy.heavy(), &bytes).unwrap();
+            let mut tree = manifest.clone();
+            tree["blake3"] = json!(blake3::hash(&bytes).to_hex().to_string());
+            sign(&copy.manifest, &tree);
+        }
+        let (code, told) = copy.restart(0);
+        *codes.entry(code).or_insert(0) += 1;
+        if !matches!(code, Some(0 | 4 | 5)) || told.contains("panicked") {
+            let tail: String = told.chars().take(600).collect();
+            bad.push(format!("seed {seed}: {what}: {code:?}: {tail}"));
+        }
+    }
+    println!("{count} signed mutants of a checkpoint: {codes:?}");
+    assert!(bad.is_empty(), "{}", bad.join("\n"));
+}

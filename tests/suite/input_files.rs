@@ -1,0 +1,425 @@
+//! What a case, a study or a command names is data: files that are broken, endless or of another kind are refused with
+//! the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
+
+use crate::ranks::{SOLVER, Study, beside_others, run};
+use serde_json::{Value, json};
+use solver::case::Document;
+use solver::case::examples::{EXAMPLES, find};
+use solver::error::Problem;
+use solver::plan::Plan;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// What is wrong with a case whose paths start at `folder`.
+fn problems(case: &Value, folder: &Path) -> Vec<Problem> {
+    match Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[track_caller]
+fn says(case: &Value, folder: &Path, path: &str, reason: &str) {
+    let found = problems(case, folder);
+    assert!(
+        found
+            .iter()
+            .any(|p| p.path == path && p.reason.contains(reason)),
+        "{path} {reason}: {found:#?}"
+    );
+}
+
+fn example(name: &str) -> Value {
+    serde_json::from_str(find(name).unwrap().text).unwrap()
+}
+
+/// The program with arguments, ended after a minute: a hang.
+fn solver(arguments: &[&str]) -> Output {
+    let mut command = Command::new("timeout");
+    command
+        .args(["--kill-after=5", "60", SOLVER])
+        .args(arguments);
+    command.output().unwrap()
+}
+
+#[track_caller]
+fn ends(arguments: &[&str], code: i32, reason: &str) {
+    let done = solver(arguments);
+    let told = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {told}");
+    assert!(told.contains(reason), "{arguments:?}: {told}");
+}
+
+fn pipe(path: &Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+#[test]
+fn lists_of_other_lengths_are_refused_in_every_example() {
+    fn lists(node: &Value, at: &str, found: &mut Vec<String>) {
+        match node {
+            Value::Object(map) => {
+                for (key, child) in map {
+                    lists(child, &format!("{at}/{key}"), found);
+                }
+            }
+            Value::Array(list) => {
+                if list.iter().all(Value::is_number) {
+                    found.push(at.to_owned());
+                }
+                for (n, child) in list.iter().enumerate().take(3) {
+                    lists(child, &format!("{at}/{n}"), found);
+                }
+            }
+            _ => {}
+        }
+    }
+    for example in EXAMPLES {
+        let case: Value = serde_json::from_str(example.text).unwrap();
+        let mut found = Vec::new();
+        lists(&case, "", &mut found);
+        for path in found {
+            for length in [0, 1, 4, 7] {
+                let mut changed = case.clone();
+                *changed.pointer_mut(&path).unwrap() = json!(vec![1; length]);
+                // Whatever is said of it, it is said.
+                problems(&changed, Path::new(""));
+            }
+        }
+    }
+    says(
+        &{
+            let mut case = example("first-flow");
+            case["domain"]["size"] = json!([1, 1, 1, 1]);
+            case
+        },
+        Path::new(""),
+        "domain.size",
+        "this list has 4 values",
+    );
+}
+
+#[test]
+fn huge_and_deep_texts_cost_little() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.json");
+    let name = path.to_str().unwrap();
+    let many: Vec<String> = (0..300_000).map(|n| format!("\"k{n}\":1")).collect();
+    std::fs::write(&path, format!("{{{}}}", many.join(","))).unwrap();
+    let done = solver(&["validate", name]);
+    let told = String::from_utf8(done.stderr).unwrap();
+    assert_eq!(done.status.code(), Some(3));
+    assert!(told.contains("{300000 keys}"), "{told}");
+    assert!(told.lines().count() < 60, "{told}");
+    // Wrong in every entry of a list, where no object is large.
+    let mut case = example("settling-disc");
+    let grain = json!({"position": [1e9, 1e9], "radius": 1e-5, "colour": 1});
+    case["grains"] = json!({"material": "disc", "initial": {"list": vec![grain; 20_000]}});
+    let found = problems(&case, Path::new(""));
+    assert!(found.len() < 200, "{}", found.len());
+    assert!(
+        found.iter().any(|p| p.value.contains("more problems")),
+        "{found:#?}"
+    );
+
+    std::fs::write(&path, "[".repeat(200_000)).unwrap();
+    ends(&["validate", name], 3, "not valid JSON");
+    // A file without content takes no room on the disk, whatever its length.
+    let file = std::fs::File::create(&path).unwrap();
+    file.set_len(300 << 20).unwrap();
+    ends(&["validate", name], 5, "at most 268435456 are read");
+    let deep = format!("x{}=1", "[0]".repeat(30_000));
+    std::fs::write(&path, find("first-flow").unwrap().text).unwrap();
+    ends(
+        &["validate", name, "--set", &deep],
+        3,
+        "not a path of a case",
+    );
+}
+
+#[test]
+fn formulas_of_a_study_are_bounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("study.json");
+    let nested = |n: usize| format!("={}1{}", "(".repeat(n), ")".repeat(n));
+    for (formula, reason) in [
+        (nested(40_000), "a formula of 80001 bytes"),
+        (
+            format!("={}1", "-".repeat(100_000)),
+            "a formula of 100001 bytes",
+        ),
+        (nested(2000), "nest more than 100 deep"),
+    ] {
+        let study = json!({
+            "case": example("first-flow"),
+            "vary": {"time.end": [0.001, formula]},
+            "outputs": {"n": {"summary": "steps"}},
+        });
+        std::fs::write(&path, study.to_string()).unwrap();
+        ends(&["sweep", path.to_str().unwrap(), "--list"], 3, reason);
+        let study = json!({
+            "case": example("first-flow"),
+            "vary": {"time.end": [0.001]},
+            "outputs": {"a": {"is": &formula[1..]}},
+        });
+        std::fs::write(&path, study.to_string()).unwrap();
+        ends(
+            &["sweep", path.to_str().unwrap(), "--list"],
+            3,
+            "outputs.a.is",
+        );
+    }
+}
+
+#[test]
+fn what_is_no_plain_file_is_refused_wherever_it_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo.csv");
+    pipe(&fifo);
+    let fifo = fifo.to_str().unwrap();
+    for special in [
+        fifo,
+        "/dev/full",
+        "/dev/zero",
+        folder.path().to_str().unwrap(),
+    ] {
+        ends(&["validate", special], 5, "not a plain file");
+        ends(&["sweep", special, "--list"], 5, "not a plain file");
+        let mut case = example("couette");
+        case["grains"] = json!({"material": "m", "initial": {"file": {"path": special}}});
+        case["materials"] = json!({"m": {"density": 2000}});
+        says(
+            &case,
+            folder.path(),
+            "grains.initial.file.path",
+            "not a plain file",
+        );
+        let mut case = example("first-flow");
+        case["fluid"]["lattice_boltzmann"]["initial"] = json!({"file": {"path": special}});
+        says(
+            &case,
+            folder.path(),
+            "fluid.lattice_boltzmann.initial.file.path",
+            "not a plain file",
+        );
+        let mut case = example("avalanche");
+        case["blocks"]["initial"] = json!({"file": {"path": special}});
+        says(
+            &case,
+            folder.path(),
+            "blocks.initial.file.path",
+            "not a plain file",
+        );
+        case["walls"] =
+            json!([{"name": "w", "shape": {"mesh": {"path": special}}, "material": "granite"}]);
+        says(
+            &case,
+            folder.path(),
+            "walls[0].shape.mesh.path",
+            "not a plain file",
+        );
+        let study = json!({"case": special, "vary": {"time.end": [1]}, "outputs": {"n": {"summary": "steps"}}});
+        let path = folder.path().join("study.json");
+        std::fs::write(&path, study.to_string()).unwrap();
+        ends(
+            &["sweep", path.to_str().unwrap(), "--list"],
+            3,
+            "not a plain file",
+        );
+    }
+    ends(&["info", fifo], 5, "it is a pipe");
+}
+
+/// A channel whose inlet has the velocities of a table.
+fn with_profile(text: &str, folder: &Path) -> Value {
+    std::fs::write(folder.join("inlet.csv"), text).unwrap();
+    json!({
+        "domain": {"size": [0.02, 0.01], "spacing": 0.0005},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 0.001,
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"file": {"path": "inlet.csv"}}}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "time": {"end": 0.01}
+    })
+}
+
+const PROFILE: &str = "fluid.lattice_boltzmann.boundaries[0].condition.velocity.profile.file.path";
+
+#[test]
+fn a_profile_is_read_by_validate() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    for (text, reason) in [
+        ("", "no rows"),
+        ("y,u,v\n", "no rows"),
+        ("y,u,v\n0,1\n", "line 2 needs 3 finite numbers"),
+        ("y,u,v\n0,1e-3,0\n0.01,nan,0\n", "line 3"),
+        ("y,u,v\n0,1e-3,0,4\n", "line 2"),
+        ("y,u,v\n0;1e-3;0\n", "line 2"),
+    ] {
+        says(&with_profile(text, here), here, PROFILE, reason);
+    }
+    let case = with_profile("y,u,v\n0,1,0\n", here);
+    std::fs::write(here.join("inlet.csv"), [0xff, 0xfe, 0x00]).unwrap();
+    says(&case, here, PROFILE, "not text");
+    std::fs::remove_file(here.join("inlet.csv")).unwrap();
+    says(&case, here, PROFILE, "No such file");
+    let good = with_profile("y,u,v\n0,0.001,0\n0.01,0.001,0\n", here);
+    assert_eq!(problems(&good, here), []);
+}
+
+#[test]
+fn the_speeds_of_a_profile_are_judged_like_constants() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    // Three times the largest speed that the lattice can carry, at one place only.
+    let fast = with_profile("y,u,v\n0,0,0\n0.005,1.5,0\n0.01,0,0\n", here);
+    let mut constant = fast.clone();
+    constant["fluid"]["lattice_boltzmann"]["boundaries"][0]["condition"]["velocity"]["profile"] =
+        json!({"uniform": [1.5, 0]});
+    let reasons = |case: &Value| -> Vec<String> {
+        let refused = problems(case, here);
+        let errors = refused
+            .iter()
+            .filter(|p| p.reason.contains("imposed velocity"));
+        errors.map(|p| p.reason.clone()).collect()
+    };
+    assert!(
+        !reasons(&constant).is_empty(),
+        "{:#?}",
+        problems(&constant, here)
+    );
+    assert_eq!(reasons(&fast), reasons(&constant));
+}
+
+#[test]
+fn an_initial_field_of_other_cells_is_refused_by_validate() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "taylor-green",
+        &[("time.end", "0.005"), ("output.fluid.every", "0.005")],
+    );
+    let path = "fluid.lattice_boltzmann.initial.file.path";
+    let here = study.path("");
+    let mut case = example("taylor-green");
+    for (text, reason) in [("", ""), ("no HDF5", "")] {
+        std::fs::write(study.path("field.vtkhdf"), text).unwrap();
+        case["fluid"]["lattice_boltzmann"]["initial"] = json!({"file": {"path": "field.vtkhdf"}});
+        says(&case, &here, path, reason);
+    }
+    case["fluid"]["lattice_boltzmann"]["initial"] = json!({"file": {"path": "none.vtkhdf"}});
+    says(&case, &here, path, "No such file");
+    study.run("run", 0, 1, &[]);
+    let mut fields: Vec<String> = std::fs::read_dir(study.path("run"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path().to_str().unwrap().to_owned())
+        .filter(|name| name.ends_with(".vtkhdf"))
+        .collect();
+    fields.sort();
+    let last = fields.last().expect("a field").clone();
+    case["fluid"]["lattice_boltzmann"]["initial"] = json!({"file": {"path": last}});
+    assert!(problems(&case, &here).iter().all(|p| p.path != path));
+    let size = case["domain"]["size"][0].as_f64().unwrap();
+    case["domain"]["size"][0] = json!(2.0 * size);
+    says(&case, &here, path, "which is not that of");
+    // The field is read by the run, on two ranks as on one.
+    let set = format!("fluid.lattice_boltzmann.initial={{\"file\": {{\"path\": {last:?}}}}}");
+    study.run("again", 0, 1, &[&set]);
+    study.run("together", 2, 1, &[&set]);
+    assert_eq!(study.hash("again"), study.hash("together"));
+}
+
+#[test]
+fn a_run_writes_into_its_own_folder_only() {
+    let mut case = example("piping");
+    for name in [
+        "/tmp/x.csv",
+        "../x.csv",
+        "a/b.csv",
+        "case.json",
+        "Summary.json",
+        "erosion.csv",
+        "STOP",
+        "checkpoints",
+        "probe_a.csv",
+        "fluid.xmf",
+        "grains_000000001.vtkhdf",
+        "x.part",
+        ".",
+        "..",
+        "",
+        "a\nb",
+    ] {
+        case["grains"]["save"] = json!(name);
+        let found = problems(&case, Path::new(""));
+        let told = found.iter().find(|p| p.path == "grains.save");
+        assert!(
+            told.is_some_and(|p| p.remedy.contains("sample.csv")),
+            "{name}: {found:#?}"
+        );
+    }
+    case["grains"]["save"] = json!("sample.csv");
+    assert_eq!(
+        problems(&case, Path::new(""))
+            .iter()
+            .filter(|p| p.path == "grains.save")
+            .count(),
+        0
+    );
+    let mut case = example("avalanche");
+    case["blocks"]["save"] = json!("../blocks.json");
+    says(&case, Path::new(""), "blocks.save", "a name in the folder");
+}
+
+#[test]
+fn the_folder_of_the_case_is_no_output_folder() {
+    let _beside = beside_others();
+    let study = Study::of("first-flow", &[]);
+    let before = std::fs::read(study.path("case.json")).unwrap();
+    let done = run(0, &study.arguments("", 1, &[])).expect(2);
+    assert!(
+        done.stderr.contains("--output results/case"),
+        "{}",
+        done.stderr
+    );
+    assert_eq!(std::fs::read(study.path("case.json")).unwrap(), before);
+}
+
+#[test]
+fn a_limit_of_file_sizes_ends_with_a_sentence() {
+    let _beside = beside_others();
+    let study = Study::eroding(&[("checkpoint.every", "0.008")]);
+    study.run("full", 0, 1, &["time.end=0.012"]);
+    let size = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().metadata().unwrap().len();
+    let folder = study.path("full").join("checkpoints");
+    let largest = std::fs::read_dir(folder).unwrap().map(size).max().unwrap();
+    for (limit, ranks) in [(largest / 1024 / 2, 1), (4, 1), (largest / 1024 / 2, 2)] {
+        let name = format!("limited-{limit}-{ranks}");
+        let mut words = ["mpirun", "--oversubscribe", "-n"]
+            .map(str::to_owned)
+            .to_vec();
+        words.push(ranks.to_string());
+        // mpirun keeps files of its own, so that only what it starts is limited.
+        words.extend(["bash", "-c"].map(str::to_owned));
+        words.push(format!("ulimit -f {limit}; exec \"$0\" \"$@\""));
+        words.push(SOLVER.to_owned());
+        words.extend(study.arguments(&name, 1, &[]));
+        let mut command = Command::new("timeout");
+        command.args(["--kill-after=5", "60"]).args(&words);
+        for (key, value) in [
+            ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+            ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+        ] {
+            command.env(key, value);
+        }
+        let done = command.output().unwrap();
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(5), "{limit}: {told}");
+        assert!(told.contains("File too large"), "{limit}: {told}");
+    }
+    // What was there before stays whole: the run that met no limit goes on.
+    study.restart("full", 0, &["time.end=0.016"]).expect(0);
+}
