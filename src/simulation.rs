@@ -159,7 +159,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             &now.view(),
             &removed,
             breaks,
-            self.guards.mass_error().unwrap_or(0.0),
+            self.guards.mass_error().unwrap_or(f64::NAN),
         )?;
         self.guards.also_seen(self.recorder.take_speed());
         self.collapse.record_due(&now.view(), &removed)?;
@@ -199,7 +199,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     fn record_end(&mut self) -> Result<(), Error> {
         let view = self.now.view();
         self.outputs.write_all_now(&view)?;
-        let mass_error = self.guards.mass_error().unwrap_or(0.0);
+        let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
         self.recorder.record_end(&view, mass_error)?;
         self.collapse.record_end(&view)
     }
