@@ -9,7 +9,6 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 use serde_json::{Map, Value};
 use std::cell::{Cell, RefCell};
 use std::fmt;
-use std::io;
 
 /// Keys of one object at most.
 pub const MOST_KEYS: usize = 10_000;
@@ -231,18 +230,18 @@ impl Head {
     const MOST: usize = 256;
 }
 
-impl io::Write for Head {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+impl std::io::Write for Head {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let room = Self::MOST - self.0.len();
         if room == 0 {
-            return Err(io::ErrorKind::StorageFull.into());
+            return Err(std::io::ErrorKind::StorageFull.into());
         }
         let taken = &bytes[..bytes.len().min(room)];
         self.0.extend_from_slice(taken);
         Ok(taken.len())
     }
 
-    fn flush(&mut self) -> io::Result<()> {
+    fn flush(&mut self) -> std::io::Result<()> {
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use crate::case::Case;
 use std::path::Path;
 
 /// Names that belong to the run itself.
-const OWN: [&str; 21] = [
+const OWN: [&str; 23] = [
     "averages_profile.csv",
     "bonds.csv",
     "case.json",
@@ -23,10 +23,12 @@ const OWN: [&str; 21] = [
     "log.txt",
     "member.json",
     "picture.svg",
+    "preparation",
     "removed.csv",
     "settlement.svg",
     "stop",
     "summary.json",
+    "surface.csv",
 ];
 /// Endings of the run's series, checkpoints, and of what is not yet complete.
 const OWN_ENDINGS: [&str; 5] = [".xmf", ".vtkhdf", ".h5", ".part", ".lock"];

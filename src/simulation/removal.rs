@@ -316,8 +316,8 @@ impl Removal {
         }
         for (region, origin) in origins.iter().enumerate() {
             if let Some(old) = *origin {
-                self.state.taken[region] = state.taken[old].clone();
-                self.state.made[region] = state.made[old].clone();
+                self.state.taken[region] = state.taken[old];
+                self.state.made[region] = state.made[old];
             }
         }
         self.state.next_id = state.next_id;

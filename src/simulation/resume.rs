@@ -307,7 +307,15 @@ pub(super) fn plan(
     let Some(saved) = attributes["case"].as_str() else {
         return of_an_older_version(document, resumed);
     };
-    let base = Document::read(saved, &[], folder).map_err(Error::Case)?;
+    let broken = |problems: Vec<Problem>| {
+        let first = problems.first().map(ToString::to_string);
+        Error::Io(format!(
+            "{}: the case that it carries cannot be used: {}",
+            found.path.display(),
+            first.unwrap_or_default()
+        ))
+    };
+    let base = Document::read(saved, &[], folder).map_err(broken)?;
     let tree = |case: &Case| {
         serde_json::to_value(case).map_err(|e| Error::Internal(format!("a case as text: {e}")))
     };
@@ -319,7 +327,7 @@ pub(super) fn plan(
     let plan = if changed.is_empty() {
         Plan::prepare(document).map_err(Error::Case)?
     } else {
-        let old = Plan::prepare(base).map_err(Error::Case)?;
+        let old = Plan::prepare(base).map_err(broken)?;
         let plan = Plan::prepare_like(document, &old).map_err(Error::Case)?;
         resumed.walls = Some(wall_origins(&old.scene.walls, &plan.scene.walls))
             .filter(|_| changed.iter().any(|path| path.contains("walls")));
