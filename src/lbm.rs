@@ -7,6 +7,7 @@
 
 pub mod boundary;
 pub mod collision;
+pub mod extremes;
 pub mod fluid;
 pub mod halo;
 pub mod initial;

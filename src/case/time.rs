@@ -123,7 +123,8 @@ pub struct Guards {
     /// continuity of the flow is of this size.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub warn_compression: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and a plan is refused, without unit.
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and a plan is refused, without unit. Cells
+    /// that bodies shut in are left out: bodies that move squeeze them. Beside the corner of a fast lid it may be more than the default.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
     /// Memory of all machines of the run together [GiB]; without it that of this machine.

@@ -788,6 +788,23 @@ impl BodyMap {
         }
     }
 
+    /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local coordinates).
+    #[must_use]
+    pub fn encloses<S: Stored>(&self, cell: [usize; 3], populations: &Populations<S>) -> bool {
+        let velocities = populations.velocities();
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        let (mut bodies, mut walls) = (0, 0);
+        for c in &velocities.c[1..] {
+            let near: [i32; 3] = std::array::from_fn(|a| cell[a] + i32::from(c[a]));
+            match self.owner[self.at(near)] {
+                FLUID => {}
+                OUTSIDE => walls += 1,
+                _ => bodies += 1,
+            }
+        }
+        bodies > 0 && 2 * (bodies + walls) > velocities.q() - 1
+    }
+
     fn solid_neighbours<S: Stored>(&self, cell: [i32; 3], populations: &Populations<S>) -> usize {
         let velocities = populations.velocities();
         (1..velocities.q())

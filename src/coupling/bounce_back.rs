@@ -220,6 +220,10 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         self.map.is_empty()
     }
 
+    fn enclosed(&self, cell: [usize; 3]) -> bool {
+        !self.all_count() && self.map.encloses(cell, self.fluid.populations())
+    }
+
     fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
         let [nx, ny, nz] = self.fluid.populations().cells();
         let mut cells = (nx * ny * nz) as u64;

@@ -28,6 +28,9 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Whether all cells of the slab count: then nobody need ask for each.
     fn all_count(&self) -> bool;
 
+    /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
+    fn enclosed(&self, cell: [usize; 3]) -> bool;
+
     /// The body force on all the water in the last step (lattice units). Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3];
 }

@@ -243,6 +243,11 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         true
     }
 
+    /// Cells that bodies fill in part are in contact with all their neighbours.
+    fn enclosed(&self, _: [usize; 3]) -> bool {
+        false
+    }
+
     /// A covered cell feels the force by 1 - B.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
         let populations = self.fluid.populations();

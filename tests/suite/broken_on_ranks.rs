@@ -107,7 +107,10 @@ fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
 /// Ends with 4 and says why once.
 #[track_caller]
 fn refuses(study: &Study, words: &[&str]) {
-    let done = run(2, &study.arguments("run", 1, &[])).expect(4);
+    let mut arguments = study.arguments("run", 1, &[]);
+    // The plan knows of some of them.
+    arguments.push("--allow-unstable".into());
+    let done = run(2, &arguments).expect(4);
     let lines: Vec<&str> = done
         .stderr
         .lines()

@@ -6,8 +6,8 @@
 //! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
 
 use crate::coupling::lattice::LatticeFlow;
-use crate::crew;
 use crate::dem::space::Space;
+use crate::lbm::extremes::Rows;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Extremes, squared_speed};
 
@@ -38,7 +38,7 @@ impl At {
 pub(super) struct Seen {
     /// Largest squared speed of the water, over C².
     pub(super) fastest: At,
-    /// Density deviation of largest size in the water.
+    /// Density deviation of largest size in the water; not where bodies shut it in, which moving bodies squeeze.
     pub(super) squeezed: At,
     /// The first cell whose numbers are not finite.
     pub(super) broken: Option<u64>,
@@ -81,28 +81,22 @@ impl Order {
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
-    /// What stands out in the rows of each thread.
-    threads: Vec<Share>,
+    /// What stands out in each row.
+    rows: Rows,
     /// Rows by how far they stand out.
     order: Vec<(f64, usize)>,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Share {
-    row: [Vec<f64>; 4],
-    found: Vec<Extremes>,
 }
 
 impl Look {
     /// Looks at every cell of the slab.
     pub(super) fn at<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) -> Seen {
-        self.reduce(flow);
+        self.rows.look(flow.fluid());
         let mut seen = Seen {
             fastest: At::NOWHERE,
             squeezed: At::NOWHERE,
             broken: None,
         };
-        let rows = || self.threads.iter().flat_map(|share| &share.found);
+        let rows = || self.rows.iter();
         for (row, found) in rows().enumerate() {
             if !found.finite {
                 go_through(flow, row, &mut self.row, &mut seen);
@@ -129,27 +123,6 @@ impl Look {
         descend(|row| row.squared_speed, |seen| seen.fastest);
         descend(|row| row.compression, |seen| seen.squeezed);
         seen
-    }
-
-    /// What stands out in each row, by all threads.
-    fn reduce<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) {
-        let populations = flow.fluid().populations();
-        let [slow, middle, fast] = populations.order();
-        let cells = populations.cells();
-        let rows = cells[slow] * cells[middle];
-        let pieces = crew::threads().min(cells[slow]).max(1);
-        self.threads.resize_with(pieces, Share::default);
-        let half = flow.fluid().half_force();
-        crew::each_item(&mut self.threads, 1, |piece, share| {
-            share.found.clear();
-            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
-                let mut at = [0; 3];
-                (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
-                let first = populations.interior_cell(at);
-                let found = populations.row_extremes(first, cells[fast], half, &mut share.row);
-                share.found.push(found);
-            }
-        });
     }
 }
 
@@ -183,7 +156,9 @@ fn go_through<Sp: Space, S: Stored>(
         let covered = fluid.cover().is_some_and(|c| c.fraction(first + k) >= 0.5);
         if !covered && (all_count || flow.counts(at)) {
             seen.fastest.raise(squared, place);
-            seen.squeezed.raise(drho, place);
+            if drho.abs() >= seen.squeezed.value.abs() && !flow.enclosed(at) {
+                seen.squeezed.raise(drho, place);
+            }
         }
     }
 }
