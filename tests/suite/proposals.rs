@@ -152,8 +152,13 @@ fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>)
             .collect();
         let all = [set, &proposed].concat();
         let after = judge(text, &all);
-        let same =
-            |p: &&Problem| p.path == problem.path && weight(p.severity) >= weight(problem.severity);
+        // Where two things are wrong with one field, a proposal is for one of them.
+        let here = |all: &[Problem]| {
+            let heavy = |p: &&Problem| {
+                p.path == problem.path && weight(p.severity) >= weight(problem.severity)
+            };
+            all.iter().filter(heavy).count()
+        };
         // A value that is no value of this field is an error there, above or below.
         let touched = |p: &&Problem| {
             let assigned = problem
@@ -165,11 +170,12 @@ fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>)
                 && assigned
                     .chain([problem.path.as_str()])
                     .any(|path| covers(path, &p.path) || covers(&p.path, path))
-                && !before
-                    .iter()
-                    .any(|old| old.path == p.path && old.reason == p.reason)
+                && !before.iter().any(|old| old.path == p.path)
         };
-        if let Some(found) = after.iter().find(same).or(after.iter().find(touched)) {
+        let still = (here(&after) >= here(&before))
+            .then(|| after.iter().find(|p| p.path == problem.path))
+            .flatten();
+        if let Some(found) = still.or_else(|| after.iter().find(touched)) {
             wrong.push(format!("{name}: {problem}\n   after {proposed:?}: {found}"));
         } else {
             right.insert(format!(
