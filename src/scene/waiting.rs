@@ -221,7 +221,7 @@ pub(super) mod tests {
         let mut reached = None;
         for stops in 0.. {
             let outside = Impatient {
-                questions: Cell::new(11 + stops % 7),
+                questions: Cell::new(9 + stops % 5),
                 kept: RefCell::new(None),
             };
             match work(&Waiting::new(&outside, reached.take())) {

@@ -1,0 +1,302 @@
+//! A run that has begun: its loop, what it answers to requests, its checkpoints.
+
+use super::super::Simulation;
+use super::super::escape;
+use super::super::folder::RunFolder;
+use super::super::phases::{Phase, Phases};
+use super::super::progress::{Moment, Progress};
+use super::super::resume::{self};
+use super::super::watch::Watch;
+use super::{Ended, Start};
+use crate::checkpoint::Saved;
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::output::together::Together;
+use crate::plan::Plan;
+use crate::scene::waiting::Request;
+use decomposition::Domain;
+use io::marks::Marker;
+use serde_json::{Value, json};
+use std::time::Instant;
+
+pub(super) struct Runner<Sp: Space, S: Saved> {
+    pub(super) simulation: Simulation<Sp, S>,
+    pub(super) folder: RunFolder,
+    pub(super) final_checkpoint: bool,
+    /// The step of the newest checkpoint, if this run knows of one.
+    pub(super) saved: Option<u64>,
+    pub(super) watch: Watch,
+    pub(super) progress: Progress,
+    pub(super) threads: usize,
+    pub(super) first_step: u64,
+    pub(super) notes: Value,
+    pub(super) initial_mass: f64,
+    /// Marks the tables for checkpoints; on the first rank.
+    pub(super) marker: Marker,
+}
+
+impl<Sp: Space, S: Saved> Runner<Sp, S> {
+    pub(super) fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Ended> {
+        let json = start.json;
+        let mut runner = Self::begin(plan, domain, start).map_err(Ended::BeforeItsFirstStep)?;
+        let outcome = runner.run().map_err(|error| {
+            let now = &runner.simulation.now;
+            escape::explained(error, &now.plan, now.step, now.time())
+        });
+        let text = match &outcome {
+            Ok(()) => "done",
+            Err(Error::Stopped(_)) => "stopped",
+            Err(_) => "failed",
+        };
+        // A failed rank may be alone: no reductions then.
+        if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
+            runner.summarise(text, json).map_err(Ended::Later)?;
+        } else if runner.simulation.now.domain.rank() == 0 {
+            let message = outcome.as_ref().err().map(ToString::to_string);
+            let summary =
+                json!({ "outcome": text, "error": message, "steps": runner.simulation.now.step });
+            // The error itself matters more than that it could not be written down.
+            let _ = io::atomic::write_json(&runner.folder.path().join("summary.json"), &summary);
+        }
+        outcome.map_err(Ended::Later)
+    }
+
+    /// Mass of the lattice (lattice units of deviation), for drift. Collective.
+    pub(super) fn mass(&self) -> f64 {
+        let Some(flow) = self.simulation.now.lattice() else {
+            return 0.0;
+        };
+        let mut sum = decomposition::ExactSum::new();
+        let populations = flow.fluid().populations();
+        let length = populations.cells()[populations.order()[2]];
+        let mut row = <[Vec<f64>; 4]>::default();
+        for (_, cell) in populations.rows() {
+            populations.row_moments(cell, length, &mut row);
+            for mass in &row[0] {
+                sum.add(*mass);
+            }
+        }
+        sum.all_reduce(self.simulation.now.domain.communicator());
+        sum.value()
+    }
+
+    fn run(&mut self) -> Result<(), Error> {
+        let steps = self.simulation.now.plan.clock.steps;
+        let save_every = self
+            .simulation
+            .now
+            .plan
+            .scene
+            .checkpoint
+            .every
+            .map(|t| self.simulation.now.plan.clock.every(t));
+        let mut ask_at = self.simulation.now.step + self.watch.steps();
+        if self.first_step > 0 && self.goes_on() {
+            self.simulation.drop_end()?;
+        }
+        while self.goes_on() {
+            self.simulation.step()?;
+            for line in self.simulation.collapse.take_news() {
+                self.progress.note(&line);
+            }
+            for line in self.simulation.guards.take_news() {
+                self.progress.note(&line);
+            }
+            let step = self.simulation.now.step;
+            if save_every.is_some_and(|every| every.falls_on(step)) && step < steps {
+                self.save(Occasion::Asked)?;
+            }
+            if self.eroded() {
+                break;
+            }
+            if step >= ask_at {
+                self.tell();
+                let request = self.watch.ask(self.simulation.now.domain.communicator());
+                ask_at = step + self.watch.steps();
+                self.folder.beat();
+                self.simulation.phases.done(Phase::Guards);
+                match request {
+                    Request::None => {}
+                    Request::Checkpoint => self.save(Occasion::Asked)?,
+                    // Nothing is left to stop, but the file that asks for it would stop the next run.
+                    Request::Stop if step >= steps => {
+                        if self.simulation.now.domain.rank() == 0 {
+                            self.watch.forget_file();
+                        }
+                    }
+                    Request::Stop => {
+                        self.save(Occasion::Stop)?;
+                        self.simulation.look()?;
+                        if self.simulation.now.domain.rank() == 0 {
+                            self.watch.forget_file();
+                        }
+                        let text = format!(
+                            "step {step} of {steps}; go on with `solver restart {}`",
+                            self.folder.path().display()
+                        );
+                        return Err(Error::Stopped(text));
+                    }
+                }
+            }
+        }
+        self.simulation.look()?;
+        // The state comes first: whatever fails afterwards, a restart ends the run from here.
+        if self.first_step == self.simulation.now.step {
+            self.progress.note(&format!(
+                "the run was at its end already; extend it with `solver restart {} --set time.end=..`",
+                self.folder.path().display()
+            ));
+        }
+        if self.final_checkpoint && self.saved != Some(self.simulation.now.step) {
+            self.save(Occasion::End)?;
+        }
+        self.folder.forget_preparation();
+        // No checkpoint may be written after this: rows at the end are no part of what a run that goes on remembers.
+        self.simulation.record_end()?;
+        for line in self.simulation.collapse.take_news() {
+            self.progress.note(&line);
+        }
+        self.simulation
+            .collapse
+            .draw(self.folder.path(), &self.simulation.now.domain)?;
+        self.simulation.phases.done(Phase::Output);
+        Ok(())
+    }
+
+    /// Whether there is a step left to do; the same on every rank.
+    fn goes_on(&self) -> bool {
+        self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
+    }
+
+    /// Whether so much has left that the case calls the run done; the same on every rank.
+    fn eroded(&self) -> bool {
+        let law = self.simulation.now.plan.scene.erosion_law.as_ref();
+        law.and_then(|law| law.end_at_eroded_fraction)
+            .is_some_and(|end| self.simulation.recorder.eroded_fraction() >= end)
+    }
+
+    fn tell(&mut self) {
+        if !self.progress.due() {
+            return;
+        }
+        let mut more = String::new();
+        if self.simulation.now.lattice().is_some() {
+            let Simulation { now, guards, .. } = &mut self.simulation;
+            more = guards.line(&now.plan);
+        }
+        let simulation = &self.simulation;
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            more = format!(
+                "inflow {:.3e} outflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                report.inflow,
+                report.outflow,
+                report.iterations,
+                report.residual,
+                balance.closure,
+                balance.implicit
+            );
+        }
+        if simulation.now.plan.scene.erosion_law.is_some() {
+            more += &format!(
+                "  eroded {:.2} %",
+                100.0 * simulation.recorder.eroded_fraction()
+            );
+        }
+        let cells = if simulation.now.lattice().is_some() {
+            simulation.now.plan.scene.grid.cell_count() as u64
+        } else {
+            0
+        };
+        let moment = Moment {
+            step: simulation.now.step,
+            steps: simulation.now.plan.clock.steps,
+            time: simulation.now.time(),
+            cells,
+            // Of this rank only: good enough for a line, and no message.
+            grains: simulation.now.particles.owned() as u64,
+            solid_steps: u64::from(simulation.now.plan.clock.solid_steps_per_step),
+            more,
+        };
+        self.progress.say(&moment);
+    }
+
+    fn save(&mut self, occasion: Occasion) -> Result<(), Error> {
+        let begun = Instant::now();
+        let simulation = &mut self.simulation;
+        simulation.outputs.sync(&simulation.now.domain)?;
+        let recorder = simulation.recorder.state(&simulation.now.domain)?;
+        let collapse = simulation.collapse.state(&simulation.now.domain)?;
+        let mut attributes = resume::attributes(&simulation.now.plan);
+        attributes["removal"] = simulation.removal.state()?;
+        attributes["recorder"] = recorder;
+        attributes["collapse"] = collapse;
+        attributes["guards"] = simulation.guards.state();
+        attributes["typical_radius"] = self.notes["typical_radius"].clone();
+        attributes["notes"] = self.notes.clone();
+        let names = resume::tables(&simulation.now.plan);
+        let tables = Together(simulation.now.domain.communicator()).on_root(|| {
+            let names = names.iter().map(String::as_str);
+            self.marker.mark(self.folder.path(), names)
+        })?;
+        attributes["tables"] = json!(tables);
+        let keep = simulation.now.plan.scene.checkpoint.keep as usize;
+        let (step, time) = (simulation.now.step, simulation.now.time());
+        let communicator = simulation.now.domain.communicator();
+        let written = simulation.now.state().write(
+            &self.folder.checkpoints(),
+            step,
+            time,
+            attributes,
+            keep,
+            communicator,
+        );
+        match written {
+            Ok(()) => {
+                self.saved = Some(step);
+                self.folder.forget_preparation();
+            }
+            Err(io::Error::Space { needed, free, path }) => {
+                let lack = format!("it needs {needed} bytes, {path} has {free}");
+                match occasion {
+                    Occasion::Asked => self.progress.note(&format!(
+                        "no checkpoint at step {step}: {lack}; the run goes on"
+                    )),
+                    Occasion::End => self.progress.note(&format!(
+                        "no checkpoint of the end: {lack}; the run cannot be extended from here"
+                    )),
+                    Occasion::Stop => {
+                        let newest = self.saved.map_or_else(
+                            || "there is none to go on from".to_owned(),
+                            |saved| format!("the newest is that of step {saved}"),
+                        );
+                        return Err(Error::Io(format!(
+                            "asked to stop at step {step}, but there is no room for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
+                            needed.saturating_sub(free),
+                            self.folder.path().display()
+                        )));
+                    }
+                }
+            }
+            Err(error) => return Err(Error::Io(error.to_string())),
+        }
+        self.watch.wrote(begun.elapsed());
+        simulation_phase(&mut self.simulation.phases);
+        Ok(())
+    }
+}
+
+fn simulation_phase(phases: &mut Phases) {
+    phases.done(Phase::Checkpoint);
+}
+
+/// Why a checkpoint is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Occasion {
+    /// It is due, or a signal asked for it.
+    Asked,
+    /// The run stops.
+    Stop,
+    /// The run is done.
+    End,
+}

@@ -1,0 +1,576 @@
+//! From a plan, or a checkpoint, to a run before its next step.
+
+use super::super::agreement;
+use super::super::collapse::CollapseRecorder;
+use super::super::coupled;
+use super::super::erosion::ErosionRecorder;
+use super::super::folder::RunFolder;
+use super::super::guards::Guards;
+use super::super::phases::Phases;
+use super::super::preparation::{self, Settling};
+use super::super::progress::Progress;
+use super::super::removal::Removal;
+use super::super::resume::{self, Resumed, Stage};
+use super::super::setup;
+use super::super::versions::versions;
+use super::super::watch::Watch;
+use super::super::{Present, Simulation};
+use super::Start;
+use super::runner::Runner;
+use crate::case::time::WarmUp;
+use crate::checkpoint::{self, Saved, State};
+use crate::coupling::Flow;
+use crate::coupling::lattice::LatticeFlow;
+use crate::coupling::water::Water;
+use crate::dem::Dem;
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::lbm::fluid::Fluid;
+use crate::lbm::lanes::Level;
+use crate::output::Outputs;
+use crate::output::averages::Averages;
+use crate::plan::{Plan, steps_number};
+use crate::scene::flow::Initial;
+use crate::scene::waiting::Request;
+use decomposition::{Communicator, Domain};
+use io::checkpoint::Reader;
+use io::marks::Marker;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+impl<Sp: Space, S: Saved> Runner<Sp, S> {
+    pub(super) fn begin(mut plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
+        let communicator = domain.communicator().clone();
+        let first = communicator.rank() == 0;
+        let folder = start.folder;
+        let mut watch = {
+            let every = plan.scene.checkpoint.every_wall_seconds;
+            let every = (every > 0.0).then(|| Duration::from_secs_f64(every));
+            let mut folders = vec![folder.path()];
+            folders.extend(start.parent.as_deref());
+            Watch::new(&folders, start.begun, start.limit, every)?
+        };
+        let speaks = first && !start.quiet;
+        let mut progress = Progress::new(speaks, 0);
+        progress.note(&format!(
+            "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
+            communicator.size(),
+            start.threads,
+            domain.axis(),
+            Level::best().name()
+        ));
+        let resumed = start.resumed;
+        if let Some(resumed) = &resumed {
+            resume::fits(&plan, resumed)?;
+        }
+        if resumed.as_ref().is_none_or(|resumed| resumed.changed) {
+            agreement::on_first(&communicator, || {
+                io::atomic::write(&folder.path().join("case.json"), plan.case_text.as_bytes())
+                    .map_err(|e| Error::Io(e.to_string()))
+            })?;
+        }
+        let stage = resumed.as_ref().map(Resumed::stage).transpose()?;
+        // Where a sample in the making was kept, nothing else is there yet.
+        let found = resumed
+            .as_ref()
+            .map(|resumed| &resumed.found)
+            .filter(|_| !matches!(stage, Some(Stage::Sample)));
+        let runs = matches!(stage, Some(Stage::Run));
+        let flowed = matches!(stage, Some(Stage::Run | Stage::WarmUp(_)));
+        let units = plan.units;
+        let mut flow = match (&plan.scene.flow, units) {
+            (Some(scene), Some(units)) => {
+                let made = setup::fluid(&plan, scene, &units)
+                    .and_then(|setup| Fluid::<S>::new(setup, &domain).map_err(Error::Internal));
+                let mut fluid = made?;
+                if !flowed {
+                    match setup::initial(&plan, scene, &units) {
+                        Some(field) => fluid.initialise(field.as_ref()),
+                        None => {
+                            if let Initial::File(path) = &scene.initial {
+                                from_file(&mut fluid, path, &plan)?;
+                            }
+                        }
+                    }
+                }
+                Some(coupled::flow::<Sp, S>(&plan, fluid, units))
+            }
+            _ => setup::seepage::<Sp>(&plan, &communicator)?
+                .map(|seepage| Water::Seepage(Box::new(seepage))),
+        };
+        let solid = plan.scene.has_solids() || generates(&plan);
+        let mut particles = Particles::<Sp>::new();
+        let mut notes = json!({});
+        let mut removal = Removal::new(&plan);
+        let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
+        let mut collapse_state = Value::Null;
+        let mut dem = None;
+        let mut earlier: Option<Vec<f64>> = None;
+        let mut kept = resume::attributes(&plan);
+        if let (Some(found), Some(resumed)) = (found, &resumed) {
+            let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+            if flowed && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
+                agreement::agree(
+                    &communicator,
+                    checkpoint::read_fluid(flow.fluid_mut(), &reader),
+                )?;
+                if let Some(Stage::WarmUp(_)) = stage {
+                    let read = checkpoint::read_earlier(flow.fluid(), &reader);
+                    earlier = Some(agreement::agree(&communicator, read)?);
+                }
+                flow.restart();
+            }
+            if runs && let Some(flow) = flow.as_mut().and_then(Water::seepage_mut) {
+                let read = checkpoint::read_seepage(&reader);
+                flow.restore(&agreement::agree(&communicator, read)?)?;
+            }
+            let attributes = reader.attributes().clone();
+            step = found.manifest.step;
+            notes = attributes["notes"].clone();
+            guards_state = attributes["guards"].clone();
+            if runs {
+                removal.restore(&attributes["removal"], resumed.regions.as_deref())?;
+                recorder_state = attributes["recorder"].clone();
+                collapse_state = attributes["collapse"].clone();
+            }
+            if solid {
+                // The first rank alone reads the grains, so that it alone may find them wrong.
+                let read = checkpoint::read_tables(&reader, domain.rank());
+                let read = read.and_then(|(grains, contacts)| {
+                    resume::bounds(&plan).hold(&grains, &contacts)?;
+                    Ok((Particles::from_table(&grains)?, contacts))
+                });
+                let (read, mut contacts) = agreement::agree(&communicator, read)?;
+                particles = read;
+                if let Some(walls) = &resumed.walls {
+                    contacts.take_walls(walls)?;
+                }
+                setup::blocks::shapes(&plan, &mut particles)?;
+                let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
+                let mut engine = setup::dem::<Sp>(&plan, radius)?;
+                if !plan.scene.follows_grains() {
+                    particles.forget_start();
+                } else if flowed && !particles.has_start() {
+                    return Err(Error::Io(format!(
+                        "{} does not say where the grains started, since its run asked for no displacements; take `output.grains.displacement` and `analysis.ground_collapse` out, or start anew",
+                        found.path.display()
+                    )));
+                }
+                engine.restore(&contacts)?;
+                if let Some(walls) = &resumed.walls {
+                    resume::drive_walls(&plan, &mut engine);
+                    resume::clear_of_new_walls(&plan, walls, &particles, &domain)?;
+                }
+                if flowed {
+                    engine.open_walls(&setup::temporary_walls(&plan));
+                }
+                engine.prepare(&mut particles, &domain)?;
+                notes["typical_radius"] = json!(radius);
+                dem = Some(engine);
+            }
+            plan.scene.forget_sample();
+            progress.note(&match &stage {
+                Some(Stage::Run) | None => {
+                    format!("going on from step {step}: {}", found.path.display())
+                }
+                Some(_) => format!("going on in the preparation: {}", found.path.display()),
+            });
+        } else if solid {
+            let sample = resumed.as_ref().map(|resumed| &resumed.found);
+            if let Some(found) = sample {
+                progress.note(&format!(
+                    "going on with the sample: {}",
+                    found.path.display()
+                ));
+            }
+            let tell = |line: &str| progress.note(line);
+            let prepared = preparation::grains::<Sp>(
+                &plan, &folder, &domain, &mut watch, &tell, &kept, sample,
+            )?;
+            progress.note(&prepared.line);
+            setup::blocks::shapes(&plan, &mut particles)?;
+            setup::bodies(&plan, &domain, &mut particles)?;
+            setup::blocks::blocks(&plan, &domain, &mut particles)?;
+            setup::grains(
+                &plan,
+                &domain,
+                &mut particles,
+                &prepared.grains,
+                plan.scene.first_grain(),
+            );
+            let radius = typical_radius(&plan, &prepared.grains, &domain);
+            drop(prepared.grains);
+            plan.scene.forget_sample();
+            let mut engine = setup::dem::<Sp>(&plan, radius)?;
+            engine.prepare(&mut particles, &domain)?;
+            notes = json!({ "preparation": prepared.report, "typical_radius": radius });
+            dem = Some(engine);
+        }
+        kept["typical_radius"] = notes["typical_radius"].clone();
+        if !flowed && let Some(engine) = &mut dem {
+            kept["notes"] = notes.clone();
+            let settling = match &stage {
+                Some(Stage::Settling(state)) => Some(Settling::restore(state)?),
+                _ => Settling::begin(&plan, engine, &mut particles, &domain)?,
+            };
+            if let Some(settling) = settling {
+                let keep = |settling: &Settling,
+                            particles: &Particles<Sp>,
+                            dem: &Dem<Sp>,
+                            watch: &mut Watch,
+                            request: Request| {
+                    kept["preparation"] = json!({ "settling": settling.state() });
+                    let state = State::<Sp, S> {
+                        fluid: None,
+                        averages: None,
+                        seepage: Vec::new(),
+                        particles,
+                        dem: Some(dem),
+                        earlier: None,
+                    };
+                    keep_preparation(
+                        &state,
+                        &folder,
+                        &kept,
+                        watch,
+                        request,
+                        &progress,
+                        &communicator,
+                    )
+                };
+                let (line, report) =
+                    settling.run(engine, &mut particles, &domain, &mut watch, keep)?;
+                progress.note(&line);
+                notes["settling"] = report;
+            }
+            let gates = setup::temporary_walls(&plan);
+            if !gates.is_empty() {
+                engine.open_walls(&gates);
+                particles.forget_loads();
+                engine.prepare(&mut particles, &domain)?;
+            }
+            if plan.scene.follows_grains() {
+                particles.mark_start();
+            }
+        }
+        if dem.is_some() {
+            particles.refresh_ghosts(&domain)?;
+        }
+        if let Some(flow) = &mut flow {
+            flow.follow(&mut particles, &domain)?;
+        }
+        let mut flow_age = 0.0;
+        let mut guards = Guards::new(&plan);
+        guards.restore(&guards_state);
+        if !runs && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
+            let begun = match stage {
+                Some(Stage::WarmUp(steps)) => steps,
+                _ => 0,
+            };
+            kept["notes"] = notes.clone();
+            let keep = |steps: u64,
+                        earlier: &[f64],
+                        flow: &dyn LatticeFlow<Sp, S>,
+                        particles: &Particles<Sp>,
+                        (watch, guards): (&mut Watch, &Guards),
+                        request: Request| {
+                kept["preparation"] = json!({ "warm_up": steps });
+                kept["guards"] = guards.state();
+                let state = State::<Sp, S> {
+                    fluid: Some(flow.fluid()),
+                    averages: None,
+                    seepage: Vec::new(),
+                    particles,
+                    dem: dem.as_ref(),
+                    earlier: Some(earlier),
+                };
+                keep_preparation(
+                    &state,
+                    &folder,
+                    &kept,
+                    watch,
+                    request,
+                    &progress,
+                    &communicator,
+                )
+            };
+            let (steps, line) = warm_up(
+                &plan,
+                flow,
+                &mut particles,
+                &domain,
+                (&mut watch, &mut guards),
+                (begun, earlier),
+                keep,
+            )?;
+            flow_age = steps_number(steps) * plan.clock.time_step;
+            progress.note(&line);
+        }
+        let resumed = runs;
+        let resumed_at = resumed.then_some(step);
+        if let (Some(found), true) = (found, runs) {
+            resume::cut_tables_back(found, folder.path(), &communicator)?;
+        }
+        let outputs = Outputs::create(
+            &plan,
+            folder.path(),
+            provenance(&plan, &domain, start.threads),
+            &domain,
+            resumed_at,
+        )?;
+        let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
+        if resumed {
+            recorder.restore(&recorder_state)?;
+        } else {
+            recorder.set_flow_age(flow_age);
+        }
+        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
+        if resumed {
+            collapse.restore(&collapse_state)?;
+        }
+        let lattice = flow.as_ref().and_then(Water::lattice);
+        let mut averages = lattice.and_then(|flow| Averages::new(&plan, flow));
+        if let (Some(averages), Some(flow), Some(found), true) =
+            (&mut averages, lattice, found, runs)
+        {
+            let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+            let read = checkpoint::read_averages(averages, flow.fluid(), &reader);
+            agreement::agree(&communicator, read)?;
+        }
+        progress = Progress::new(speaks, step);
+        let mut runner = Self {
+            simulation: Simulation {
+                now: Present {
+                    plan,
+                    domain,
+                    flow,
+                    dem,
+                    particles,
+                    averages,
+                    step,
+                },
+                removal,
+                recorder,
+                collapse,
+                outputs,
+                guards,
+                phases: Phases::start(),
+            },
+            folder,
+            final_checkpoint: start.final_checkpoint,
+            saved: runs.then_some(step),
+            watch,
+            progress,
+            threads: start.threads,
+            first_step: step,
+            notes,
+            initial_mass: 0.0,
+            marker: Marker::default(),
+        };
+        runner.initial_mass = runner.mass();
+        if !resumed {
+            let Simulation {
+                now,
+                recorder,
+                collapse,
+                outputs,
+                ..
+            } = &mut runner.simulation;
+            recorder.record_due(&now.view(), &[], Vec::new(), 0.0)?;
+            collapse.record_due(&now.view(), &[])?;
+            outputs.write_due(&now.view())?;
+        }
+        let now = &runner.simulation.now;
+        log::debug!(
+            "rank {}: ready at step {} of {} after {:.3} s, {} grains and bodies here, {} bytes of memory at most so far",
+            now.domain.rank(),
+            now.step,
+            now.plan.clock.steps,
+            runner.watch.elapsed().as_secs_f64(),
+            now.particles.owned(),
+            super::summary::peak_rss()
+        );
+        runner.simulation.phases = Phases::start();
+        Ok(runner)
+    }
+}
+
+/// Saves a preparation as a checkpoint at step 0, and ends it where that was asked for. Collective.
+fn keep_preparation<Sp: Space, S: Saved>(
+    state: &State<'_, Sp, S>,
+    folder: &RunFolder,
+    attributes: &Value,
+    watch: &mut Watch,
+    request: Request,
+    progress: &Progress,
+    communicator: &Communicator,
+) -> Result<(), Error> {
+    let begun = Instant::now();
+    let written = state.write(
+        &folder.checkpoints(),
+        0,
+        0.0,
+        attributes.clone(),
+        2,
+        communicator,
+    );
+    match written {
+        Ok(()) => folder.forget_preparation(),
+        Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
+            progress.note(&format!(
+                "the preparation is not saved: that needs {needed} bytes, {path} has {free}; it goes on"
+            ));
+        }
+        Err(error) => return Err(Error::Io(error.to_string())),
+    }
+    watch.wrote(begun.elapsed());
+    if request == Request::Stop {
+        if communicator.rank() == 0 {
+            watch.forget_file();
+        }
+        return Err(Error::Stopped("in the preparation".into()));
+    }
+    Ok(())
+}
+
+fn generates(plan: &Plan) -> bool {
+    plan.scene
+        .regions
+        .iter()
+        .any(|r| matches!(r.action, crate::scene::observe::Action::Generate { .. }))
+}
+
+/// Mean radius of the grains, or of the bodies and blocks: sets the skin of the lists, never a result. Collective.
+fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &Domain) -> f64 {
+    let radii: Vec<f64> = if grains.is_empty() {
+        let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
+        let of_blocks = blocks.map(|block| block.solid.shape.radius());
+        let of_bodies = plan.scene.bodies.iter().map(|body| body.radius);
+        of_bodies.chain(of_blocks).collect()
+    } else {
+        grains.iter().map(|g| g.radius).collect()
+    };
+    let mean = radii.iter().sum::<f64>() / crate::scene::grid::count(radii.len().max(1));
+    let agreed = domain
+        .communicator()
+        .all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
+    if agreed > 0.0 {
+        agreed
+    } else {
+        plan.scene.grid.spacing
+    }
+}
+
+/// Steps between two looks at whether the fluid is steady.
+const LOOK_EVERY: u64 = 100;
+
+/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. It goes on from `reached`,
+/// the steps taken and the velocities at the last look (three numbers a cell, [z][y][x]), and hands the same to `keep` where the
+/// outside asks for it. Collective.
+fn warm_up<Sp: Space, S: Saved>(
+    plan: &Plan,
+    flow: &mut dyn LatticeFlow<Sp, S>,
+    particles: &mut Particles<Sp>,
+    domain: &Domain,
+    (watch, guards): (&mut Watch, &mut Guards),
+    reached: (u64, Option<Vec<f64>>),
+    mut keep: impl FnMut(
+        u64,
+        &[f64],
+        &dyn LatticeFlow<Sp, S>,
+        &Particles<Sp>,
+        (&mut Watch, &Guards),
+        Request,
+    ) -> Result<(), Error>,
+) -> Result<(u64, String), Error> {
+    let Some(WarmUp::FluidOnly {
+        relative_change, ..
+    }) = plan.scene.time.warm_up
+    else {
+        return Ok((0, String::new()));
+    };
+    let communicator = domain.communicator();
+    let cells = checkpoint::cells_in_order(flow.fluid());
+    let (mut step, before) = reached;
+    let mut before = before.unwrap_or_else(|| vec![0.0; 3 * cells.len()]);
+    let mut change = f64::INFINITY;
+    let mut ask_at = step + watch.steps();
+    while step < plan.clock.warm_up_steps {
+        flow.advance(particles, domain)?;
+        step += 1;
+        guards.check_warm_up(step, flow, particles, plan, domain)?;
+        if step % LOOK_EVERY == 0 {
+            let (mut moved, mut size) = (0.0_f64, 0.0_f64);
+            for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {
+                let (_, u) = flow.fluid().state(cell);
+                for a in 0..3 {
+                    moved = moved.max((u[a] - old[a]).abs());
+                    size = size.max(u[a].abs());
+                }
+                old.copy_from_slice(&u);
+            }
+            change = communicator.all_reduce_max_f64(moved)
+                / communicator.all_reduce_max_f64(size).max(1e-300);
+            if change < relative_change {
+                break;
+            }
+        }
+        if step >= ask_at {
+            let request = watch.ask(communicator);
+            ask_at = step + watch.steps();
+            if request != Request::None {
+                keep(step, &before, flow, particles, (watch, guards), request)?;
+            }
+        }
+    }
+    Ok((
+        step,
+        format!(
+            "fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"
+        ),
+    ))
+}
+
+/// Velocity and pressure from a field output of the same size.
+fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result<(), Error> {
+    let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
+    let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
+    let (velocity, pressure) = (read("velocity")?, read("pressure")?);
+    let cells = plan.scene.grid.cells;
+    let count = cells[0] * cells[1] * cells[2];
+    if velocity.values.len() != 3 * count || pressure.values.len() != count {
+        return Err(wrong(format!("it does not hold {cells:?} cells")));
+    }
+    let Some(units) = plan.units else {
+        return Ok(());
+    };
+    let field = move |p: [f64; 3]| {
+        let at: [usize; 3] = std::array::from_fn(|a| {
+            crate::scene::grid::whole(p[a].floor().max(0.0)).min(cells[a] - 1)
+        });
+        let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
+        let u = std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
+        (units.pressure_to_density_deviation(pressure.values[n]), u)
+    };
+    fluid.initialise(&field);
+    Ok(())
+}
+
+fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, String)> {
+    let mut all = vec![
+        ("case".to_owned(), plan.case_text.clone()),
+        ("case_hash".to_owned(), plan.case_hash.clone()),
+        ("ranks".to_owned(), domain.communicator().size().to_string()),
+        ("threads".to_owned(), threads.to_string()),
+    ];
+    if let Value::Object(versions) = versions(domain.communicator()) {
+        all.extend(
+            versions
+                .into_iter()
+                .map(|(k, v)| (k, v.as_str().unwrap_or_default().to_owned())),
+        );
+    }
+    all
+}

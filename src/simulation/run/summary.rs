@@ -1,0 +1,187 @@
+//! What is said and written at the end of a run.
+
+use super::super::blocks;
+use super::super::energy;
+use super::super::progress::clock;
+use super::super::versions::versions;
+use super::runner::Runner;
+use crate::checkpoint::Saved;
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::plan::steps_number;
+use serde_json::json;
+
+impl<Sp: Space, S: Saved> Runner<Sp, S> {
+    pub(super) fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
+        let simulation = &self.simulation;
+        let communicator = simulation.now.domain.communicator();
+        let account = simulation.phases.reduce(communicator);
+        let wall = self.watch.elapsed().as_secs_f64();
+        let looped = account.looped();
+        let steps = steps_number(simulation.now.step - self.first_step);
+        let cells = if simulation.now.lattice().is_some() {
+            simulation.now.plan.scene.grid.cell_count()
+        } else {
+            0
+        };
+        let mlups = crate::scene::grid::count(cells) * steps / looped.max(1e-9) / 1e6;
+        let grains = communicator.all_reduce_sum_u64(simulation.now.particles.owned() as u64);
+        let solid_steps = f64::from(simulation.now.plan.clock.solid_steps_per_step);
+        let rate = if simulation.now.dem.is_some() {
+            steps_number(grains) * steps * solid_steps / looped.max(1e-9)
+        } else {
+            0.0
+        };
+        let rss = communicator.all_reduce_max_u64(peak_rss());
+        let rss_total = communicator.all_reduce_sum_u64(peak_rss());
+        let hash = simulation.now.state().hash(communicator);
+        let drift = self.mass() - self.initial_mass;
+        let warnings = simulation.guards.warnings(&simulation.now.plan);
+        let mut summary = json!({
+            "outcome": outcome,
+            "steps": simulation.now.step,
+            "steps_of_this_run": simulation.now.step - self.first_step,
+            "time": simulation.now.time(),
+            "wall_seconds": wall,
+            "loop_seconds": looped,
+            "phases": account.phases,
+            "waiting_seconds": account.waiting,
+            "imbalance": account.imbalance,
+            "mlups": mlups,
+            "particle_steps_per_second": rate,
+            "grains": grains,
+            "peak_rss_bytes": rss,
+            "peak_rss_bytes_all_ranks": rss_total,
+            "mass_error": simulation.guards.mass_error(),
+            "mass_change": drift / crate::scene::grid::count(cells.max(1)),
+            "momentum_error": simulation.guards.momentum_error(),
+            "mach": simulation.guards.mach(),
+            "compression": simulation.guards.compression(),
+            "inflow": null,
+            "outflow": null,
+            "flow_imbalance": simulation.guards.imbalance(),
+            "warnings": warnings,
+            "ranks": communicator.size(),
+            "threads": self.threads,
+            "case_hash": simulation.now.plan.case_hash,
+            "state_hash": hash,
+            "notes": self.notes,
+            "versions": versions(communicator),
+        });
+        if let Some([inflow, outflow]) = simulation.guards.through(&simulation.now.plan) {
+            summary["inflow"] = inflow.into();
+            summary["outflow"] = outflow.into();
+        }
+        if let Some(seepage) = simulation.now.seepage() {
+            let (report, balance) = (seepage.report(), seepage.balance());
+            let most = report.inflow.max(report.outflow);
+            summary["inflow"] = report.inflow.into();
+            summary["outflow"] = report.outflow.into();
+            summary["flow_imbalance"] =
+                json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
+            summary["seepage"] = json!({
+                "iterations": report.iterations,
+                "residual": report.residual,
+                "inflow": report.inflow,
+                "outflow": report.outflow,
+                "force_on_grains": balance.on_grains,
+                "force_of_pressure": balance.pressure,
+                "weight_of_water": balance.weight,
+                "closure": balance.closure,
+                "patch_inflows": seepage.pressure().patch_inflows(),
+                "mean_porosity": seepage.mean_porosity(),
+            });
+        }
+        let particles = &simulation.now.particles;
+        if simulation.now.dem.is_some() {
+            summary["kinetic_energy"] = energy::of_motion(particles, communicator).into();
+        }
+        if let Some(report) = blocks::summary(&simulation.now.plan, particles, communicator) {
+            summary["blocks"] = report;
+        }
+        if let Some(erosion) = simulation.recorder.summary(&simulation.now.plan)? {
+            summary["erosion"] = erosion;
+        }
+        if let Some(collapse) = simulation.collapse.summary()? {
+            summary["collapse"] = collapse;
+        }
+        if log::log_enabled!(log::Level::Debug)
+            && let Some(dem) = &simulation.now.dem
+        {
+            let lists = dem.statistics(&simulation.now.particles);
+            log::debug!(
+                "rank {}: lists of neighbours made {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                communicator.rank(),
+                lists.rebuilds,
+                lists.tested,
+                lists.contacts,
+                lists.bonds
+            );
+        }
+        let first = communicator.rank() == 0;
+        let written = if first {
+            io::atomic::write_json(&self.folder.path().join("summary.json"), &summary)
+                .map_err(|e| e.to_string())
+        } else {
+            Ok(())
+        };
+        communicator
+            .agree(written)
+            .map_err(|e| Error::Io(e.message))?;
+        if as_json {
+            self.progress
+                .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
+        } else {
+            self.progress.note(&account.table());
+            self.progress.note(&format!(
+                "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
+                simulation.now.step - self.first_step,
+                clock(wall),
+                mlups,
+                rate / 1e6,
+                steps_number(rss) / 1e6
+            ));
+            let measured = |number: Option<f64>| {
+                number.map_or_else(|| "-".to_owned(), |number| format!("{number:.1e}"))
+            };
+            let guards = &simulation.guards;
+            self.progress.note(&format!(
+                "mass error {} a step, momentum error {} of the largest force; state {hash}",
+                measured(guards.mass_error()),
+                measured(guards.momentum_error())
+            ));
+            let named = |name: &str| measured(summary[name].as_f64());
+            self.progress.note(&format!(
+                "largest Mach {}, largest compression {}, inflow {}, outflow {} {}",
+                named("mach"),
+                named("compression"),
+                named("inflow"),
+                named("outflow"),
+                if simulation.now.plan.scene.grid.dimension == 2 {
+                    "m2/s"
+                } else {
+                    "m3/s"
+                }
+            ));
+            for warning in &warnings {
+                self.progress.note(&format!("warning: {warning}"));
+            }
+            self.progress.note(&format!(
+                "files in {}: open *.xmf in ParaView; summary.json for scripts",
+                self.folder.path().display()
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Peak resident memory of this process [bytes].
+pub(super) fn peak_rss() -> u64 {
+    std::fs::read_to_string("/proc/self/status")
+        .ok()
+        .and_then(|text| {
+            let line = text.lines().find(|l| l.starts_with("VmHWM:"))?;
+            line.split_whitespace().nth(1)?.parse::<u64>().ok()
+        })
+        .map_or(0, |kib| kib * 1024)
+}
