@@ -72,6 +72,8 @@ fn plan() -> Plan {
         "analysis.erosion_law.every=10".into(),
         "time.warm_up=null".into(),
         "time.end=10".into(),
+        // The bed rests on the water in its pores until that has gone out: a third of its density more.
+        "guards.max_compression=1".into(),
         "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value=1".into(),
         // Grains that break loose squeeze the water between them.
         "guards.max_compression=1".into(),

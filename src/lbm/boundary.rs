@@ -527,9 +527,10 @@ impl Boundaries {
     fn crossings<S: Stored>(&self, populations: &Populations<S>, mut each: impl FnMut(Crossing)) {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
-        let begins: Vec<u32> = (0..velocities.q())
-            .map(|i| free_slip::first(populations, i))
-            .collect();
+        let mut begins = [0; 27];
+        for (i, begin) in begins[..velocities.q()].iter_mut().enumerate() {
+            *begin = free_slip::first(populations, i);
+        }
         let mut straight = |patch: usize, link: Link, direction: usize| {
             let back = velocities.opposite[direction];
             each(Crossing {

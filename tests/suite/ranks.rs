@@ -236,6 +236,8 @@ pub(crate) struct Study {
     folder: tempfile::TempDir,
     case: PathBuf,
     set: Vec<String>,
+    /// More words of every command.
+    flags: Vec<String>,
 }
 
 impl Study {
@@ -256,6 +258,7 @@ impl Study {
             folder,
             case,
             set: Vec::new(),
+            flags: Vec::new(),
         }
     }
 
@@ -342,7 +345,14 @@ impl Study {
             arguments.push("--set".into());
             arguments.push(assignment.into());
         }
+        arguments.extend(self.flags.iter().cloned());
         arguments
+    }
+
+    /// Runs although the verdict is `unstable`: on purpose.
+    pub(crate) fn unstable(mut self) -> Self {
+        self.flags.push("--allow-unstable".into());
+        self
     }
 
     /// Runs to the end of the case.
@@ -367,6 +377,7 @@ impl Study {
             arguments.push("--set".into());
             arguments.push((*assignment).into());
         }
+        arguments.extend(self.flags.iter().cloned());
         arguments
     }
 

@@ -215,7 +215,8 @@ fn averages_of_a_gusty_stream() {
             ("checkpoint.every", "0.0008"),
             ("time.end", "0.003"),
         ],
-    );
+    )
+    .unstable();
     study.run("straight", 1, 1, &[]);
     for (name, ranks, threads, set) in [
         ("two", 2, 2, "domain.split=y"),
