@@ -1,28 +1,36 @@
 //! JSON text to a tree where nothing is wrong with it.
 
+use super::{MOST_KEYS, MOST_VALUES};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
+use std::cell::Cell;
 use std::fmt;
 
 /// The tree, or nothing where there is anything to say about the text.
 pub(super) fn parse(text: &str) -> Option<Value> {
     let mut reader = serde_json::Deserializer::from_str(text);
-    let tree = Plain.deserialize(&mut reader).ok()?;
+    let tree = Plain(&Cell::new(0)).deserialize(&mut reader).ok()?;
     reader.end().ok()?;
     Some(tree)
 }
 
-struct Plain;
+/// Counts the values.
+#[derive(Clone, Copy)]
+struct Plain<'a>(&'a Cell<usize>);
 
-impl<'de> DeserializeSeed<'de> for Plain {
+impl<'de> DeserializeSeed<'de> for Plain<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        self.0.set(self.0.get() + 1);
+        if self.0.get() > MOST_VALUES {
+            return Err(D::Error::custom("too many values"));
+        }
         deserializer.deserialize_any(self)
     }
 }
 
-impl<'de> Visitor<'de> for Plain {
+impl<'de> Visitor<'de> for Plain<'_> {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -55,7 +63,7 @@ impl<'de> Visitor<'de> for Plain {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();
-        while let Some(value) = access.next_element_seed(Self)? {
+        while let Some(value) = access.next_element_seed(self)? {
             list.push(value);
         }
         Ok(list.into())
@@ -64,7 +72,10 @@ impl<'de> Visitor<'de> for Plain {
     fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
         while let Some(key) = access.next_key::<String>()? {
-            let value = access.next_value_seed(Self)?;
+            if map.len() >= MOST_KEYS {
+                return Err(A::Error::custom("too many keys"));
+            }
+            let value = access.next_value_seed(self)?;
             if map.insert(key, value).is_some() {
                 return Err(A::Error::custom("a key is written twice"));
             }
