@@ -157,15 +157,18 @@ impl Scene {
         let bodies = solids::bodies(case, &grid, &names, &mut findings);
         let grains = solids::grains(case, &grid, &names, &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
-        solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
-        blocks::overlaps(
-            case,
-            blocks.as_ref(),
-            &bodies,
-            grains.as_ref(),
-            &walls,
-            &mut findings,
-        );
+        // A run that goes on has left its start behind.
+        if like.is_none() {
+            solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+            blocks::overlaps(
+                case,
+                blocks.as_ref(),
+                &bodies,
+                grains.as_ref(),
+                &walls,
+                &mut findings,
+            );
+        }
         let seepage = seepage::Seepage::resolve(case, &grid, grains.as_ref(), &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
         let probes = observe::probes(case, &grid, &bodies, &mut findings);
@@ -206,7 +209,10 @@ impl Scene {
             chosen,
         };
         match like {
-            Some(like) => auto::keep(&mut scene, written, like),
+            Some(like) => {
+                auto::keep(&mut scene, written, like);
+                scene.forget_sample();
+            }
             None => auto::settle(&mut scene, case, written, &names, &mut findings),
         }
         log::debug!(

@@ -88,7 +88,9 @@ fn slabs_for_another_number_of_ranks_are_refused() {
 fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
     let _beside = beside_others();
     let study = Study::of("couette", &[]);
-    study.run("run", 1, 1, &["time.end=0.01"]);
+    let mut arguments = study.arguments("run", 1, &["time.end=0.01"]);
+    arguments.push("--no-final-checkpoint".into());
+    run(1, &arguments).expect(0);
     let done = study.restart("run", 2, &[]).expect(5);
     assert!(
         done.stderr.contains("solver: input/output: "),

@@ -145,9 +145,9 @@ fn sand_leaves_as_single_grains() {
     ];
     study.run("silent", 1, 1, &without);
     let asked = ["output.grains.displacement=true", "time.end=0.014"];
-    let done = study.restart("silent", 1, &asked).expect(5);
+    let done = study.restart("silent", 1, &asked).expect(3);
     assert!(
-        done.stderr.contains("where the grains started"),
+        done.stderr.contains("where its grains started"),
         "{}",
         done.stderr
     );

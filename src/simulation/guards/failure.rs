@@ -5,6 +5,7 @@
 
 use super::look::Order;
 use crate::coupling::lattice::LatticeFlow;
+use crate::dem::escape::Escape;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -217,6 +218,10 @@ pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
         return error;
     };
+    // Of a grain that left the box more is known.
+    if Escape::in_text(&text).is_some() {
+        return Error::Numerical(text);
+    }
     let mut parts = vec![text];
     parts.extend(nearest(plan, |limit| limit.starts_with(SOLID)).map(limit));
     parts.push(
