@@ -467,7 +467,7 @@ impl<T> Output<T> {
 
     /// Drops the output of `step` where it is not one of its interval; whether it did. Collective.
     fn drop_end(&mut self, step: u64, group: &Together) -> Result<bool, Error> {
-        if self.last != Some(step) || self.schedule.falls_on(step) {
+        if self.schedule.falls_on(step) {
             return Ok(false);
         }
         // Step 0 has an output of every interval; only averages without one have none.

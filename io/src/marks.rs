@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -88,8 +88,34 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
 /// Cut tables back to their marks. Every table is looked at before the first is cut; those that are gone are returned.
 ///
 /// # Errors
-/// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
+/// As [`check`].
 pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
+    let (gone, longer) = look(folder, marks)?;
+    for (path, bytes) in longer {
+        OpenOptions::new()
+            .write(true)
+            .open(&path)
+            .and_then(|file| {
+                file.set_len(bytes)?;
+                file.sync_all()
+            })
+            .map_err(|e| Error::io("cut back", &path, &e))?;
+    }
+    Ok(gone)
+}
+
+/// Compare tables with their marks and leave what came after them; those that are gone are returned.
+///
+/// # Errors
+/// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
+pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
+    Ok(look(folder, marks)?.0)
+}
+
+/// Tables that are gone, and those that are longer than their marks with the bytes up to there.
+type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
+
+fn look(folder: &Path, marks: &Marks) -> Result<Looked> {
     let mut gone = Vec::new();
     let mut longer = Vec::new();
     for (name, mark) in marks {
@@ -125,17 +151,7 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
             longer.push((path, mark.bytes));
         }
     }
-    for (path, bytes) in longer {
-        OpenOptions::new()
-            .write(true)
-            .open(&path)
-            .and_then(|file| {
-                file.set_len(bytes)?;
-                file.sync_all()
-            })
-            .map_err(|e| Error::io("cut back", &path, &e))?;
-    }
-    Ok(gone)
+    Ok((gone, longer))
 }
 
 #[cfg(test)]
@@ -154,6 +170,8 @@ mod tests {
         fs::write(&path, "step,x\n1,2\n2,3\n").unwrap();
         let second = marker.mark(dir.path(), ["a.csv"]).unwrap();
         assert_eq!(second["a.csv"].bytes, 15);
+        assert_eq!(check(dir.path(), &first).unwrap(), Vec::<String>::new());
+        assert_eq!(fs::read_to_string(&path).unwrap().len(), 15, "not cut");
         // What was added step by step is hashed as what is there at once.
         assert_eq!(
             second,

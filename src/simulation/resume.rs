@@ -20,7 +20,7 @@ use crate::scene::observe::Action;
 use crate::scene::solids::Wall;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Found;
-use io::marks::{Marks, cut_back};
+use io::marks::{Marks, check, cut_back};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -235,13 +235,15 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
     probes.chain(others.map(str::to_owned)).collect()
 }
 
-/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. Collective.
+/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there keeps the rows
+/// that it wrote at its end: nothing comes after them, and some of them cannot be measured again. Collective.
 ///
 /// # Errors
 /// [`Error::Io`] with the table that was changed since, the same on all ranks.
 pub(super) fn cut_tables_back(
     found: &Found,
     folder: &Path,
+    ended: bool,
     communicator: &Communicator,
 ) -> Result<(), Error> {
     let written = &found.manifest.attributes["tables"];
@@ -251,7 +253,13 @@ pub(super) fn cut_tables_back(
     }
     let marks: Marks = serde_json::from_value(written.clone())
         .map_err(|e| Error::Io(format!("{}: tables: {e}", found.path.display())))?;
-    let gone = Together(communicator).on_root(|| cut_back(folder, &marks))?;
+    let gone = Together(communicator).on_root(|| {
+        if ended {
+            check(folder, &marks)
+        } else {
+            cut_back(folder, &marks)
+        }
+    })?;
     if communicator.rank() == 0 {
         for name in gone {
             log::warn!(

@@ -311,7 +311,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let resumed = runs;
         let resumed_at = resumed.then_some(step);
         if let (Some(found), true) = (found, runs) {
-            resume::cut_tables_back(found, folder.path(), &communicator)?;
+            let ended = step >= plan.clock.steps;
+            resume::cut_tables_back(found, folder.path(), ended, &communicator)?;
         }
         let outputs = Outputs::create(
             &plan,
