@@ -15,6 +15,7 @@ use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
+use crate::scene::findings::refused;
 use crate::scene::grid::whole;
 use crate::scene::observe::Action;
 use crate::scene::solids::Wall;
@@ -297,6 +298,19 @@ pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
         && (saved(super::folder::CHECKPOINTS) || saved(super::folder::PREPARATION))
 }
 
+/// Reads the case of a folder with what `set` changes; says what is wrong with single fields before anything else is looked at.
+///
+/// # Errors
+/// What is wrong, with the file named.
+pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document, Error> {
+    let named = |problems| Error::Case(of_file(&folder.join("case.json"), problems));
+    let document = Document::read(text, set, folder).map_err(named)?;
+    if refused(&document.problems) {
+        return Err(named(document.problems));
+    }
+    Ok(document)
+}
+
 /// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
 ///
 /// # Errors
@@ -308,8 +322,7 @@ pub(super) fn plan(
     found: Found,
     allow_unstable: bool,
 ) -> Result<(Plan, Resumed), Error> {
-    let named = |problems| Error::Case(of_file(&folder.join("case.json"), problems));
-    let document = Document::read(text, set, folder).map_err(named)?;
+    let document = read(text, set, folder)?;
     let attributes = &found.manifest.attributes;
     let mut resumed = Resumed::unchanged(found.clone());
     let Some(saved) = attributes["case"].as_str() else {
@@ -400,7 +413,8 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
         }
     }
     let step = resumed.found.manifest.step;
-    if plan.clock.steps < step {
+    // A preparation counts other steps.
+    if resumed.stage()? == Stage::Run && plan.clock.steps < step {
         problems.push(refusal(
             "time.end",
             plan.scene.time.end.to_string(),

@@ -87,6 +87,7 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
             "{e}; a folder that can go on holds the case of its run"
         ))
     })?;
+    resume::read(&text, set, folder)?;
     on_world(options.threads, |communicator, threads| {
         let entered = RunFolder::enter(folder, &Entry::Resume, communicator)?;
         let found = resume::find(&entered, communicator)?;

@@ -58,7 +58,8 @@ fn another_run_in_the_folder_is_refused_and_replaced_on_request() {
 #[test]
 fn two_runs_never_share_a_folder() {
     let _alone = alone();
-    let study = Study::eroding(&[("time.end", "0.08")]);
+    // Longer than the test: it is stopped at the end.
+    let study = Study::eroding(&[("time.end", "8")]);
     let mut first = start(2, &arguments(&study, "a", &[]));
     let folder = study.path("a");
     first.until("it writes", || {
@@ -70,9 +71,17 @@ fn two_runs_never_share_a_folder() {
     }
     let done = study.restart("a", 1, &[]).expect(2);
     assert!(done.stderr.contains("is in use"), "{}", done.stderr);
-    first.wait().expect(0);
-    study.run("b", 1, 1, &[]);
-    study.same("a", "b");
+    std::fs::write(folder.join("STOP"), "").unwrap();
+    first.wait().expect(75);
+    // Its table has every row, each once.
+    let table = std::fs::read_to_string(folder.join("erosion.csv")).unwrap();
+    let steps: Vec<u64> = table
+        .lines()
+        .filter_map(|line| line.split(',').next()?.parse().ok())
+        .collect();
+    let interval = steps[1];
+    let whole: Vec<u64> = (0..).map(|n| n * interval).take(steps.len()).collect();
+    assert_eq!(steps, whole);
     assert!(!folder.join("run.lock").exists());
 }
 
