@@ -480,7 +480,8 @@ impl Expected {
             };
             number.ok_or_else(|| format!("its `{name}` is {value}, which is no count"))
         };
-        if manifest.step > self.steps {
+        // A preparation counts other steps.
+        if self.prepared && manifest.step > self.steps {
             return Err(format!(
                 "it is of step {}, and the case ends at step {}",
                 manifest.step, self.steps

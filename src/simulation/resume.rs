@@ -7,6 +7,7 @@
 use super::folder::RunFolder;
 use super::setup;
 use crate::case::fluid::Precision;
+use crate::case::set::covers;
 use crate::case::{Case, Document, restart};
 use crate::checkpoint;
 use crate::dem::Dem;
@@ -303,7 +304,7 @@ pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
 /// # Errors
 /// What is wrong, with the file named.
 pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document, Error> {
-    let named = |problems| Error::Case(of_file(&folder.join("case.json"), problems));
+    let named = |problems| Error::Case(of_file(&folder.join("case.json"), set, problems));
     let document = Document::read(text, set, folder).map_err(named)?;
     if refused(&document.problems) {
         return Err(named(document.problems));
@@ -363,11 +364,22 @@ pub(super) fn plan(
     Ok((plan, resumed))
 }
 
-/// Problems with the file named: nobody gave it on the command line.
-fn of_file(file: &Path, problems: Vec<Problem>) -> Vec<Problem> {
-    let named = |problem: Problem| Problem {
-        path: format!("{}: {}", file.display(), problem.path),
-        ..problem
+/// Problems with the file named, unless they are with what `set` gives: nobody gave the file on the command line.
+fn of_file(file: &Path, set: &[String], problems: Vec<Problem>) -> Vec<Problem> {
+    let given = |path: &str| {
+        let assigned = set.iter().filter_map(|one| one.split_once('='));
+        assigned
+            .map(|(assigned, _)| assigned.trim())
+            .any(|assigned| covers(assigned, path))
+    };
+    let named = |problem: Problem| {
+        if given(&problem.path) {
+            return problem;
+        }
+        Problem {
+            path: format!("{}: {}", file.display(), problem.path),
+            ..problem
+        }
     };
     problems.into_iter().map(named).collect()
 }

@@ -59,7 +59,13 @@ fn another_run_in_the_folder_is_refused_and_replaced_on_request() {
 fn two_runs_never_share_a_folder() {
     let _alone = alone();
     // Longer than the test: it is stopped at the end.
-    let study = Study::eroding(&[("time.end", "8")]);
+    let study = Study::eroding(&[
+        ("time.end", "8"),
+        (
+            "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value",
+            "0.01",
+        ),
+    ]);
     let mut first = start(2, &arguments(&study, "a", &[]));
     let folder = study.path("a");
     first.until("it writes", || {

@@ -115,7 +115,8 @@ fn sigusr2_to_mpirun() {
 fn sigterm_to_mpirun_leaves_time_for_a_checkpoint() {
     let _alone = alone();
     let study = shared();
-    let arguments = study.arguments("mpirun", 1, &["checkpoint.every=null"]);
+    let mut arguments = study.arguments("mpirun", 1, &["checkpoint.every=null"]);
+    arguments.push("--no-final-checkpoint".into());
     let mut running = start(2, &arguments);
     reaches(&mut running, &study.path("mpirun"), 50);
     signal(running.mpirun(), "TERM");
@@ -349,6 +350,10 @@ fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on
         ("time.end", "8"),
         ("output", "{}"),
         ("checkpoint.every", "null"),
+        (
+            "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value",
+            "0.01",
+        ),
     ]);
     let place = study.path("disk");
     let Some(disk) = Disk::mount(&place, "size=600k") else {

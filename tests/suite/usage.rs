@@ -76,7 +76,7 @@ fn control_characters_are_refused_with_their_path() {
     let report = solver(&["validate", path, "--json"]);
     let report: Value = serde_json::from_slice(&report.stdout).unwrap();
     assert_eq!(report["valid"], false);
-    assert_eq!(report["problems"][0]["path"], "title");
+    assert_eq!(report["findings"][0]["path"], "title");
     // A value in a message, which JSON does not escape.
     let (code, errors) = refused(&["validate", path, "--set", "time.end=\u{9b}2J"]);
     assert_eq!(code, Some(3), "{errors}");
