@@ -319,7 +319,7 @@ impl Study {
             ("grains.cut", chambers),
             (
                 "time.warm_up",
-                r#"{"fluid_only": {"relative_change": 1e-9, "at_most": 0.02}}"#,
+                r#"{"fluid_only": {"relative_change": 1e-14, "at_most": 0.9}}"#,
             ),
             ("time.end", "0.0016"),
             ("output", "{}"),

@@ -207,6 +207,8 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
         "{phases:?}"
     );
     assert!(phases.iter().any(|phase| phase == "warm_up"), "{phases:?}");
+    // The last attempt may have come to its end before it looked.
+    let _ = std::fs::remove_file(folder.join("STOP"));
     study.same("straight", "parts");
     assert!(!folder.join("preparation").exists());
 }
@@ -349,6 +351,9 @@ fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on
     let study = study(&[
         ("time.end", "8"),
         ("output", "{}"),
+        // Tables would fill the disk first.
+        ("probes", "[]"),
+        ("analysis", "{}"),
         ("checkpoint.every", "null"),
         (
             "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value",
