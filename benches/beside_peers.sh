@@ -187,7 +187,8 @@ run_solver() {
   # The number of threads is an option; the environment would be another.
   if ! (
     unset RAYON_NUM_THREADS
-    limited "${launch[@]}" "$solver" "$case" --threads "$threads" --output "$work/$name" "$@"
+    limited "${launch[@]}" "$solver" "$case" --threads "$threads" --output "$work/$name" \
+      --no-final-checkpoint "$@"
   ) >"$work/$name.log" 2>&1; then
     tail -n 5 "$work/$name.log" | cut -c1-300 >&2
     echo "beside_peers: the solver failed on $case" >&2

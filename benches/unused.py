@@ -16,7 +16,7 @@ def run(case, name, count=False):
     path, folder = f"{WORK}/{name}.json", f"{WORK}/{name}"
     with open(path, "w") as file:
         json.dump(case, file)
-    command = [SOLVER, path, "--output", folder, "--threads", "1"]
+    command = [SOLVER, path, "--output", folder, "--overwrite", "--no-final-checkpoint", "--threads", "1"]
     instructions = counted(command) if count else None
     if not count:
         subprocess.run(command, check=True, capture_output=True)

@@ -29,7 +29,7 @@ LIMIT = 600
 # A job of which a process was killed is gone after this [s].
 LINGER = 15
 SETTINGS = [
-    "time.end=0.004",
+    "time.end=0.012",
     "time.warm_up.fluid_only.at_most=0.01",
     "checkpoint.every=0.0005",
     "checkpoint.every_wall_seconds=0.5",
@@ -200,7 +200,7 @@ class Bench:
             ranks = 1 + attempt % 3
             job = self.start(folder, ranks) if attempt == 0 else self.go_on(folder, ranks)[0]
             attempt += 1
-            moment = self.chance.uniform(0.8, 3.0)
+            moment = self.chance.uniform(0.2, 0.5 * self.seconds)
             while time.monotonic() - job.begun < moment and job.process.poll() is None:
                 time.sleep(0.01)
             asked = time.monotonic()
@@ -287,7 +287,9 @@ class Bench:
             time.sleep(0.05)
             if job.process.poll() is not None:
                 raise Failure("ended before its first row")
-        shutil.rmtree(folder)
+        # Files come and go while it is taken away.
+        while folder.exists():
+            shutil.rmtree(folder, ignore_errors=True)
         code = job.wait(120)
         if code != 5:
             raise Failure(f"ended with {code}")
@@ -305,7 +307,9 @@ class Bench:
             while not (run / "probe_hole.csv").exists():
                 time.sleep(0.05)
             # What is open for writing keeps the disk from being made read-only: it is made full instead.
-            subprocess.run(["mount", "-o", "remount,size=64k", folder], check=False)
+            disk = os.statvfs(folder)
+            used = (disk.f_blocks - disk.f_bfree) * disk.f_frsize
+            subprocess.run(["mount", "-o", f"remount,size={used + 65536}", folder], check=True)
             code = job.wait()
             if code not in (0, 5):
                 raise Failure(f"ended with {code}")
@@ -346,6 +350,12 @@ def expect(code, wanted, what):
         raise Failure(f"{what} ended with {code}, not {wanted}")
 
 
+def machine():
+    models = [line for line in open("/proc/cpuinfo") if line.startswith("model name")]
+    name = models[0].split(":")[1].strip() if models else "unknown"
+    return f"{name}, {os.cpu_count()} cores"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     target = os.environ.get("CARGO_TARGET_DIR", ROOT / "target")
@@ -374,6 +384,10 @@ def main():
         bench.scenario("kill", n, bench.killed)
     if options.csv:
         with open(options.csv, "w", newline="") as file:
+            version = subprocess.run([options.solver, "--version"], capture_output=True, text=True).stdout
+            print(f"# solver: {'; '.join(version.splitlines())}", file=file)
+            print(f"# machine: {machine()}", file=file)
+            print(f"# command: python3 jobs/reliability/run.py {' '.join(sys.argv[1:])}", file=file)
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["scenario", "number", "outcome", "what", "seconds"])
             writer.writerows(bench.rows)
