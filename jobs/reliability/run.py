@@ -155,7 +155,7 @@ class Bench:
         folder = self.work / f"{kind}_{number}"
         try:
             told, passed = work(folder), True
-        except Failure as failure:
+        except (Failure, OSError, subprocess.SubprocessError) as failure:
             told, passed = str(failure), False
         seconds = time.monotonic() - begun
         self.rows.append([kind, number, "ok" if passed else "FAILED", told, f"{seconds:.1f}"])
@@ -202,6 +202,8 @@ class Bench:
             attempt += 1
             moment = self.chance.uniform(0.2, 0.5 * self.seconds)
             while time.monotonic() - job.begun < moment and job.process.poll() is None:
+                time.sleep(0.01)
+            while not folder.exists() and job.process.poll() is None:
                 time.sleep(0.01)
             asked = time.monotonic()
             if job.process.poll() is None:
@@ -307,9 +309,12 @@ class Bench:
             while not (run / "probe_hole.csv").exists():
                 time.sleep(0.05)
             # What is open for writing keeps the disk from being made read-only: it is made full instead.
-            disk = os.statvfs(folder)
-            used = (disk.f_blocks - disk.f_bfree) * disk.f_frsize
-            subprocess.run(["mount", "-o", f"remount,size={used + 65536}", folder], check=True)
+            while job.process.poll() is None:
+                disk = os.statvfs(folder)
+                used = (disk.f_blocks - disk.f_bfree) * disk.f_frsize
+                # Refused where the run has written more in between.
+                if remounted(folder, f"size={used + 65536}"):
+                    break
             code = job.wait()
             if code not in (0, 5):
                 raise Failure(f"ended with {code}")
@@ -329,6 +334,11 @@ def mounted(folder, options):
         ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, check=False
     )
     return done.returncode == 0
+
+
+def remounted(folder, options):
+    words = ["mount", "-o", f"remount,{options}", folder]
+    return subprocess.run(words, capture_output=True, check=False).returncode == 0
 
 
 def state(folder):
