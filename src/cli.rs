@@ -11,6 +11,7 @@ use crate::case::{Document, examples, schema};
 use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
 use crate::output::picture::PictureOptions;
 use crate::plan::Plan;
+use crate::provenance;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
@@ -19,19 +20,20 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 /// Water eroding grains and rock.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version = VERSION, about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION.as_str(), about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
 /// With the commit, by which a sweep knows whether a member was run by this program. `--version` says more.
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("SOLVER_COMMIT"), ")");
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
 
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
 
@@ -274,7 +276,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|first| first == "--version") {
-        let text = format!("solver {VERSION}\n{}", (engine.version)());
+        let text = format!("solver {}\n{}", *VERSION, (engine.version)());
         return ended(say(&text));
     }
     let arguments = match with_default_command(arguments) {

@@ -20,6 +20,7 @@ pub mod error;
 pub mod lbm;
 pub mod output;
 pub mod plan;
+pub mod provenance;
 pub mod random;
 pub mod scene;
 pub mod simulation;

@@ -1,10 +1,11 @@
 //! Entry point: what the commands need from the rest of the program, and the exit code.
 
 use solver::cli::{self, Engine};
-use solver::{analysis, output, simulation, sweep};
+use solver::{analysis, output, provenance, simulation, sweep};
 
 fn main() {
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
+    provenance::declare(env!("SOLVER_COMMIT"), env!("SOLVER_PROFILE"));
     let engine = Engine {
         run: simulation::run::run,
         restart: simulation::run::restart,

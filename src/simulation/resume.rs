@@ -16,6 +16,7 @@ use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
+use crate::provenance;
 use crate::scene::findings::refused;
 use crate::scene::grid::whole;
 use crate::scene::observe::Action;
@@ -88,8 +89,8 @@ pub(super) fn attributes(plan: &Plan) -> Value {
         "case": plan.case_text,
         "case_hash": plan.case_hash,
         "scales": scales(plan),
-        "version": env!("CARGO_PKG_VERSION"),
-        "commit": env!("SOLVER_COMMIT"),
+        "version": provenance::VERSION,
+        "commit": provenance::commit(),
     })
 }
 
@@ -278,7 +279,7 @@ pub(super) fn cut_tables_back(
 fn tell_version(found: &Found) {
     let of = |key: &str| found.manifest.attributes[key].as_str().unwrap_or("unknown");
     let (version, commit) = (of("version"), of("commit"));
-    let mine = (env!("CARGO_PKG_VERSION"), env!("SOLVER_COMMIT"));
+    let mine = (provenance::VERSION, provenance::commit());
     if (version, commit) != mine {
         log::warn!(
             "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ from those of one program",

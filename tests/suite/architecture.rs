@@ -19,12 +19,26 @@ const LONGEST: usize = 1100;
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
     (
         "main",
-        &["analysis", "cli", "output", "simulation", "sweep"],
+        &[
+            "analysis",
+            "cli",
+            "output",
+            "provenance",
+            "simulation",
+            "sweep",
+        ],
         &[],
     ),
     (
         "cli",
-        &["case", "output", "plan", "simulation", "sweep"],
+        &[
+            "case",
+            "output",
+            "plan",
+            "provenance",
+            "simulation",
+            "sweep",
+        ],
         &["io"],
     ),
     ("sweep", &["analysis", "case", "plan", "scene"], &["io"]),
@@ -40,6 +54,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
             "lbm",
             "output",
             "plan",
+            "provenance",
             "random",
             "scene",
             "units",
@@ -76,6 +91,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("lbm", &["crew", "random"], &["decomposition"]),
     ("dem", &["crew", "random"], &["decomposition"]),
     ("darcy", &["random"], &["decomposition"]),
+    ("provenance", &[], &[]),
     ("units", &[], &[]),
     ("random", &[], &[]),
     ("crew", &[], &[]),
@@ -291,7 +307,7 @@ fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
             if name != "tests" {
                 sources(root, &path, all);
             }
-        } else if name.ends_with(".rs") && name != "tests.rs" {
+        } else if name.ends_with(".rs") && name != "tests.rs" && name != "build.rs" {
             all.push((path, std::fs::read_to_string(entry.path()).unwrap()));
         }
     }
