@@ -9,7 +9,7 @@ mod usage;
 
 use crate::case::{Document, examples, schema};
 use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
-use crate::output::picture::PictureOptions;
+use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;

@@ -1,7 +1,7 @@
 //! Entry point: what the commands need from the rest of the program, and the exit code.
 
 use solver::cli::{self, Engine};
-use solver::{analysis, output, simulation, sweep};
+use solver::{analysis, figures, output, simulation, sweep};
 
 fn main() {
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
@@ -9,7 +9,7 @@ fn main() {
         run: simulation::run::run,
         restart: simulation::run::restart,
         info: output::info::info,
-        picture: output::picture::picture,
+        picture: figures::picture::picture,
         erosion_law: analysis::study::command,
         sweep: sweep::command,
         version: simulation::versions::report,

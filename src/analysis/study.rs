@@ -26,8 +26,10 @@ use super::erosion_law::{
     RateWindow, RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump,
     read_rows, run_point,
 };
-use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use crate::error::Error;
+use crate::figures::plot::{
+    Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
+};
 use serde_json::Value;
 use std::fmt;
 use std::fmt::Write as _;

@@ -4,7 +4,7 @@ use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::{Grid, count};
 use super::pairs::{self, Ball};
-use super::{blocks, material, rain, sample, stl, unique};
+use super::{blocks, grading, material, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{
@@ -123,7 +123,7 @@ pub enum GrainSource {
         /// The box.
         block: Block,
         /// Sizes.
-        grading: rain::Grading,
+        grading: grading::Grading,
         /// The rest as written.
         rain: WrittenRain,
     },
@@ -689,7 +689,7 @@ fn falls(
     let path = "grains.initial.rain";
     let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
-        let class = |c: &SizeClass| rain::Class {
+        let class = |c: &SizeClass| grading::Class {
             min: c.min,
             max: c.max,
             part: c.part,
@@ -697,8 +697,8 @@ fn falls(
         list.iter().map(class).collect()
     };
     let (grading, name) = match &written.grading {
-        Grading::ByCount(list) => (rain::Grading::ByCount(classes(list)), "by_count"),
-        Grading::ByMass(list) => (rain::Grading::ByMass(classes(list)), "by_mass"),
+        Grading::ByCount(list) => (grading::Grading::ByCount(classes(list)), "by_count"),
+        Grading::ByMass(list) => (grading::Grading::ByMass(classes(list)), "by_mass"),
     };
     let number_of = written.number as usize;
     let measure = match grading.measure(number_of, grid.dimension) {
@@ -728,7 +728,7 @@ fn falls(
         );
         return None;
     }
-    let most = rain::densest_cloud(grid.dimension);
+    let most = grading::densest_cloud(grid.dimension);
     let fraction = measure / block.measure();
     if fraction > most {
         findings.error(

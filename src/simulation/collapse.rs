@@ -10,7 +10,6 @@ use super::table::{Table, agreed, append};
 use super::view::View;
 use crate::analysis::erosion_law::{Row, read_rows};
 use crate::analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
-use crate::analysis::ground_collapse::figures;
 use crate::analysis::ground_collapse::measure::{
     Above, Cells, Grain, Ground, Limits, Point, Sample,
 };
@@ -22,6 +21,7 @@ use crate::analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Threshol
 use crate::darcy::overlap::sphere_box;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
+use crate::figures::ground_collapse as figures;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::collapse::GroundCollapse;

@@ -14,6 +14,7 @@ use crate::dem::contact::hertz_mindlin::{self, HertzMindlin};
 use crate::dem::contact::linear::{self, Linear};
 use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
+pub use crate::dem::space::vector;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
 use crate::error::{Error, Problem, Severity};
@@ -372,15 +373,6 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
         }
         Initial::File(_) => return None,
     })
-}
-
-/// A vector of the space from three components.
-pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
-    let mut vector = S::Vector::default();
-    for (a, &x) in v.iter().enumerate().take(S::DIMENSION) {
-        vector.set(a, x);
-    }
-    vector
 }
 
 /// A spin of the space from the vector of rotation.

@@ -13,7 +13,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::together::Together;
 use crate::plan::Plan;
-use crate::scene::waiting::Request;
+use crate::preparation::supervision::{Request, Requests};
 use decomposition::Domain;
 use io::marks::Marker;
 use serde_json::{Value, json};

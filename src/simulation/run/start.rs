@@ -7,7 +7,7 @@ use super::super::erosion::ErosionRecorder;
 use super::super::folder::RunFolder;
 use super::super::guards::Guards;
 use super::super::phases::Phases;
-use super::super::preparation::{self, Settling};
+use super::super::preparation;
 use super::super::progress::Progress;
 use super::super::removal::Removal;
 use super::super::resume::{self, Resumed, Stage};
@@ -31,8 +31,9 @@ use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::averages::Averages;
 use crate::plan::{Plan, steps_number};
+use crate::preparation::rest::Rest;
+use crate::preparation::supervision::{Request, Requests};
 use crate::scene::flow::Initial;
-use crate::scene::waiting::Request;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Reader;
 use io::marks::Marker;
@@ -211,17 +212,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         kept["typical_radius"] = notes["typical_radius"].clone();
         if !flowed && let Some(engine) = &mut dem {
             kept["notes"] = notes.clone();
-            let settling = match &stage {
-                Some(Stage::Settling(state)) => Some(Settling::restore(state)?),
-                _ => Settling::begin(&plan, engine, &mut particles, &domain)?,
+            let rest = match &stage {
+                Some(Stage::Rest(state)) => Some(Rest::restore(state.clone())),
+                _ => Rest::begin(&plan.scene, engine, &mut particles, &domain)?,
             };
-            if let Some(settling) = settling {
-                let keep = |settling: &Settling,
+            if let Some(rest) = rest {
+                let keep = |rest: &Rest,
                             particles: &Particles<Sp>,
                             dem: &Dem<Sp>,
                             watch: &mut Watch,
                             request: Request| {
-                    kept["preparation"] = json!({ "settling": settling.state() });
+                    kept["preparation"] = json!({ "settling": rest.state() });
                     let state = State::<Sp, S> {
                         fluid: None,
                         averages: None,
@@ -240,8 +241,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         &communicator,
                     )
                 };
-                let (line, report) =
-                    settling.run(engine, &mut particles, &domain, &mut watch, keep)?;
+                let (line, report) = rest.run(engine, &mut particles, &domain, &mut watch, keep)?;
                 progress.note(&line);
                 notes["settling"] = report;
             }
