@@ -709,26 +709,26 @@ impl SplitMix {
 }
 
 #[cfg(test)]
-pub(in crate::analysis) mod tests {
+pub(crate) mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
     /// Random numbers of the tests of this folder.
-    pub(in crate::analysis) struct Draws(SplitMix);
+    pub(crate) struct Draws(SplitMix);
 
     impl Draws {
-        pub(in crate::analysis) fn new(seed: u64) -> Self {
+        pub(crate) fn new(seed: u64) -> Self {
             Self(SplitMix::new(seed))
         }
         /// In (0, 1).
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        pub(in crate::analysis) fn uniform(&mut self) -> f64 {
+        pub(crate) fn uniform(&mut self) -> f64 {
             ((self.0.next() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
         }
-        pub(in crate::analysis) fn normal(&mut self) -> f64 {
+        pub(crate) fn normal(&mut self) -> f64 {
             (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
         }
-        pub(in crate::analysis) fn exponential(&mut self, rate: f64) -> f64 {
+        pub(crate) fn exponential(&mut self, rate: f64) -> f64 {
             -self.uniform().ln() / rate
         }
     }
