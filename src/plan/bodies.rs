@@ -5,7 +5,7 @@
 //!   (E-08) a cell that is filled in part gives way as τ nears ½: a stream at τ = 0.50006 ran through a plate of half a cell, and through
 //!   one of a cell that lay across two, with less than 4 % of its force on the plate.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::Coupling;
 use crate::error::Remedy;
 use crate::scene::Scene;

@@ -28,7 +28,8 @@ mod blocks;
 mod network;
 
 use super::Clock;
-use super::envelope::{Margin, critical_solid_time_step, margin, moving};
+use super::critical_step::{critical_solid_time_step, moving};
+use super::margin::{Margin, margin};
 use crate::dem::contact::hertz_mindlin::deepest;
 use crate::error::Remedy;
 use crate::scene::Scene;

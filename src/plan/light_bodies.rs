@@ -22,7 +22,7 @@
 //!
 //! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells that keep their water: without it they are borne better.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::error::Remedy;
 use crate::scene::Scene;

@@ -15,7 +15,7 @@
 //! the second have rates of their own, beyond the map. Streams and channels run with it at a thousand
 //! times these values: where the border lies depends on what makes the eddies.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Collision;
 use crate::error::Remedy;
@@ -232,7 +232,7 @@ pub(super) fn check(
                 speed.what,
                 number(mach),
             ),
-            super::envelope::slower_clock(
+            super::margin::slower_clock(
                 flow,
                 scene.grid.spacing,
                 slower / mach,

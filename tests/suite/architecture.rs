@@ -123,7 +123,7 @@ const CRATES: &[&str] = &[
 const UNSAFE: &[&str] = &["decomposition", "io", "lbm", "thread_pool"];
 
 /// Comments and strings blanked out, tests cut off; line breaks stay.
-fn code_of(text: &str) -> String {
+pub(crate) fn code_of(text: &str) -> String {
     let mut code = String::with_capacity(text.len());
     let mut rest = text.chars().peekable();
     while let Some(c) = rest.next() {
@@ -306,7 +306,7 @@ fn complaints(path: &str, text: &str) -> Vec<String> {
 }
 
 /// All sources below a folder, tests left out.
-fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
+pub(crate) fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
     for entry in std::fs::read_dir(root.join(folder)).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name().into_string().unwrap();

@@ -11,7 +11,7 @@ use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
-use crate::plan::envelope::Margin;
+use crate::plan::margin::Margin;
 use crate::scene::findings::number;
 use crate::scene::grid::count;
 use decomposition::Communicator;
