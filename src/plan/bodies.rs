@@ -11,7 +11,7 @@ use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::blocks::Blocks;
 use crate::scene::findings::{Findings, length_of, number};
-use crate::scene::solids::GrainSource;
+use crate::scene::grains::GrainSource;
 
 /// Fewest cells in a diameter.
 const FEWEST_CELLS: f64 = 4.0;

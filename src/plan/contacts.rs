@@ -35,7 +35,7 @@ use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_least, at_most, number};
-use crate::scene::solids::GrainSource;
+use crate::scene::grains::GrainSource;
 
 /// Springs (N/m) and dashpots (N s/m) of a contact: normal, shear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,8 +1,9 @@
 //! The critical solid time step: that of the lightest grain or free body with its stiffest contact.
 
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::contact::TimeLimits;
-use crate::scene::solids::{GrainSource, Mobility};
+use crate::scene::grains::GrainSource;
 
 /// The critical time step and the grain that decides it.
 #[derive(Clone, Copy, Debug, PartialEq)]

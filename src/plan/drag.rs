@@ -16,8 +16,8 @@ use crate::darcy::{Enclosure, Grid, MeanDiameter, Method, Openness, Pores};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
-use crate::scene::solids::GrainSource;
 
 /// Compares the interval with the shortest time of drag.
 pub(super) fn check(

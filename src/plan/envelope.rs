@@ -8,10 +8,12 @@ use super::critical_step::{Critical, critical_solid_time_step};
 use super::margin::{Margin, margin, slower_clock};
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::boundaries::Condition;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_most, number};
-use crate::scene::flow::{Condition, Flow, Initial, PATH};
+use crate::scene::flow::{Flow, PATH};
 use crate::scene::grid::count;
+use crate::scene::initial::Initial;
 use crate::scene::speed::{passage, pressure_difference, speeds};
 
 /// The paper's "typically lower than".

@@ -26,9 +26,9 @@ use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::grid::count;
-use crate::scene::solids::Mobility;
 
 /// Density ratios of a body of some size.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,8 +20,9 @@ use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Collision;
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::{Condition, Flow};
+use crate::scene::flow::Flow;
 use crate::scene::speed;
 
 /// Bounds of the cell Reynolds number up to a Mach number.

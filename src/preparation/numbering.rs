@@ -4,7 +4,7 @@
 //! memory, and few pairs cross from one thread's grains to another's.
 
 use crate::dem::{Components, Space};
-use crate::scene::solids::Grain;
+use crate::scene::sample::Grain;
 
 /// Bits of a coordinate: three of them fill a word.
 const BITS: u32 = 21;

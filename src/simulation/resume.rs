@@ -20,7 +20,7 @@ use crate::preparation::rest::SavedRest;
 use crate::scene::findings::refused;
 use crate::scene::grid::whole;
 use crate::scene::observe::Action;
-use crate::scene::solids::Wall;
+use crate::scene::walls::Wall;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Found;
 use io::marks::{Marks, check, cut_back};

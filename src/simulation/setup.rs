@@ -26,13 +26,15 @@ use crate::lbm::initial::Field;
 use crate::lbm::synthetic::Modes;
 use crate::lbm::turbulence::Model;
 use crate::plan::{self, Plan};
+use crate::scene::bodies::Mobility;
+use crate::scene::boundaries;
+use crate::scene::boundaries::{Condition as Written, VelocityProfile};
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
-use crate::scene::flow::{
-    self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
-};
+use crate::scene::flow::{BodyForce, Flow, Lattice};
 use crate::scene::grid::{Grid, count};
+use crate::scene::initial::Initial;
 use crate::scene::profile::Table;
-use crate::scene::solids::{Grain, Mobility};
+use crate::scene::sample::Grain;
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
 use std::sync::Arc;
@@ -130,7 +132,7 @@ fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
     }
 }
 
-fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
+fn patch(plan: &Plan, patch: &boundaries::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
     let cells = plan.scene.grid.cells;
     let axis = patch.face.axis();
     let upper = patch.face.is_max();
@@ -218,7 +220,7 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
 fn synthetic(
     written: &Fluctuations,
     plan: &Plan,
-    patch: &flow::Patch,
+    patch: &boundaries::Patch,
     profile: &Profile,
     units: &LatticeUnits,
 ) -> Result<Synthetic, Error> {
@@ -260,7 +262,13 @@ fn synthetic(
 }
 
 /// A parabola over the patch along the inward normal; in 3-D the product of two.
-fn parabola(axis: usize, upper: bool, patch: &flow::Patch, dimension: usize, peak: f64) -> Profile {
+fn parabola(
+    axis: usize,
+    upper: bool,
+    patch: &boundaries::Patch,
+    dimension: usize,
+    peak: f64,
+) -> Profile {
     let (from, to) = (patch.from.map(count), patch.to.map(count));
     let inward = if upper { -peak } else { peak };
     Box::new(move |position| {

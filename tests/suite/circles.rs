@@ -32,11 +32,6 @@ const ALLOWED: &[&[&str]] = &[
         "src/lbm/saturation.rs",
         "src/lbm/turbulence.rs",
     ],
-    &[
-        "src/scene/blocks.rs",
-        "src/scene/sample.rs",
-        "src/scene/solids.rs",
-    ],
 ];
 
 /// A path of a module: `["dem", "engine"]`.

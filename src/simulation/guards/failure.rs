@@ -142,7 +142,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         };
         (count(cells) + 0.5) * grid.spacing
     };
-    let holds = |patch: &&crate::scene::flow::Patch| {
+    let holds = |patch: &&crate::scene::boundaries::Patch| {
         let axis = patch.face.axis();
         (0..grid.dimension).all(|a| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]))
     };

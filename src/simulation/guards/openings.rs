@@ -20,7 +20,7 @@ use crate::dem::space::Space;
 use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
-use crate::scene::flow::{Condition, Patch};
+use crate::scene::boundaries::{Condition, Patch};
 use crate::scene::grid::count;
 use crate::units::LatticeUnits;
 

@@ -33,7 +33,7 @@ use crate::output::averages::Averages;
 use crate::plan::{Plan, steps_number};
 use crate::preparation::rest::Rest;
 use crate::preparation::supervision::{Request, Requests};
-use crate::scene::flow::Initial;
+use crate::scene::initial::Initial;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Reader;
 use io::marks::Marker;
@@ -444,7 +444,7 @@ fn generates(plan: &Plan) -> bool {
 }
 
 /// Mean radius of the grains, or of the bodies and blocks: sets the skin of the lists, never a result. Collective.
-fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &Domain) -> f64 {
+fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &Domain) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
         let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let of_blocks = blocks.map(|block| block.solid.shape.radius());
