@@ -9,6 +9,7 @@ use super::super::guards::Guards;
 use super::super::phases::Phases;
 use super::super::preparation;
 use super::super::progress::Progress;
+use super::super::recorders::{Recorders, saved_guards};
 use super::super::removal::Removal;
 use super::super::resume::{self, Resumed, Stage};
 use super::super::setup;
@@ -105,8 +106,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
-        let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
-        let mut collapse_state = Value::Null;
+        let (mut step, mut recorders, mut meters) = (0, None, None);
         let mut dem = None;
         let mut earlier: Option<Vec<f64>> = None;
         let mut kept = resume::attributes(&plan);
@@ -130,11 +130,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
             notes = attributes["notes"].clone();
-            guards_state = attributes["guards"].clone();
+            meters = saved_guards(&attributes);
             if runs {
-                removal.restore(&attributes["removal"], resumed.regions.as_deref())?;
-                recorder_state = attributes["recorder"].clone();
-                collapse_state = attributes["collapse"].clone();
+                let saved = Recorders::read(&attributes)?;
+                removal.restore(&saved.removal, resumed.regions.as_deref())?;
+                recorders = Some(saved);
             }
             if solid {
                 // The first rank alone reads the grains, so that it alone may find them wrong.
@@ -263,7 +263,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let mut flow_age = 0.0;
         let mut guards = Guards::new(&plan);
-        guards.restore(&guards_state);
+        guards.restore(meters.unwrap_or_default());
         if !runs && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
             let begun = match stage {
                 Some(Stage::WarmUp(steps)) => steps,
@@ -277,7 +277,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         (watch, guards): (&mut Watch, &Guards),
                         request: Request| {
                 kept["preparation"] = json!({ "warm_up": steps });
-                kept["guards"] = guards.state();
+                kept["guards"] = json!(guards.state());
                 let state = State::<Sp, S> {
                     fluid: Some(flow.fluid()),
                     averages: None,
@@ -322,14 +322,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             resumed_at,
         )?;
         let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
-        if resumed {
-            recorder.restore(&recorder_state)?;
+        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
+        if let Some(saved) = recorders {
+            recorder.restore(saved.recorder);
+            collapse.restore(saved.collapse)?;
         } else {
             recorder.set_flow_age(flow_age);
-        }
-        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
-        if resumed {
-            collapse.restore(&collapse_state)?;
         }
         let lattice = flow.as_ref().and_then(Water::lattice);
         let mut averages = lattice.and_then(|flow| Averages::new(&plan, flow));
