@@ -1,21 +1,22 @@
 //! The commands. This is the only module that prints to the terminal.
 //!
 //! Everything that can be wrong with a case is found before MPI starts, by every rank for itself and with the same
-//! result; only the first rank says so. What needs the rest of the program (running, restarting, reading outputs)
-//! is handed over to [`Engine`] by `main`.
+//! result; only the first rank reports it.
 
 mod manual;
 mod usage;
 
 use crate::case::{Document, examples, schema};
 use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
-use crate::output::picture::PictureOptions;
+use crate::figures::erosion_law::Published;
+use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::provenance;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
-use crate::sweep::{Say, Sweep, Task, study};
+use crate::sweep::{Sweep, Task, study};
+use crate::{figures, output, simulation, sweep};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -119,6 +120,9 @@ enum Command {
         /// Folder for the CSV and SVG files.
         #[arg(long, value_name = "DIR", default_value = ".")]
         output: PathBuf,
+        /// A published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
+        #[arg(long, value_name = "C,TAU,K")]
+        published: Option<Published>,
         /// The fit as JSON.
         #[arg(long)]
         json: bool,
@@ -246,38 +250,17 @@ struct Stability {
     allow_unstable: bool,
 }
 
-/// What the rest of the program does for the commands; returned text is printed by the first rank.
-#[derive(Clone, Copy, Debug)]
-pub struct Engine {
-    /// Runs a plan.
-    pub run: fn(Plan, RunOptions) -> Result<(), Error>,
-    /// Goes on from a folder, with changed fields.
-    pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
-    /// Describes a file; as JSON or not.
-    pub info: fn(&Path, bool) -> Result<String, Error>,
-    /// Draws a run; returns a line about the file.
-    pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
-    /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
-    pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
-    /// Carries out a sweep; the function takes lines for the reader.
-    pub sweep: fn(&Sweep, Say<'_>) -> Result<(), Error>,
-    /// Says which libraries, processor and settings this program was built with and runs on, a line for each.
-    pub version: fn() -> String,
-    /// Searches a critical gradient; as JSON or not.
-    pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
-}
-
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
-pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
     // flag itself is never looked at.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|first| first == "--version") {
-        let text = format!("solver {}\n{}", *VERSION, (engine.version)());
-        return ended(say(&text));
+        let text = format!("solver {}\n{}", *VERSION, simulation::versions::report());
+        return ended(print(&text));
     }
     let arguments = match with_default_command(arguments) {
         Ok(arguments) => arguments,
@@ -313,21 +296,23 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 overwrite,
                 ..options(run, case.json, begun)
             };
-            start(&case, options, engine)
+            start(&case, options)
         }
         Command::Validate { case, stability } => validate(&case, stability),
         Command::Plan { case, stability } => plan(&case, stability),
-        Command::Schema { of: Text::Case } => say(&pretty(&schema())),
-        Command::Schema { of: Text::Study } => say(&pretty(&study::schema())),
+        Command::Schema { of: Text::Case } => print(&pretty(&schema())),
+        Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
         Command::Example { name, json } => example(name.as_deref(), json),
-        Command::Info { file, json } => (engine.info)(&file, json).and_then(|text| say(&text)),
+        Command::Info { file, json } => {
+            output::info::info(&file, json).and_then(|text| print(&text))
+        }
         Command::Restart {
             directory,
             set,
             run,
             json,
         } => judged(
-            (engine.restart)(&directory, &set, options(run, json, begun)),
+            simulation::run::restart(&directory, &set, options(run, json, begun)),
             &directory,
         ),
         Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
@@ -335,22 +320,19 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             .map_err(|e| Error::Internal(format!("the manual page: {e}")))
             .and_then(|page| put(&page)),
         Command::Picture { run, options } => {
-            (engine.picture)(&run, &options).and_then(|text| say(&text))
+            figures::picture::picture(&run, &options).and_then(|text| print(&text))
         }
         Command::Sweep {
             study,
             output,
             task,
             max_walltime,
-        } => sweep(
-            &Sweep {
-                study,
-                output,
-                task: task.task(),
-                max_walltime,
-            },
-            engine,
-        ),
+        } => sweep(&Sweep {
+            study,
+            output,
+            task: task.task(),
+            max_walltime,
+        }),
         Command::CriticalGradient {
             case,
             stability,
@@ -364,7 +346,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             max_walltime,
         } => {
             if let Some(warning) = usage::too_many_threads(threads) {
-                complain(&warning);
+                report_error(&warning);
             }
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
@@ -381,13 +363,17 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 allow_unstable: stability.allow_unstable,
             };
             judged(
-                (engine.critical_gradient)(&search, case.json).and_then(|text| say(&text)),
+                simulation::critical::command(&search, case.json).and_then(|text| print(&text)),
                 &case.case,
             )
         }
-        Command::ErosionLaw { runs, output, json } => {
-            (engine.erosion_law)(&runs, &output, json).and_then(|text| say(&text))
-        }
+        Command::ErosionLaw {
+            runs,
+            output,
+            published,
+            json,
+        } => figures::erosion_law::command(&runs, &output, published, json)
+            .and_then(|text| print(&text)),
     };
     ended(result)
 }
@@ -397,9 +383,9 @@ fn ended(result: Result<(), Error>) -> i32 {
     match result {
         Ok(()) => 0,
         Err(error) => {
-            // Problems of a case have been listed by `told`.
+            // Problems of a case have been listed by `report_problems`.
             if !matches!(error, Error::Case(_)) {
-                complain(&format!("solver: {error}"));
+                report_error(&format!("solver: {error}"));
             }
             if !first_rank() {
                 // mpirun ends all ranks as soon as one has ended with an error: let the first have its say before.
@@ -433,23 +419,23 @@ fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, E
     Ok(arguments)
 }
 
-fn start(case: &CaseArgs, options: RunOptions, engine: &Engine) -> Result<(), Error> {
+fn start(case: &CaseArgs, options: RunOptions) -> Result<(), Error> {
     let plan = prepare(case)?;
     show(&plan, case)?;
     let stability = Stability {
         allow_unstable: options.allow_unstable,
     };
     judge(&plan.warnings, case, stability)?;
-    told((engine.run)(plan, options))
+    report_problems(simulation::run::run(plan, options))
 }
 
 /// The members are processes of their own: only the first rank runs them, should somebody have started several.
-fn sweep(sweep: &Sweep, engine: &Engine) -> Result<(), Error> {
+fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
     // A reader that has gone away is no reason to stop.
-    told((engine.sweep)(sweep, &|line| drop(say(line))))
+    report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
 /// The folder of a case where none is named.
@@ -466,18 +452,18 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.
-fn told(outcome: Result<(), Error>) -> Result<(), Error> {
+fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     if let Err(Error::Case(problems)) = &outcome {
         list(problems);
     }
     outcome
 }
 
-/// As [`told`], with the verdict on a case that only the work itself has read.
+/// As [`report_problems`], with the verdict on a case that only the work itself has read.
 fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
-    let outcome = told(outcome);
+    let outcome = report_problems(outcome);
     if let Err(Error::Case(findings)) = &outcome {
-        complain(&refusal(findings, name));
+        report_error(&refusal(findings, name));
     }
     outcome
 }
@@ -498,7 +484,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
 
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
     if let Some(warning) = usage::too_many_threads(run.threads) {
-        complain(&warning);
+        report_error(&warning);
     }
     RunOptions {
         output: None,
@@ -516,7 +502,7 @@ fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
 fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
     if case.json {
-        say(&pretty(&report(&plan.warnings, stability)))?;
+        print(&pretty(&report(&plan.warnings, stability)))?;
     } else {
         list(&plan.warnings);
     }
@@ -534,10 +520,10 @@ fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
         let mut tree = serde_json::to_value(plan).unwrap_or_default();
         tree["verdict"] = Verdict::of(&plan.warnings).name().into();
-        say(&pretty(&tree))
+        print(&pretty(&tree))
     } else {
         list(&plan.warnings);
-        say(&plan.to_string())
+        print(&plan.to_string())
     }
 }
 
@@ -561,7 +547,7 @@ fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<
     let accepted = Verdict::of(findings).runs(stability.allow_unstable);
     if !accepted {
         if !case.json {
-            complain(&refusal(findings, &case.case));
+            report_error(&refusal(findings, &case.case));
         }
         return Err(Error::Case(findings.to_vec()));
     }
@@ -569,7 +555,7 @@ fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<
         return Ok(());
     }
     let sentence = Verdict::sentence(findings);
-    say(&format!("{}: {sentence}", case.case.display()))
+    print(&format!("{}: {sentence}", case.case.display()))
 }
 
 /// Reads, checks and plans the case; lists everything that is wrong with it.
@@ -578,11 +564,11 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let text = io::plain::text(path, io::plain::LONGEST_CASE);
     let text = text.map_err(|error| match error {
         io::Error::Corrupt { .. } => {
-            complain(&format!(
+            report_error(&format!(
                 "error: {} is not text (UTF-8); a case is JSON text",
                 path.display()
             ));
-            complain(&refusal(&[], path));
+            report_error(&refusal(&[], path));
             Error::Case(vec![])
         }
         other => Error::Io(format!("the case: {other}")),
@@ -595,12 +581,12 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
                 let stability = Stability {
                     allow_unstable: false,
                 };
-                if let Err(error) = say(&pretty(&report(&problems, stability))) {
+                if let Err(error) = print(&pretty(&report(&problems, stability))) {
                     return error;
                 }
             } else {
                 list(&problems);
-                complain(&refusal(&problems, path));
+                report_error(&refusal(&problems, path));
             }
             Error::Case(problems)
         })
@@ -613,17 +599,17 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
                 .iter()
                 .map(|e| serde_json::json!({"name": e.name, "summary": e.summary}))
                 .collect();
-            return say(&pretty(&list));
+            return print(&pretty(&list));
         }
         let lines: Vec<String> = examples::EXAMPLES
             .iter()
             .map(|e| format!("{:14}  {}", e.name, e.summary))
             .collect();
         let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > study.json; solver sweep study.json";
-        return say(&format!("{}\n{last}", lines.join("\n")));
+        return print(&format!("{}\n{last}", lines.join("\n")));
     };
     match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {
-        Some(example) => say(example.text.trim_end()),
+        Some(example) => print(example.text.trim_end()),
         None => {
             let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();
             let meant = match crate::case::check::nearest(name, &known) {
@@ -644,7 +630,7 @@ fn list(problems: &[Problem]) {
             Severity::Unstable => "unstable",
             Severity::Warning => "warning",
         };
-        complain(&format!("{weight}: {problem}"));
+        report_error(&format!("{weight}: {problem}"));
     }
 }
 
@@ -666,7 +652,7 @@ fn first_rank() -> bool {
 }
 
 /// A text to the standard output; a reader that has gone away is no error.
-fn say(text: &str) -> Result<(), Error> {
+fn print(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
@@ -688,7 +674,7 @@ fn put(bytes: &[u8]) -> Result<(), Error> {
 }
 
 /// A text to the standard error; nothing can be done if that fails.
-fn complain(text: &str) {
+fn report_error(text: &str) {
     if first_rank() {
         let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));
     }

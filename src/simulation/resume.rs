@@ -16,11 +16,12 @@ use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
+use crate::preparation::rest::SavedRest;
 use crate::provenance;
 use crate::scene::findings::refused;
 use crate::scene::grid::whole;
 use crate::scene::observe::Action;
-use crate::scene::solids::Wall;
+use crate::scene::walls::Wall;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Found;
 use io::marks::{Marks, check, cut_back};
@@ -47,7 +48,7 @@ pub(super) enum Stage {
     /// A sample in the making.
     Sample,
     /// Bonded grains on their way to rest.
-    Settling(Value),
+    Rest(SavedRest),
     /// The fluid on its way to being steady, after so many steps.
     WarmUp(u64),
 }
@@ -72,7 +73,11 @@ impl Resumed {
             return Ok(Stage::Sample);
         }
         if !stage["settling"].is_null() {
-            return Ok(Stage::Settling(stage["settling"].clone()));
+            return serde_json::from_value(stage["settling"].clone())
+                .map(Stage::Rest)
+                .map_err(|_| {
+                    Error::Io("the saved preparation does not say how far it was".into())
+                });
         }
         stage["warm_up"].as_u64().map(Stage::WarmUp).ok_or_else(|| {
             Error::Io(format!(

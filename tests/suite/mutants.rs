@@ -577,7 +577,7 @@ fn arguments(command: &str, mutant: &Mutant, text: &Path) -> Vec<String> {
 
 /// Cheap enough to be run for a few steps within the memory of the binary.
 fn runs(plan: &Plan) -> bool {
-    use solver::scene::solids::GrainSource;
+    use solver::scene::grains::GrainSource;
     let grown = plan.scene.grains.as_ref().is_some_and(|grains| {
         matches!(
             grains.source,
