@@ -2,6 +2,7 @@
 
 mod blocks;
 mod bonds;
+mod columns;
 mod displacement;
 mod elastic;
 mod laws;
