@@ -27,26 +27,31 @@
 //! | `ranks` | what is asked of the ranks |
 
 mod blocks;
+mod columns;
 pub mod contact;
 mod engine;
 pub mod escape;
 mod ghosts;
 mod integrate;
+mod message;
+mod migration;
 mod neighbors;
 pub mod particles;
 pub mod polyhedron;
 pub mod ranks;
+mod region;
 pub mod relax;
 pub mod space;
 pub mod state;
 pub mod surface;
+mod table;
 pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
-pub use ghosts::Region;
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
+pub use region::Region;
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
 pub use surface::Surface;

@@ -13,11 +13,14 @@ mod pairs;
 mod parts;
 
 use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
-use super::ghosts::{self, Region};
+use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
+use super::message::{Reader, Writer};
+use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles};
-use super::ranks::{Ranks, Reader, Writer, agree};
+use super::ranks::{Ranks, agree};
+use super::region::Region;
 use super::space::{Components, Space};
 use super::surface::{Nearest, Surface};
 use super::walls::Wall;
@@ -344,7 +347,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
         let flag = |set: bool| if set { 1.0 } else { 0.0 };
-        let listed = self.listed && !particles.stale;
+        let listed = self.listed && particles.listed;
         if ranks.maximum(flag(!listed))? > 0.5 {
             self.rebuild(particles, ranks)?;
         }
@@ -415,7 +418,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         particles.drop_ghosts();
         agree(
             ranks,
-            L::check(particles).and_then(|()| ghosts::wrap(particles, &region)),
+            L::check(particles).and_then(|()| migration::wrap(particles, &region)),
         )?;
         if ranks.size() > 1 {
             self.migrate(particles, &region, ranks)?;
@@ -431,7 +434,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair[0].id
             )));
         }
-        let census = ghosts::census(particles, ranks)?;
+        let census = migration::census(particles, ranks)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
         if let Some(before) = self.total {
             let added: u64 = census.iter().map(|one| one.added).sum();
@@ -466,7 +469,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         )?;
         L::pose(&mut self.scratch, particles, self.parallel);
         self.list(particles, gap);
-        particles.stale = false;
+        particles.listed = true;
         self.listed = true;
         // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
         if self.rebuilds.is_power_of_two() {
@@ -537,7 +540,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         region: &Region<S>,
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
-        let owners = ghosts::owners(particles, region, ranks)?;
+        let owners = migration::owners(particles, region, ranks)?;
         let mut messages = Vec::new();
         let mut numbers = Vec::new();
         for target in (0..ranks.size()).filter(|&target| target != ranks.rank()) {
@@ -549,10 +552,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             ids.sort_unstable();
             let leaves = |id: u64| ids.binary_search(&id).is_ok();
             let mut writer = Writer::default();
-            writer.integer(leaving.len() as u64);
-            for &k in &leaving {
-                particles.pack(k, &mut writer);
-            }
+            pack_grains(particles, &leaving, &mut writer);
             let grains = || {
                 self.memories
                     .iter()
@@ -580,9 +580,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         particles.keep(|k| owners[k] == ranks.rank());
         for (_, bytes) in ranks.exchange(messages)? {
             let mut reader = Reader(&bytes);
-            for _ in 0..reader.integer()? {
-                particles.unpack(&mut reader)?;
-            }
+            unpack_grains(particles, &mut reader)?;
             for _ in 0..reader.integer()? {
                 let (first, second) = (reader.integer()?, reader.integer()?);
                 let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
@@ -909,6 +907,6 @@ fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
             && motion.spin.scalar(&motion.spin).is_finite())
     }) {
         None => Ok(()),
-        Some(k) => Err(ghosts::lost(particles, k, "has no finite motion")),
+        Some(k) => Err(migration::lost(particles, k, "has no finite motion")),
     }
 }

@@ -157,7 +157,7 @@ pub(super) fn drift<S: Space>(
     again: bool,
     parallel: bool,
 ) -> Fastest {
-    let drift = match (how.damping > 0.0, again, particles.immersed) {
+    let drift = match (how.damping > 0.0, again, particles.fluid.is_allocated()) {
         (false, false, false) => drift_pieces::<S, false, false, false>,
         (false, false, true) => drift_pieces::<S, false, false, true>,
         (false, true, false) => drift_pieces::<S, false, true, false>,

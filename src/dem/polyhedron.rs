@@ -39,7 +39,7 @@ pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub(crate) use cut::across;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
-pub use rotation::{Attitude, Damping};
+pub use rotation::{Damping, RotationState};
 pub use shape::{Polyhedron, ShapeError, Solid};
 
 use nalgebra::Vector3;

@@ -29,7 +29,7 @@ struct Pose {
 
 impl Pose {
     fn of<S: Space>(view: &View<'_, S>, k: usize) -> Self {
-        let Some((shape, attitude)) = view.polyhedron(k) else {
+        let Some((shape, rotation)) = view.polyhedron(k) else {
             let half = Vector3::repeat(view.body[k].radius);
             return Self {
                 rotation: Matrix3::identity(),
@@ -37,7 +37,7 @@ impl Pose {
                 high: half,
             };
         };
-        let rotation = attitude.matrix();
+        let rotation = rotation.matrix();
         let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
         for vertex in shape.vertices() {
             let corner = rotation * vertex;
@@ -516,7 +516,7 @@ impl<S: Space> Bodies<S> for Blocks {
     const PER_THREAD: usize = 16;
 
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
-        if particles.blocks.is_none() {
+        if !particles.has_blocks() {
             particles.set_shapes(std::sync::Arc::default())?;
         }
         particles.check_shapes()

@@ -16,14 +16,14 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// How a body stands and how it turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude {
+pub struct RotationState {
     /// Turns the body frame into space.
     pub orientation: UnitQuaternion<f64>,
     /// Angular momentum about the centroid (kg m²/s), in space.
     pub angular_momentum: Vector3<f64>,
 }
 
-impl Default for Attitude {
+impl Default for RotationState {
     fn default() -> Self {
         Self {
             orientation: UnitQuaternion::identity(),
@@ -60,7 +60,7 @@ impl Damping {
     }
 }
 
-impl Attitude {
+impl RotationState {
     /// A body of these principal moments (kg m²) that turns with `spin` (rad/s, in space).
     #[must_use]
     pub fn new(

@@ -6,7 +6,10 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::*;
 use crate::checkpoint::State;
-use crate::dem::polyhedron::Polyhedron;
+use crate::dem::columns::Crosses;
+use crate::dem::message::{Reader, Writer};
+use crate::dem::migration::{pack_grains, unpack_grains};
+use crate::dem::polyhedron::{Polyhedron, RotationState};
 use crate::dem::state::{Table, Values};
 use decomposition::Communicator;
 
@@ -91,7 +94,7 @@ fn all_arrays() -> Particles<Volume> {
     particles
         .add_block(body, motion, 0, UnitQuaternion::identity())
         .unwrap();
-    particles.immerse();
+    particles.allocate_fluid_loads();
     particles.keep_extra();
     particles.mark_start();
     for (k, number) in (0..particles.owned()).zip([0.5, 1.5, 2.5, 3.5]) {
@@ -125,6 +128,58 @@ fn columns_of_grains_keep_names_order_and_hash() {
     // All comes back, and a second table is the first.
     let again = Particles::<Volume>::from_table(&table).unwrap();
     assert_eq!(hash(&again, None), hash(&particles, None));
+}
+
+#[test]
+fn arrays_cross_ranks_when_the_list_says() {
+    let particles = all_arrays();
+    let all: Vec<usize> = (0..particles.owned()).collect();
+    let empty = || {
+        let mut empty = Particles::<Volume>::new();
+        empty.set_shapes(particles.shapes.clone()).unwrap();
+        empty.allocate_fluid_loads();
+        empty.keep_extra();
+        empty.mark_start();
+        empty
+    };
+    // A grain that gets another owner keeps everything.
+    let mut writer = Writer::default();
+    pack_grains(&particles, &all, &mut writer);
+    let mut owner = empty();
+    let mut reader = Reader(&writer.0);
+    unpack_grains(&mut owner, &mut reader).unwrap();
+    assert!(reader.is_empty());
+    assert_eq!(owner.table(), particles.table());
+    // A ghost has no loads of its own; a step brings its motion and rotation.
+    let mut writer = Writer::default();
+    for &k in &all {
+        particles.pack(k, [0, 1, 0], Crosses::Creation, &mut writer);
+    }
+    let mut ghosts = empty();
+    let mut reader = Reader(&writer.0);
+    while !reader.is_empty() {
+        ghosts.unpack(Crosses::Creation, &mut reader).unwrap();
+    }
+    assert_eq!((ghosts.owned(), ghosts.len()), (0, 4));
+    assert_eq!(ghosts.body, particles.body);
+    assert_eq!(ghosts.shift, [[0, 1, 0]; 4]);
+    assert_eq!(*ghosts.shape, *particles.shape);
+    assert_eq!(ghosts.contact, [Load::default(); 4]);
+    ghosts.motion.fill(Motion::default());
+    ghosts.rotation.fill(RotationState::default());
+    let mut writer = Writer::default();
+    particles.pack_step(&[3, 1], &mut writer);
+    assert_eq!(writer.0.len(), 2 * particles.step_bytes());
+    ghosts.unpack_step(1..3, &mut Reader(&writer.0)).unwrap();
+    assert_eq!(
+        ghosts.motion[1..3],
+        [particles.motion[3], particles.motion[1]]
+    );
+    assert_eq!(
+        ghosts.rotation[1..3],
+        [particles.rotation[3], particles.rotation[1]]
+    );
+    assert_eq!(ghosts.motion[0], Motion::default());
 }
 
 #[test]
