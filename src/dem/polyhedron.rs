@@ -34,13 +34,15 @@ mod piece;
 pub mod rotation;
 mod separating_axes;
 pub mod shape;
+mod shape_error;
 
 pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub(crate) use cut::across;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Damping, RotationState};
-pub use shape::{Polyhedron, ShapeError, Solid};
+pub use shape::{Polyhedron, Solid};
+pub use shape_error::ShapeError;
 
 use nalgebra::Vector3;
 
