@@ -1,10 +1,21 @@
-//! The solid step, compiled once per contact law; [`bodies`] says where a law has other bodies than spheres.
+//! The solid step, compiled once for each contact law. [`bodies`] states how a law treats bodies other than spheres.
 //!
-//! Lists are made when a grain may have moved half the skin since they were last made. Nothing depends on when: separations
-//! come from raw positions and whole box lengths, forces are added in the order of the other grain's id (walls after
-//! grains), and the memory of a contact lives exactly as long as the surfaces overlap or the bond holds.
-//! Of the listed pairs only the *active* ones are tested: those that grains can close before the next look at all gaps, which
-//! comes when a grain may have moved as far as the last look allowed for. In a bed nearly at rest these are the contacts.
+//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this happens:
+//!
+//! - Separations come from raw positions and whole box lengths.
+//! - Forces are added in the order of the other grain's id, walls after grains.
+//! - The history of a contact lives exactly as long as the surfaces overlap or the bond holds.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `lists` | listed and active pairs |
+//! | `pairs` | one pair: separation, action of the law |
+//! | `facets` | contacts with walls of facets |
+//! | `parts` | forces by threads |
+//! | `blocks` | bodies that are polyhedra |
+//! | `histories` | contact histories between lists, ranks and runs |
+//! | `bond_events` | bonds made, failed and removed |
+//! | `report` | contacts and counts for output |
 
 mod blocks;
 pub(super) mod bodies;

@@ -1,9 +1,8 @@
-//! Grains and contacts as named columns, for checkpoints and output, and back.
+//! Contacts as named columns for checkpoints.
 //!
-//! A table of grains holds all that the next step depends on; any rank may take any rows back, since the first lists hand
-//! grains to their owners. Contacts are keyed by the ids of both ends, so that they too fit any number of ranks: give every
-//! rank the rows of all ranks, each keeps what its lists need. A run restored from them goes on bit by bit as the
-//! uninterrupted one.
+//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of all
+//! ranks; each rank keeps those that its lists need. Grains are saved by [`Particles::table`](super::Particles::table). A
+//! restored run gives the same bits as an uninterrupted one.
 
 use super::contact::ContactLaw;
 use super::engine::bodies::Bodies;

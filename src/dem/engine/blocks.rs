@@ -1,8 +1,8 @@
-//! Blocks in the engine: poses once per step and body, then the narrow phase and the force of each active pair whose boxes meet.
+//! Blocks in the engine: a pose for each body and step, then narrow phase and force of each active pair whose boxes meet.
 //!
-//! The memory of a pair starts afresh whenever the spheres or the axis-parallel boxes round both are apart at the end of a step. That
-//! is a matter of the motion alone, so that what the narrow phase starts from does not depend on when lists were made. Each piece of
-//! parallel work has buffers of its own; actions are added up as for spheres, in order of the other body's id, planes last.
+//! The history of a pair is reset whenever the spheres or the axis-parallel boxes about both bodies are apart at the end of a
+//! step. This depends on the motion only: the start of the narrow phase does not depend on when lists were made. Each piece of
+//! parallel work has its own buffers. Actions are added up as for spheres: in the order of the other body's id, planes last.
 
 mod act;
 mod pose;

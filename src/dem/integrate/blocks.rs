@@ -1,12 +1,12 @@
-//! Motion of blocks, and of spheres among them (B-01, B-02, B-03).
+//! Time integration of blocks, and of spheres in scenes with blocks.
 //!
 //! ```text
 //! x'' + alpha x' = F/m + g,     dL/dt + alpha L = M,     w = R I^-1 R^T L
 //! ```
 //!
-//! Kick - drift - kick as for grains; the rotation by [`crate::dem::polyhedron::rotation`]. Damping by mass is exact
-//! for a constant force. Non-viscous damping works on the components of force and moment in space, as for grains.
-//! Driven blocks turn with the spin they are given.
+//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::dem::polyhedron::rotation`]. Mass-proportional
+//! damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of force and moment in
+//! the axes of space, as for grains. Driven blocks turn with their prescribed spin.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;

@@ -1,48 +1,56 @@
-//! The narrow phase: do two blocks touch, where, in which direction, how deep and over which area (B-06 … B-10).
+//! The narrow phase: whether two blocks touch, where, in which direction, how deep and over which area.
 //!
 //! 1. The plane that separated the pair in the last step is tried first: two passes over the vertices.
-//! 2. The linear program decides (`linear_program.rs`), starting from its last basis. Where it finds a plane between the
-//!    blocks the vertices confirm it, and it is kept. What rounding leaves open, all separating axes decide: no contact is
-//!    dropped, and none invented.
-//! 3. The contact is condensed to one point, normal and depth, by one of two models:
+//! 2. The linear program (`linear_program.rs`) decides, starting from its last basis. A separating plane that it finds is
+//!    confirmed by the vertices and kept. All separating axes decide the cases that rounding leaves open. No contact is
+//!    missed and none is invented.
+//! 3. The contact is reduced to one point, normal and depth by one of two models.
 //!
-//! [`Model::Point`], the published form (Boon et al. 2012). The point is the analytic centre of the overlap. The normal is the
-//! direction between the gradients of both "potential particles" there: with planes drawn in by the rounding `r`,
+//! [`Model::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of the overlap. The normal
+//! is the direction between the gradients of both "potential particles" at this point. With the planes moved inwards by the
+//! rounding `r`,
 //!
 //! ```text
 //! g = sum_i <a_i . x - d_i + r> a_i,     n = g_1/|g_1| - g_2/|g_2|, normalised     <z> = max(z, 0)
 //! ```
 //!
-//! or the nearest plane's normal where all terms are zero. The depth is the distance between both surfaces along `n` through the
-//! point, and the area that of the overlap's section across `n`.
+//! Where all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both surfaces
+//! along `n` through the point. The area is the area of the section of the overlap across `n`.
 //!
-//! [`Model::Patch`], for faces that rest on faces. With `V` the overlap's volume and `S` the vector area of the first's surface
-//! inside the second,
+//! [`Model::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area `S` of the first's
+//! surface inside the second,
 //!
 //! ```text
 //! n = S/|S|,   area = |S|,   depth = V/|S|,   point = centroid of the overlap
 //! ```
 //!
-//! so that `k area depth = k V` is the sum of a bed of springs of `k` (Pa/m) over the patch, and acts where that sum acts: a face that
-//! tilts is turned back by exactly the moment of the bed. Against a plane this is Winkler's foundation, and conserves
-//! energy. All of it is continuous in the pose, also where a vertex contact becomes one of an edge or a face (V grows from
-//! zero as the third power, the square, or linearly), and there is no rounding to choose. A volume as the measure of contact:
-//! S. Hasegawa, M. Sato, Computer Graphics Forum 23 (2004) 529; the vector area as normal: Y. T. Feng, K. Han, D. R. J. Owen,
-//! Comput. Methods Appl. Mech. Engrg. 205-208 (2012) 169.
+//! The force `k area depth = k V` is the sum over a bed of springs of `k` [Pa/m] on the patch, and acts where that sum acts: a
+//! tilted face is turned back by exactly the moment of the bed. Against a plane this is Winkler's foundation, and it conserves
+//! energy. All quantities are continuous in the pose, also where a vertex contact becomes a contact of an edge or a face: V
+//! grows from zero as the third power, the square, or linearly. There is no rounding to choose. Sources: volume as the measure
+//! of contact, S. Hasegawa, M. Sato, Computer Graphics Forum 23 (2004) 529; vector area as normal, Y. T. Feng, K. Han,
+//! D. R. J. Owen, Comput. Methods Appl. Mech. Engrg. 205-208 (2012) 169.
 //!
-//! Which to take: `Patch` unless the published form is asked for. Measured in frictionless elastic collisions of boxes: a patch keeps
-//! energy to 3e-10 face on face, 2e-12 corner on face and 3e-5 edge on edge; a point to 1e-3, 4e-2 and 3e-2, and it
-//! gains half of it face on face where the rounding is a hundred times the overlap, since then the gradient beside an edge leans
-//! over by tens of degrees while the surface does not. With mass damping of 10/s ten blocks stand for a million steps, at rest to 1e-12
-//! m/s, with either. A patch costs less besides: no Newton iteration.
+//! Prefer `Patch` unless the published form is required. Relative energy errors in frictionless elastic collisions of boxes:
 //!
-//! **Facets.** Where a block meets a surface of facets, each facet takes the points of the block that it hides from the block's centroid: the
-//! part behind its plane in the cone of sight through it, with the facet's own normal. The cones of facets side by side fill space
-//! without gap or overlap: a plane of triangles is the plane, an edge between them pushes nothing, and a convex edge is touched
-//! from both sides in proportion. Beyond a convex edge a face also hides a sliver from a centroid that stands over the other, of the
-//! order of the depth over the size of the block. A rim that meets a block edge on is not felt: facets push across themselves.
+//! | collision | patch | point |
+//! |---|---|---|
+//! | face on face | 3e-10 | 1e-3 |
+//! | corner on face | 2e-12 | 4e-2 |
+//! | edge on edge | 3e-5 | 3e-2 |
 //!
-//! All is computed in the frame of the first block, so that places far from the origin cost no digits. Nothing is allocated once
+//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient beside an edge
+//! then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks stands for a million
+//! steps, at rest to 1e-12 m/s, with either model. A patch also costs less: it needs no Newton iteration.
+//!
+//! **Facets.** Each facet of a surface takes the points of the block that it hides from the block's centroid: the part behind its
+//! plane inside the cone of sight through it, with the facet's own normal. The cones of adjacent facets fill space without gap or
+//! overlap: a plane of triangles acts as a plane, an edge within the plane pushes nothing, and a convex edge is touched from both
+//! sides in proportion. Two limits: beyond a convex edge a face also hides a sliver from a centroid that stands over the other face,
+//! of the order of the depth over the size of the block; and a rim that meets a block edge on is not felt, because facets
+//! push across themselves.
+//!
+//! All computations use the frame of the first block: positions far from the origin lose no digits. Nothing is allocated once
 //! the buffers of [`Narrow`] have grown.
 
 mod facet;

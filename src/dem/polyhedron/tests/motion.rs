@@ -1,4 +1,4 @@
-//! Blocks that move: inclines, tilting, collisions, a stack (B-29; validation 4.4, 4.5).
+//! Blocks that move: inclines, tilting, collisions, a stack.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};

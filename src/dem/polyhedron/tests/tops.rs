@@ -1,4 +1,4 @@
-//! Free rigid bodies (validation 4.7; B-03, E-06).
+//! Free rigid bodies: order, energy and angular momentum of the rotation.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
