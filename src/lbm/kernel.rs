@@ -105,62 +105,33 @@ pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, cons
     match level {
         Level::Scalar => scalar::<L, C, T, P, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => S::avx2::<L, C, T, P, Q>(),
+        Level::Avx2 => avx2::<L, C, T, P, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => S::avx512::<L, C, T, P, Q>(),
+        Level::Avx512 => avx512::<L, C, T, P, S, Q>,
     }
 }
 
-/// A number at rest for which the pass exists at every level: vector code cannot be written over an unknown type of number,
-/// so each says how it is loaded.
-pub trait OnEveryLevel: Sized {
-    /// Pass with AVX2 lanes.
-    #[cfg(target_arch = "x86_64")]
-    fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>() -> Pass<Self, C, T>;
-    /// Pass with AVX-512 lanes.
-    #[cfg(target_arch = "x86_64")]
-    fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-    -> Pass<Self, C, T>;
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    planes: Range<usize>,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx2, Q>(shared, update, planes) }
 }
 
-macro_rules! on_every_level {
-    ($stored:ty, $avx2:ident, $avx512:ident) => {
-        impl OnEveryLevel for $stored {
-            #[cfg(target_arch = "x86_64")]
-            fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-            -> Pass<$stored, C, T> {
-                $avx2::<L, C, T, P, Q>
-            }
-            #[cfg(target_arch = "x86_64")]
-            fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-            -> Pass<$stored, C, T> {
-                $avx512::<L, C, T, P, Q>
-            }
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        unsafe fn $avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
-            shared: &Shared<$stored>,
-            update: &Update<C, T>,
-            planes: Range<usize>,
-        ) {
-            // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx2, Q>(shared, update, planes) }
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx2,fma")]
-        unsafe fn $avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
-            shared: &Shared<$stored>,
-            update: &Update<C, T>,
-            planes: Range<usize>,
-        ) {
-            // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx512, Q>(shared, update, planes) }
-        }
-    };
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,fma")]
+unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    planes: Range<usize>,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx512, Q>(shared, update, planes) }
 }
-on_every_level!(f64, avx2_f64, avx512_f64);
-on_every_level!(f32, avx2_f32, avx512_f32);
 
 unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
@@ -264,12 +235,12 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
             self.prefetch(i);
         }
         // SAFETY: promised to `new`.
-        unsafe { S::load(self.address(i)) }
+        unsafe { <S as Memory<N>>::load(self.address(i)) }
     }
     #[inline(always)]
     fn leave(&mut self, i: usize, outgoing: N) {
         // SAFETY: promised to `new`.
-        unsafe { S::store(self.address(L::OPPOSITE[i]), outgoing) }
+        unsafe { <S as Memory<N>>::store(self.address(L::OPPOSITE[i]), outgoing) }
     }
 }
 
