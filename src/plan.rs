@@ -9,10 +9,10 @@ pub mod envelope;
 pub mod estimate;
 pub mod interval;
 mod light_bodies;
+mod linear_stability;
 pub mod models;
 pub mod report;
 mod stability;
-pub mod waves;
 
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};

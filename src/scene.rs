@@ -414,7 +414,7 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
         && cells.solid_operator == Some(SolidOperator::ViscosityMatched)
         && fluid
             .collision
-            .is_some_and(|collision| !collision.two_times())
+            .is_some_and(|collision| collision.model().antisymmetric_rate().is_none())
     {
         findings.error(
             "coupling.partially_saturated.solid_operator",

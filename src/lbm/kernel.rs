@@ -9,7 +9,8 @@ use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
 use super::saturation::{self, Place, Solids};
-use super::turbulence::{Eddies, View};
+use super::turbulence::Eddies;
+use super::turbulence::field::View;
 use std::marker::PhantomData;
 use std::ops::Range;
 

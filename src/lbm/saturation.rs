@@ -48,6 +48,7 @@
 
 use super::boundary::{from_quanta, quanta};
 use super::collision::along;
+use super::collision::trt::AntisymmetricRate;
 use super::lanes::{Lanes, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::links::{Load, Rigid, add_force, surface_velocity};
@@ -82,15 +83,6 @@ pub struct Method {
     pub reflection: Reflection,
     /// How much a covered fraction counts.
     pub weighting: Weighting,
-}
-
-/// 1/ω - ½ of the odd populations.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Odd {
-    /// As that of the even ones.
-    AsEven,
-    /// Λ over that of the even ones.
-    Magic(f64),
 }
 
 /// Whether cells may be covered, as a type.
@@ -211,8 +203,8 @@ pub struct Cover {
     method: Method,
     /// τ - ½ of the water.
     time: f64,
-    /// The same of what is odd.
-    odd: Odd,
+    /// How the rate of the antisymmetric parts follows from that of the symmetric parts.
+    antisymmetric: AntisymmetricRate,
     /// Axes from slowest to fastest.
     order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
@@ -235,7 +227,7 @@ impl Cover {
         populations: &Populations<S>,
         method: Method,
         relaxation_time: f64,
-        odd: Odd,
+        antisymmetric: AntisymmetricRate,
         workers: usize,
     ) -> Self {
         let positions = populations.cell_positions();
@@ -246,7 +238,7 @@ impl Cover {
         Self {
             method,
             time: relaxation_time - 0.5,
-            odd,
+            antisymmetric,
             order: populations.order(),
             fraction: vec![0.0; positions],
             owner: vec![NONE; positions],
@@ -440,7 +432,7 @@ impl Cover {
             sums: self.sums.as_mut_ptr(),
             method: self.method,
             time: self.time,
-            odd: self.odd,
+            antisymmetric: self.antisymmetric,
             order: self.order,
             offsets: self.offsets,
         }
@@ -495,7 +487,7 @@ pub(crate) struct View {
     sums: *mut Sums,
     method: Method,
     time: f64,
-    odd: Odd,
+    antisymmetric: AntisymmetricRate,
     order: [usize; 3],
     offsets: [isize; 27],
 }
@@ -524,7 +516,7 @@ impl View {
             weighting: Weighting::Fraction,
         },
         time: 0.0,
-        odd: Odd::AsEven,
+        antisymmetric: AntisymmetricRate::AsSymmetric,
         order: [0; 3],
         offsets: [0; 27],
     };
@@ -743,9 +735,9 @@ impl View {
         // Of the force, and of what resists.
         let water = one - cell.fraction;
         let open = cell.fraction.mul_add(leak, water);
-        let odd_time = match self.odd {
-            Odd::AsEven => time,
-            Odd::Magic(magic) => N::splat(magic) / time,
+        let odd_time = match self.antisymmetric {
+            AntisymmetricRate::AsSymmetric => time,
+            AntisymmetricRate::Magic(magic) => N::splat(magic) / time,
         };
         let of_even = open * (time + half) / open.mul_add(half, time);
         let of_odd = (odd_time + half) / odd_time.mul_add(open, half);

@@ -122,7 +122,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         }
         mach(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
-        super::waves::check(flow, clock, findings);
+        super::linear_stability::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
     }

@@ -59,15 +59,16 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["decomposition", "io"],
     ),
     ("analysis", &[], &["io"]),
-    // Packings are grown by the engine of the grains.
-    ("scene", &["case", "dem", "random", "units"], &["io"]),
+    // Packings are grown by the engine of the grains; models judge their own parameters.
+    ("scene", &["case", "dem", "lbm", "random", "units"], &["io"]),
     // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
     (
         "plan",
         &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
         &[],
     ),
-    ("case", &["units"], &[]),
+    // The parameters of a model stand beside its formula.
+    ("case", &["lbm", "units"], &[]),
     (
         "coupling",
         &["crew", "darcy", "dem", "lbm", "units"],

@@ -1,8 +1,10 @@
-use super::super::collision::mrt::Rates;
-use super::super::fluid::{Fluid, Force, Operator, Set, Setup};
-use super::super::turbulence::Model;
 use super::*;
 use crate::lbm::boundary::{Condition, Patch, Ramp};
+use crate::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
+use crate::lbm::turbulence::EddyViscosity;
+use crate::lbm::turbulence::wale::Wale;
 use decomposition::{Axis, Domain};
 
 const METHODS: [Method; 4] = [
@@ -24,12 +26,18 @@ const METHODS: [Method; 4] = [
     },
 ];
 
-fn setup(set: Set, operator: Operator, tau: f64, cells: [usize; 3], method: Method) -> Setup {
+fn setup(
+    set: VelocitySet,
+    operator: Operator,
+    tau: f64,
+    cells: [usize; 3],
+    method: Method,
+) -> Setup {
     Setup {
         set,
         operator,
         relaxation_time: tau,
-        turbulence: Model::None,
+        turbulence: None,
         force: Force::Constant([1e-5, -2e-5, 0.0]),
         cells,
         periodic: [true, true, true],
@@ -133,9 +141,21 @@ fn loads(fluid: &mut Fluid<f64>) -> [Load; 2] {
 fn the_same_bits_for_every_split() {
     for method in METHODS {
         for (set, operator, cells) in [
-            (Set::D2Q9, Operator::Trt { magic: 0.25 }, [11, 9, 1]),
-            (Set::D3Q19, Operator::Bgk, [11, 9, 6]),
-            (Set::D3Q27, Operator::Mrt(Rates::SUGA), [11, 9, 6]),
+            (
+                VelocitySet::D2Q9,
+                Operator::Trt(trt::Parameters { magic: 0.25 }),
+                [11, 9, 1],
+            ),
+            (
+                VelocitySet::D3Q19,
+                Operator::Bgk(bgk::Parameters {}),
+                [11, 9, 6],
+            ),
+            (
+                VelocitySet::D3Q27,
+                Operator::Mrt(mrt::Parameters::default()),
+                [11, 9, 6],
+            ),
         ] {
             let axes = [Axis::X, Axis::Y, Axis::Z];
             let axes = &axes[..if cells[2] == 1 { 2 } else { 3 }];
@@ -143,8 +163,8 @@ fn the_same_bits_for_every_split() {
                 .iter()
                 .map(|&axis| {
                     let mut s = setup(set, operator, 0.7, cells, method);
-                    if set == Set::D3Q27 {
-                        s.turbulence = Model::Wale(0.5);
+                    if set == VelocitySet::D3Q27 {
+                        s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                     }
                     let mut fluid = serial(axis, s);
                     fluid.initialise(&swirl);
@@ -169,9 +189,21 @@ fn the_same_bits_for_every_split() {
 fn mass_and_momentum_close() {
     for method in METHODS {
         for (set, operator, cells) in [
-            (Set::D2Q9, Operator::Bgk, [11, 9, 1]),
-            (Set::D3Q19, Operator::Trt { magic: 0.1875 }, [11, 9, 6]),
-            (Set::D3Q27, Operator::Cumulant { bulk: 1.0 }, [11, 9, 6]),
+            (
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                [11, 9, 1],
+            ),
+            (
+                VelocitySet::D3Q19,
+                Operator::Trt(trt::Parameters { magic: 0.1875 }),
+                [11, 9, 6],
+            ),
+            (
+                VelocitySet::D3Q27,
+                Operator::Cumulant(cumulant::Parameters::default()),
+                [11, 9, 6],
+            ),
         ] {
             let mut fluid = serial(Axis::X, setup(set, operator, 0.8, cells, method));
             fluid.initialise(&swirl);
@@ -220,8 +252,8 @@ fn couette_flow_beside_a_covered_slab() {
     for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
         for tau in [0.6, 1.4] {
             let (gap, cells) = (8_usize, [4, 16, 1]);
-            let operator = Operator::Trt { magic: 3.0 / 16.0 };
-            let mut s = setup(Set::D2Q9, operator, tau, cells, method);
+            let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+            let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, method);
             s.force = Force::None;
             s.periodic[1] = false;
             let mut fluid = serial(Axis::X, s);
@@ -271,8 +303,8 @@ fn couette_flow_beside_a_covered_slab() {
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
         let cells = [4, 20, 1];
-        let operator = Operator::Trt { magic: 3.0 / 16.0 };
-        let mut s = setup(Set::D2Q9, operator, 0.6, cells, method);
+        let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+        let mut s = setup(VelocitySet::D2Q9, operator, 0.6, cells, method);
         s.force = Force::None;
         s.periodic[1] = false;
         let mut fluid = serial(Axis::X, s);
@@ -331,8 +363,8 @@ fn inlets_and_outlets_before_rock_are_closed() {
     };
     for method in METHODS {
         let mut s = setup(
-            Set::D2Q9,
-            Operator::Trt { magic: 3.0 / 16.0 },
+            VelocitySet::D2Q9,
+            Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
             0.8,
             cells,
             method,
@@ -415,7 +447,13 @@ fn shares_do_not_depend_on_the_order() {
     let make = || {
         serial(
             Axis::X,
-            setup(Set::D2Q9, Operator::Bgk, 0.8, cells, METHODS[0]),
+            setup(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                0.8,
+                cells,
+                METHODS[0],
+            ),
         )
     };
     let mut results = Vec::new();

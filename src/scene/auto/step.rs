@@ -14,9 +14,11 @@
 use super::Limit;
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
+use crate::lbm::collision::cumulant;
+use crate::lbm::turbulence::wale::Wale;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::growing_waves;
+use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Condition, Flow, Initial, Lattice, PATH};
 use crate::scene::speed::{self, Speed};
 use crate::units::LatticeUnits;
@@ -86,7 +88,7 @@ pub(crate) fn choose(
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
         time_step(scene, &mut flow, speed.as_ref(), target);
-        growing_waves(lbm, flow.relaxation_time, findings);
+        check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
     operator(scene, &mut flow, lbm, findings);
@@ -220,7 +222,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
             number(kolmogorov),
             number(scene.grid.spacing)
         );
-        (Some(Turbulence::Wale { constant: WALE }), text)
+        (Some(Turbulence::Wale(Wale { constant: WALE })), text)
     } else {
         let text = format!(
             "the Reynolds number is {}: all is resolved",
@@ -245,8 +247,8 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
         );
         let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
         if scene.grid.dimension == 3 && fast && free {
-            flow.collision = Collision::Cumulant { bulk: 1.0 };
-            flow.lattice = Lattice::D3q27;
+            flow.collision = Collision::Cumulant(cumulant::Parameters::default());
+            flow.lattice = Lattice::D3Q27;
             let text = format!("robust near tau = 0.5; here {tau:.5}");
             scene.chosen.note("collision", text);
         } else {
@@ -257,7 +259,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             scene.chosen.note("collision", text);
         }
     }
-    if tau < least * (1.0 - 1e-9) && flow.collision.two_times() {
+    if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
             "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from {least} on"
         );

@@ -1,8 +1,9 @@
-use super::super::super::fluid::{Fluid, Force, Operator, Set, Setup};
 use super::super::super::links::Load;
-use super::super::super::turbulence::Model;
 use super::super::*;
 use crate::lbm::boundary::from_quanta;
+use crate::lbm::collision::{Operator, trt};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::Rigid;
 use decomposition::{Axis, Domain};
 
@@ -17,16 +18,16 @@ const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
 /// A channel with walls below and above, water in its upper part.
-fn channel(reflection: Reflection, set: Set, tau: f64) -> Fluid<f64> {
+fn channel(reflection: Reflection, set: VelocitySet, tau: f64) -> Fluid<f64> {
     let cells = match set {
-        Set::D2Q9 => [4, HEIGHT, 1],
+        VelocitySet::D2Q9 => [4, HEIGHT, 1],
         _ => [4, HEIGHT, 5],
     };
     let setup = Setup {
         set,
-        operator: Operator::Trt { magic: 3.0 / 16.0 },
+        operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
         relaxation_time: tau,
-        turbulence: Model::None,
+        turbulence: None,
         force: Force::None,
         cells,
         periodic: [true, false, true],
@@ -118,7 +119,11 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
     for reflection in REFLECTIONS {
-        for (set, tau) in [(Set::D2Q9, 0.6), (Set::D2Q9, 0.51), (Set::D3Q19, 0.6)] {
+        for (set, tau) in [
+            (VelocitySet::D2Q9, 0.6),
+            (VelocitySet::D2Q9, 0.51),
+            (VelocitySet::D3Q19, 0.6),
+        ] {
             for part in [1.0, 0.3] {
                 let mut fluid = channel(reflection, set, tau);
                 stack(&mut fluid, &[(0, 0.0, 1.0), (6, 0.01, part)]);
@@ -145,7 +150,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
 #[test]
 fn a_wall_at_rest_does_not_drag() {
     for reflection in REFLECTIONS {
-        let mut fluid = channel(reflection, Set::D2Q9, 0.6);
+        let mut fluid = channel(reflection, VelocitySet::D2Q9, 0.6);
         stack(&mut fluid, &[(0, 0.01, 1.0)]);
         let drag = run(&mut fluid, 1, 2500)[0][0];
         let exact = -0.1 / 3.0 * 0.01 / (HEIGHT - TOP) as f64;
@@ -161,7 +166,7 @@ fn a_wall_at_rest_does_not_drag() {
 fn the_joint_keeps_the_pressure_of_the_water() {
     for reflection in REFLECTIONS {
         for u in [0.0, 0.01] {
-            let mut fluid = channel(reflection, Set::D2Q9, 0.6);
+            let mut fluid = channel(reflection, VelocitySet::D2Q9, 0.6);
             fluid.initialise(&|_: [f64; 3]| (0.03, [0.0; 3]));
             stack(&mut fluid, &[(0, 0.0, 1.0), (6, u, 1.0)]);
             let [below, above] = run(&mut fluid, 2, 2500)[..] else {
