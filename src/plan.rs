@@ -2,13 +2,13 @@
 //!
 //! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
 
+mod added_mass;
 mod bodies;
 pub(crate) mod contacts;
 pub mod drag;
 pub mod envelope;
 pub mod estimate;
 pub mod interval;
-mod light_bodies;
 mod linear_stability;
 pub mod models;
 pub mod report;

@@ -258,3 +258,6 @@ pub(crate) fn along<N: Lanes>(c: [i8; 3], v: &[N; 3]) -> N {
     });
     sum.unwrap_or_else(|| N::splat(0.0))
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,7 +15,8 @@ use super::kernel::Shared;
 use super::lanes::{Level, Stored};
 use super::lattice::VelocitySet;
 use super::populations::Populations;
-use super::saturation::{self, Cover, Method};
+use super::saturation::pass::View as CoverView;
+use super::saturation::{Cover, Method};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use crate::crew;
@@ -67,7 +68,7 @@ pub struct Fluid<S: Stored> {
     field: Option<VelocityField>,
     /// Where solids are, if cells can be covered.
     cover: Option<Cover>,
-    describe: fn(&mut Populations<S>, View, saturation::View) -> Shared<S>,
+    describe: fn(&mut Populations<S>, View, CoverView) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
@@ -210,10 +211,7 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.remember(&self.populations, half);
         // Faces first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        let cover = self
-            .cover
-            .as_mut()
-            .map_or(saturation::View::NONE, Cover::view);
+        let cover = self.cover.as_mut().map_or(CoverView::NONE, Cover::view);
         let shared = (self.describe)(&mut self.populations, velocity, cover);
         self.run(&shared, force, 0..1);
         if planes > 1 {

@@ -8,7 +8,8 @@ use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
-use super::saturation::{self, Place, Solids};
+use super::saturation::Solids;
+use super::saturation::pass::{Place, View as CoverView};
 use super::turbulence::Eddies;
 use super::turbulence::field::View;
 use std::marker::PhantomData;
@@ -54,7 +55,7 @@ pub struct Shared<S> {
     rows: usize,
     cells: usize,
     velocity: View,
-    cover: saturation::View,
+    cover: CoverView,
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each plane of
@@ -73,7 +74,7 @@ impl<S: Stored> Shared<S> {
     pub(crate) fn new<const Q: usize>(
         populations: &mut Populations<S>,
         velocity: View,
-        cover: saturation::View,
+        cover: CoverView,
     ) -> Self {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();

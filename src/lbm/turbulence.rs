@@ -160,3 +160,6 @@ fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let stretch = g[0][0].mul_add(g[0][0], g[1][1].mul_add(g[1][1], g[2][2] * g[2][2]));
     shear.mul_add(N::splat(2.0), stretch)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,4 +1,4 @@
-//! What a body must be for the lattice to feel it; how light it may be, [`super::light_bodies`] says.
+//! What a body must be for the lattice to feel it; [`super::added_mass`] says how light it may be.
 //!
 //! * A disc or sphere is at least four cells across, else the water does not feel its shape.
 //! * A block is at least a cell thick. One of less than two may lie across cells none of which it fills, and with the viscous weighting

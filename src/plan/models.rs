@@ -2,7 +2,7 @@
 
 use super::Clock;
 use crate::case::contact::BlockModel;
-use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
+use crate::case::coupling::{Coupling, Scheme, SolidFraction};
 use crate::case::darcy::Resistance;
 use crate::case::fluid::Precision;
 use crate::lbm::family::Description;
@@ -207,17 +207,12 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
         }
         Coupling::PartiallySaturated(written) => written,
     };
-    let chosen = flow.solid_operator(written);
-    let operator = match chosen {
-        SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
-        SolidOperator::Superposition => "superposition",
-        SolidOperator::BounceBackAboutSolid => "bounce-back about the solid's velocity",
-        SolidOperator::ViscosityMatched => "matched to the viscosity",
-    };
-    let weighting = match written.weighting {
-        _ if chosen == SolidOperator::ViscosityMatched => "no weighting",
-        Weighting::Fraction => "weighted by the solid fraction",
-        Weighting::Viscous => "weighted by fraction and viscosity",
+    let chosen = flow.solid_operator(written).model();
+    let operator = chosen.describe();
+    let weighting = if chosen.weighted() {
+        written.weighting.describe()
+    } else {
+        "no weighting"
     };
     let fraction = match written.solid_fraction {
         SolidFraction::Exact => "exact fractions".into(),

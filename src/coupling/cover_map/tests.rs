@@ -4,7 +4,7 @@ use crate::dem::particles::{Body, Motion};
 use crate::dem::polyhedron::Polyhedron;
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lattice::{D3Q19, Velocities};
-use crate::lbm::saturation::{Method as Action, Reflection, Weighting};
+use crate::lbm::saturation::{Method as Action, SolidOperator, Weighting};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover
         spacing: 0.1,
     };
     let action = Action {
-        reflection: Reflection::Matched,
+        operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Fraction,
     };
     (

@@ -1,27 +1,31 @@
+#![allow(unreachable_pub, reason = "a list of models makes public items")]
+
 use super::*;
+use crate::lbm::boundary::from_quanta;
 use crate::lbm::boundary::{Condition, Patch, Ramp};
 use crate::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lattice::VelocitySet;
+use crate::lbm::links::{Load, Rigid};
 use crate::lbm::turbulence::EddyViscosity;
 use crate::lbm::turbulence::wale::Wale;
 use decomposition::{Axis, Domain};
 
 const METHODS: [Method; 4] = [
     Method {
-        reflection: Reflection::NonEquilibrium,
+        operator: SolidOperator::NonEquilibriumBounceBack,
         weighting: Weighting::Viscous,
     },
     Method {
-        reflection: Reflection::Superposition,
+        operator: SolidOperator::Superposition,
         weighting: Weighting::Fraction,
     },
     Method {
-        reflection: Reflection::AboutSolid,
+        operator: SolidOperator::BounceBackAboutSolid,
         weighting: Weighting::Viscous,
     },
     Method {
-        reflection: Reflection::Matched,
+        operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Viscous,
     },
 ];
@@ -426,16 +430,16 @@ fn inlets_and_outlets_before_rock_are_closed() {
     }
 }
 
-/// Weights of E-08.
+/// Weights of Noble and Torczynski.
 #[test]
 fn weights() {
-    let at = |tau: f64| weight::<f64>(Weighting::Viscous, tau - 0.5, 0.5);
+    let at = |tau: f64| Weighting::Viscous.of(tau - 0.5, 0.5);
     assert!((at(0.51) - 0.0098).abs() < 5e-5 && (at(1.5) - 1.0 / 3.0).abs() < 1e-12);
     assert!((at(1.0) - 0.25).abs() < 1e-12);
     for time in [1e-4, 0.1, 1.5] {
         for weighting in [Weighting::Viscous, Weighting::Fraction] {
-            assert!((weight::<f64>(weighting, time, 1.0) - 1.0).abs() < 1e-15);
-            assert!(weight::<f64>(weighting, time, 0.0) == 0.0);
+            assert!((weighting.of(time, 1.0_f64) - 1.0).abs() < 1e-15);
+            assert!(weighting.of(time, 0.0_f64) == 0.0);
         }
     }
 }
@@ -486,4 +490,46 @@ fn shares_do_not_depend_on_the_order() {
     }
     assert!((results[0].0 - 0.6).abs() < 1e-6 && results[0].1 == Some(0));
     assert!(results.iter().all(|r| *r == results[0]));
+}
+
+solid_operators! {
+    /// Solid collision operators of this test.
+    Operators:
+    toy Toy,
+}
+
+/// The toy is its file and its line in the list above.
+#[test]
+fn a_solid_operator_is_one_file_and_one_line() {
+    let toy: Operators = serde_json::from_str("\"toy\"").unwrap();
+    assert_eq!(toy.name(), "toy");
+    assert_eq!(Operators::ALL, [toy]);
+    assert_eq!(toy.model().describe(), "toy");
+    assert!(toy.model().weighted() && !toy.model().needs_two_rates());
+    let fluid = CoveredFluid {
+        weighting: Weighting::Fraction,
+        time: 0.3,
+        antisymmetric: AntisymmetricRate::AsSymmetric,
+    };
+    assert_eq!(toy.share(&fluid, 0.25), 0.25);
+    let cell = Cell {
+        shallow: 1.0,
+        fraction: 0.25,
+        drho: 0.0,
+        m: [0.0; 3],
+        u: [0.0; 3],
+        us: [0.0; 3],
+        ru: [0.0; 3],
+        rs: [0.0; 3],
+        uu: 0.0,
+        ss: 0.0,
+        omega: 1.25,
+    };
+    let before = [0.1; 9];
+    let mut g = [0.2; 9];
+    let act = toy.collide::<crate::lbm::lattice::D2Q9, f64, 9>(&fluid, &cell, &before, &mut g);
+    assert_eq!((g, act.share), (before, 0.25));
+    let schema = schemars::schema_for!(Operators).to_value();
+    assert_eq!(schema["oneOf"][0]["const"], "toy");
+    assert_eq!(schema["oneOf"][0]["description"], "A toy.");
 }

@@ -12,7 +12,7 @@
 //! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
 use super::Limit;
-use crate::case::coupling::{Coupling, SolidOperator};
+use crate::case::coupling::Coupling;
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::lbm::collision::cumulant;
 use crate::lbm::turbulence::wale::Wale;
@@ -243,7 +243,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
         let matched = matches!(
             &scene.coupling,
             Some(Coupling::PartiallySaturated(cells))
-                if cells.solid_operator == Some(SolidOperator::ViscosityMatched)
+                if cells.solid_operator.is_some_and(|operator| operator.model().needs_two_rates())
         );
         let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
         if scene.grid.dimension == 3 && fast && free {
