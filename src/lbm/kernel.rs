@@ -9,7 +9,7 @@ use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
 use super::saturation::Solids;
-use super::saturation::pass::{Place, View as CoverView};
+use super::saturation::pass::{Covers, Place, View as CoverView};
 use super::turbulence::Eddies;
 use super::turbulence::field::View;
 use std::marker::PhantomData;
@@ -295,7 +295,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     S: Memory<N>,
     f32: Memory<N>,
     f64: Memory<N>,
-    N: super::lanes::Lanes,
+    N: Covers,
 {
     // A copy on the stack that nothing else can change keeps the operator's rates in registers.
     let Update {
@@ -360,7 +360,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         worker,
                     };
                     // SAFETY: an interior cell; no other thread is this worker.
-                    let u = unsafe { cover.mix::<L, N, Q>(place, &before, &mut g, u, omega) };
+                    let u = unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
                     unroll!(populations i < Q => {
                         site.leave(i, g[i]);
                     });

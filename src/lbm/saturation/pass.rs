@@ -34,6 +34,63 @@ pub(crate) struct Place {
     pub(crate) worker: usize,
 }
 
+/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not compiled into the pass
+/// of every operator and number type.
+pub(crate) trait Covers: Lanes {
+    /// See [`View::mix`].
+    ///
+    /// # Safety
+    /// As for [`View::mix`], and the processor must offer the instructions of these lanes.
+    unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+        view: &View,
+        place: Place,
+        before: &[Self; Q],
+        g: &mut [Self; Q],
+        u: [Self; 3],
+        omega: Self,
+    ) -> [Self; 3];
+}
+
+macro_rules! covers {
+    ($lanes:ty $(, $features:literal)?) => {
+        impl Covers for $lanes {
+            #[inline(always)]
+            unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+                view: &View,
+                place: Place,
+                before: &[Self; Q],
+                g: &mut [Self; Q],
+                u: [Self; 3],
+                omega: Self,
+            ) -> [Self; 3] {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                unsafe fn outlined<L: Lattice<Q>, const Q: usize>(
+                    view: &View,
+                    place: Place,
+                    before: &[$lanes; Q],
+                    g: &mut [$lanes; Q],
+                    u: &[$lanes; 3],
+                    omega: &$lanes,
+                    mixed: &mut [$lanes; 3],
+                ) {
+                    // SAFETY: forwarded from the caller.
+                    *mixed = unsafe { view.mix::<L, $lanes, Q>(place, before, g, *u, *omega) };
+                }
+                let mut mixed = u;
+                // SAFETY: forwarded from the caller.
+                unsafe { outlined::<L, Q>(view, place, before, g, &u, &omega, &mut mixed) };
+                mixed
+            }
+        }
+    };
+}
+covers!(f64);
+#[cfg(target_arch = "x86_64")]
+covers!(crate::lbm::lanes::Avx2, "avx2,fma");
+#[cfg(target_arch = "x86_64")]
+covers!(crate::lbm::lanes::Avx512, "avx512f,avx2,fma");
+
 impl View {
     /// Of a fluid without covered cells.
     pub(crate) const NONE: Self = Self {
@@ -73,7 +130,7 @@ impl View {
     /// # Safety
     /// As for [`Self::covers`]; no other thread may have the same worker.
     #[inline(always)]
-    pub(crate) unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
         before: &[N; Q],
