@@ -37,18 +37,18 @@ pub struct Grid {
     pub spacing: f64,
 }
 
-/// Layers of cells known beyond the slab: a link may end in the first, and what is solid round its end is in the
+/// Layers of cells known beyond the slab: a link may end in the first, and what is solid round its end is in the
 /// second. Grains within this many cells of a slab must be known there.
 pub const GHOSTS: i32 = 2;
 
 /// What a link needs to know beyond geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Radius that the fluid sees over the radius of a grain.
+    /// Radius that the fluid sees over the radius of a grain.
     pub hydraulic_radius_factor: f64,
     /// Bodies with an id below this keep their own radius.
     pub first_grain: u64,
-    /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
+    /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
     pub isolated: Option<usize>,
     /// Links look at the cell behind their outer one, two from the body: interpolation needs water there.
     pub interpolated: bool,

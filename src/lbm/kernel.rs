@@ -360,7 +360,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         worker,
                     };
                     // SAFETY: an interior cell; no other thread is this worker.
-                    let u = unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
+                    let u =
+                        unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
                     unroll!(populations i < Q => {
                         site.leave(i, g[i]);
                     });

@@ -100,12 +100,12 @@ fn couette_is_exact() {
         assert!((u - 0.01 * (y as f64 + 0.5) / n as f64).abs() < 1e-12);
     }
     // The wall feels mu U / H per cell (mass density one), pushed along the flow.
-    let drag = crate::lbm::boundary::from_quanta(fluid.fluxes()[1].force[0]) / 3.0;
+    let drag = crate::lbm::quanta::from_quanta(fluid.fluxes()[1].force[0]) / 3.0;
     let exact = -0.1 * 0.01 / n as f64;
     let names: Vec<_> = fluid.boundaries().names().map(str::to_owned).collect();
     let lid = names.iter().position(|n| n == "lid").unwrap();
     let floor = names.iter().position(|n| n == "y_min").unwrap();
-    let on = |k: usize| crate::lbm::boundary::from_quanta(fluid.fluxes()[k].force[0]) / 3.0;
+    let on = |k: usize| crate::lbm::quanta::from_quanta(fluid.fluxes()[k].force[0]) / 3.0;
     assert!(
         (on(lid) - exact).abs() < 1e-14 && (on(floor) + exact).abs() < 1e-14,
         "{drag}"
@@ -156,7 +156,7 @@ fn bands_of_planes_have_the_states_of_their_cells() {
     }
 }
 
-/// B-15: a force against a wall makes the hydrostatic pressure up to the first cell, with every operator.
+/// A force against a wall makes the hydrostatic pressure up to the first cell, with every operator.
 #[test]
 fn hydrostatic_pressure_reaches_the_walls() {
     let n = 8;
@@ -196,7 +196,7 @@ fn hydrostatic_pressure_reaches_the_walls() {
     }
 }
 
-/// B-18: beside walls the derivative of a parabola is exact, beside open faces that of a straight line.
+/// Beside walls the derivative of a parabola is exact, beside open faces that of a straight line.
 #[test]
 fn the_gradient_beside_faces() {
     let (cells, nu) = ([4, 8, 3], 0.1);
@@ -427,9 +427,9 @@ fn fluxes_close_the_balance_of_mass_and_momentum() {
                 expected[a + 1] += f * count;
             }
             for flux in fluid.fluxes() {
-                expected[0] -= crate::lbm::boundary::from_quanta(flux.mass);
+                expected[0] -= crate::lbm::quanta::from_quanta(flux.mass);
                 for a in 0..3 {
-                    expected[a + 1] -= crate::lbm::boundary::from_quanta(flux.force[a]);
+                    expected[a + 1] -= crate::lbm::quanta::from_quanta(flux.force[a]);
                 }
             }
             for k in 0..4 {

@@ -2,11 +2,11 @@
 
 use super::pass::View;
 use super::{CoveredFluid, Method};
-use crate::lbm::boundary::{from_quanta, quanta};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Rigid, add_force, surface_velocity};
 use crate::lbm::populations::Populations;
+use crate::lbm::quanta::{from_quanta, quanta};
 
 /// Fraction of a cell so deep inside a body that no water is beside it.
 pub const DEEP: f32 = 2.0;

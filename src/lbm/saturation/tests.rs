@@ -1,12 +1,12 @@
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 
 use super::*;
-use crate::lbm::boundary::from_quanta;
 use crate::lbm::boundary::{Condition, Patch, Ramp};
 use crate::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::{Load, Rigid};
+use crate::lbm::quanta::from_quanta;
 use crate::lbm::turbulence::EddyViscosity;
 use crate::lbm::turbulence::wale::Wale;
 use decomposition::{Axis, Domain};

@@ -1,10 +1,10 @@
 use super::super::super::links::Load;
 use super::super::*;
-use crate::lbm::boundary::from_quanta;
 use crate::lbm::collision::{Operator, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::Rigid;
+use crate::lbm::quanta::from_quanta;
 use decomposition::{Axis, Domain};
 
 const OPERATORS: [SolidOperator; 4] = [
