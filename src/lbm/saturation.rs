@@ -21,10 +21,10 @@
 //! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
 //! would swing for ever, and at high Reynolds numbers grow.
 //!
-//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells ([`contact`]).
+//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells (`contact.rs`).
 //!
 //! Beside the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop asks once for a vector of cells whether any is
-//! covered, and then once which operator acts; the rest of this module runs only where one is ([`pass`]).
+//! covered, and then once which operator acts; the rest of this module runs only where one is (`pass.rs`).
 
 mod contact;
 pub mod cover;
