@@ -8,10 +8,12 @@
 
 use decomposition::{Axis, Domain};
 use solver::lbm::boundary::{Condition, Patch, Ramp};
-use solver::lbm::collision::mrt::Rates;
-use solver::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
+use solver::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
+use solver::lbm::fluid::{Fluid, Force, Setup};
 use solver::lbm::lanes::Stored;
-use solver::lbm::turbulence::Model;
+use solver::lbm::lattice::VelocitySet;
+use solver::lbm::turbulence::EddyViscosity;
+use solver::lbm::turbulence::wale::Wale;
 use std::time::Instant;
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
@@ -27,19 +29,19 @@ fn lid(axis: usize) -> Patch {
 }
 
 fn measure<S: Stored>(
-    set: Set,
+    set: VelocitySet,
     operator: Operator,
     force: Force,
     cells: [usize; 3],
     steps: usize,
 ) -> f64 {
-    measure_with::<S>(set, operator, Model::None, force, cells, steps)
+    measure_with::<S>(set, operator, None, force, cells, steps)
 }
 
 fn measure_with<S: Stored>(
-    set: Set,
+    set: VelocitySet,
     operator: Operator,
-    turbulence: Model,
+    turbulence: Option<EddyViscosity>,
     force: Force,
     cells: [usize; 3],
     steps: usize,
@@ -109,7 +111,7 @@ fn main() {
         update_in_place()
     };
     println!("update in place {:.1} GB/s", bandwidth / 1e9);
-    let trt = Operator::Trt { magic: 3.0 / 16.0 };
+    let trt = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
     let force = Force::Constant([1e-6, 0.0, 0.0]);
     let show = |name: &str, measure: &dyn Fn() -> f64, bytes: f64| {
         if only.as_ref().is_some_and(|row| row != name) {
@@ -124,70 +126,126 @@ fn main() {
     let square = [n, n, 1];
     show(
         "D2Q9 BGK f64",
-        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        &|| {
+            measure::<f64>(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                square,
+                steps,
+            )
+        },
         144.0,
     );
     show(
         "D2Q9 TRT f64",
-        &|| measure::<f64>(Set::D2Q9, trt, Force::None, square, steps),
+        &|| measure::<f64>(VelocitySet::D2Q9, trt, Force::None, square, steps),
         144.0,
     );
     show(
         "D2Q9 BGK + force f64",
-        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, force, square, steps),
+        &|| {
+            measure::<f64>(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                force,
+                square,
+                steps,
+            )
+        },
         144.0,
     );
     show(
         "D2Q9 BGK f32",
-        &|| measure::<f32>(Set::D2Q9, Operator::Bgk, Force::None, square, steps),
+        &|| {
+            measure::<f32>(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                square,
+                steps,
+            )
+        },
         72.0,
     );
     let small = [840, 400, 1];
     show(
         "D2Q9 BGK f64 840 x 400",
-        &|| measure::<f64>(Set::D2Q9, Operator::Bgk, Force::None, small, 200),
+        &|| {
+            measure::<f64>(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                small,
+                200,
+            )
+        },
         144.0,
     );
     let m = (n / 12).max(16);
     let cube = [m, m, m];
     show(
         "D3Q19 BGK f64",
-        &|| measure::<f64>(Set::D3Q19, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| {
+            measure::<f64>(
+                VelocitySet::D3Q19,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                cube,
+                steps / 2,
+            )
+        },
         304.0,
     );
     show(
         "D3Q27 BGK f64",
-        &|| measure::<f64>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| {
+            measure::<f64>(
+                VelocitySet::D3Q27,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                cube,
+                steps / 2,
+            )
+        },
         432.0,
     );
     show(
         "D3Q27 TRT f64",
-        &|| measure::<f64>(Set::D3Q27, trt, Force::None, cube, steps / 2),
+        &|| measure::<f64>(VelocitySet::D3Q27, trt, Force::None, cube, steps / 2),
         432.0,
     );
     show(
         "D3Q27 BGK f32",
-        &|| measure::<f32>(Set::D3Q27, Operator::Bgk, Force::None, cube, steps / 2),
+        &|| {
+            measure::<f32>(
+                VelocitySet::D3Q27,
+                Operator::Bgk(bgk::Parameters {}),
+                Force::None,
+                cube,
+                steps / 2,
+            )
+        },
         216.0,
     );
-    let mrt = Operator::Mrt(Rates::SUGA);
-    let wale = Model::Wale(0.5);
+    let mrt = Operator::Mrt(mrt::Parameters::default());
+    let wale = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     show(
         "D3Q27 MRT f64",
-        &|| measure::<f64>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
+        &|| measure::<f64>(VelocitySet::D3Q27, mrt, Force::None, cube, steps / 2),
         432.0,
     );
     show(
         "D3Q27 MRT + WALE + force f64",
-        &|| measure_with::<f64>(Set::D3Q27, mrt, wale, force, cube, steps / 2),
+        &|| measure_with::<f64>(VelocitySet::D3Q27, mrt, wale, force, cube, steps / 2),
         468.0,
     );
     show(
         "D3Q27 cumulant f64",
         &|| {
             measure::<f64>(
-                Set::D3Q27,
-                Operator::Cumulant { bulk: 1.0 },
+                VelocitySet::D3Q27,
+                Operator::Cumulant(cumulant::Parameters::default()),
                 Force::None,
                 cube,
                 steps / 2,
@@ -197,7 +255,7 @@ fn main() {
     );
     show(
         "D3Q27 MRT f32",
-        &|| measure::<f32>(Set::D3Q27, mrt, Force::None, cube, steps / 2),
+        &|| measure::<f32>(VelocitySet::D3Q27, mrt, Force::None, cube, steps / 2),
         216.0,
     );
 }

@@ -35,6 +35,19 @@ pub struct Problem {
     pub severity: Severity,
 }
 
+/// What a model finds about its parameters: a [`Problem`] before its value is looked up in the case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// JSON path of the field.
+    pub path: String,
+    /// What is wrong and which range or choice is allowed.
+    pub reason: String,
+    /// The smallest change that would pass.
+    pub remedy: Remedy,
+    /// Refused, unstable, or a warning.
+    pub severity: Severity,
+}
+
 /// What to do about a [`Problem`]: a sentence, and the same as values to set where it names any.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Remedy {
@@ -296,6 +309,28 @@ impl Error {
     }
 }
 
+/// A number as in a sentence: four significant digits.
+#[must_use]
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !(1e-3..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let decimals = [1e3, 1e2, 1e1, 1e0, 1e-1, 1e-2]
+        .iter()
+        .filter(|bound| size < **bound)
+        .count();
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').into()
+    } else {
+        text
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -357,6 +392,23 @@ mod tests {
             assert_eq!(Verdict::of(&findings), verdict);
             assert_eq!(Verdict::sentence(&findings), sentence);
             assert_eq!([false, true].map(|allow| verdict.exit_code(allow)), codes);
+        }
+    }
+
+    #[test]
+    fn numbers_keep_four_digits() {
+        let pairs = [
+            (0.0, "0"),
+            (0.00125, "0.00125"),
+            (0.25, "0.25"),
+            (1.0 / 3.0, "0.3333"),
+            (-12.3456, "-12.35"),
+            (2500.0, "2500"),
+            (1e-5, "1.000e-5"),
+            (3.0e7, "3.000e7"),
+        ];
+        for (value, text) in pairs {
+            assert_eq!(number(value), text);
         }
     }
 }

@@ -8,6 +8,7 @@
 pub mod boundary;
 pub mod collision;
 pub mod extremes;
+pub mod family;
 pub mod fluid;
 pub mod halo;
 pub mod initial;
@@ -17,6 +18,7 @@ pub mod lattice;
 pub mod links;
 mod pages;
 pub mod populations;
+pub mod quanta;
 pub mod saturation;
 pub mod synthetic;
 pub mod turbulence;

@@ -2,6 +2,7 @@
 //!
 //! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
 
+mod added_mass;
 mod bodies;
 pub(crate) mod contacts;
 pub(crate) mod critical_step;
@@ -9,12 +10,11 @@ pub mod drag;
 pub mod envelope;
 pub mod estimate;
 pub mod interval;
-mod light_bodies;
+mod linear_stability;
 pub mod margin;
 pub mod models;
 pub mod report;
 mod stability;
-pub mod waves;
 
 use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};

@@ -30,7 +30,7 @@ pub(crate) mod stl;
 pub mod walls;
 
 use crate::case::contact::Contact;
-use crate::case::coupling::{Coupling, SolidOperator};
+use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
@@ -414,14 +414,18 @@ fn agree(case: &Case, findings: &mut Findings) {
 fn of_covered_cells(case: &Case, findings: &mut Findings) {
     if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
         (&case.coupling, &case.fluid)
-        && cells.solid_operator == Some(SolidOperator::ViscosityMatched)
+        && let Some(operator) = cells.solid_operator
+        && operator.model().needs_two_rates()
         && fluid
             .collision
-            .is_some_and(|collision| !collision.two_times())
+            .is_some_and(|collision| collision.model().antisymmetric_rate().is_none())
     {
         findings.error(
             "coupling.partially_saturated.solid_operator",
-            "viscosity_matched scales the one or two relaxation times of BGK and TRT",
+            format!(
+                "{} scales the one or two relaxation times of BGK and TRT",
+                operator.name()
+            ),
             Remedy::from("take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back")
                 .set(
                     "coupling.partially_saturated.solid_operator",

@@ -25,7 +25,7 @@ pub struct Boundary {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Condition {
-    /// A wall at rest: half-way bounce-back.
+    /// A wall at rest: half-way bounce-back.
     NoSlip {},
     /// A wall that slides in its own plane.
     MovingWall {
@@ -47,11 +47,11 @@ pub enum Condition {
         #[serde(default)]
         turbulence: Option<Fluctuations>,
     },
-    /// Pressure imposed, tangential velocity zero.
+    /// Pressure imposed, tangential velocity zero.
     Pressure {
         /// Pressure above the reference [Pa].
         value: f64,
-        /// Changes linearly to `value`; without it the pressure is there at once (the water hammer).
+        /// Changes linearly to `value`; without it the pressure is there at once (the water hammer).
         #[serde(default)]
         ramp: Option<Ramp>,
     },

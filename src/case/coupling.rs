@@ -1,5 +1,6 @@
 //! How fluid and solids act on each other.
 
+pub use crate::lbm::saturation::{SolidOperator, Weighting};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -7,9 +8,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Coupling {
-    /// Moving bounce-back with momentum exchange (A-10 … A-16).
+    /// Moving bounce-back with momentum exchange.
     BounceBack(BounceBack),
-    /// Partially saturated cells (B-19 … B-26).
+    /// Partially saturated cells.
     PartiallySaturated(PartiallySaturated),
 }
 
@@ -24,21 +25,21 @@ impl Coupling {
     }
 }
 
-/// Moving bounce-back: a link from fluid to solid returns its population with the velocity of the surface, and
-/// the momentum it gives up is the force on the solid.
+/// Moving bounce-back: a link from fluid to solid returns its population with the velocity of the surface, and
+/// the momentum that it gives up is the force on the solid (A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BounceBack {
     /// Where on a link the surface lies.
     pub scheme: Scheme,
-    /// Whether the force is the mean of the last two half-steps; it removes an oscillation of period 2 dt.
+    /// Whether the force is the mean of the last two half-steps; it removes an oscillation of period 2 dt.
     pub force_average: bool,
-    /// Radius the fluid sees over the radius of contact, for grains only: below 1 a dense 2-D packing is
+    /// Radius the fluid sees over the radius of contact, for grains only: below 1 a dense 2-D packing is
     /// permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
     /// A fluid node with at least this many solid neighbours returns its populations as if the surface were at rest
-    /// (A-15, narrow gaps); 0 never does. Without it 5 of the eight in 2-D and never in 3-D, where a flat surface alone has
+    /// (narrow gaps); 0 never does. Without it 5 of the eight in 2-D and never in 3-D, where a flat surface alone has
     /// 5 of 18, or 9 of 26.
     #[schemars(range(min = 0, max = 26))]
     pub drop_wall_velocity_at_solid_neighbours: Option<u32>,
@@ -70,14 +71,14 @@ impl Default for BounceBack {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Scheme {
-    /// In its middle: robust, first order for curved surfaces.
+    /// In its middle: robust, first order for curved surfaces.
     #[default]
     HalfWay,
     /// Where the surface crosses it: second order on smooth surfaces; about 1.5 at the edges of polyhedra.
     Interpolated,
 }
 
-/// Partially saturated cells: a cell that solids fill in part collides as water and as solid, by the part that is filled (B-19). For
+/// Partially saturated cells: a cell that solids fill in part collides as water and as solid, by the part that is filled. For
 /// bodies of any shape; forces change smoothly as bodies move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -105,35 +106,7 @@ impl Default for PartiallySaturated {
     }
 }
 
-/// What a solid does to the populations of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum SolidOperator {
-    /// Bounce-back of what departs from equilibrium (Noble and Torczynski 1998, E-07).
-    NonEquilibriumBounceBack,
-    /// Equilibrium at the velocity of the solid, the departure relaxed by the rate of the water.
-    Superposition,
-    /// Bounce-back of what departs from equilibrium at the velocity of the solid (Holdych 2003).
-    BounceBackAboutSolid,
-    /// Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; for BGK and
-    /// TRT. It asks no weighting.
-    ViscosityMatched,
-}
-
-/// How much a filled part ε counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum Weighting {
-    /// B = ε.
-    Fraction,
-    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): where the surface is felt depends less on the viscosity (E-08).
-    #[default]
-    Viscous,
-}
-
-/// How the filled part of a cell is found (B-25).
+/// How the filled part of a cell is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]

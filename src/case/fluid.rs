@@ -3,6 +3,8 @@
 use super::boundary::{Boundary, Fluctuations};
 use super::darcy::Darcy;
 use super::geometry::Vector;
+pub use crate::lbm::collision::Operator as Collision;
+pub use crate::lbm::turbulence::EddyViscosity as Turbulence;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -17,7 +19,7 @@ pub enum Fluid {
     Darcy(Darcy),
 }
 
-/// A slightly compressible fluid on a lattice (A-01 … A-06). At most one of `relaxation_time`, `time_step` and
+/// A slightly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and
 /// `reference_velocity` fixes the time step; with none of them the program chooses it for the `accuracy` of the case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -56,7 +58,7 @@ pub struct LatticeBoltzmann {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.3))]
     pub mach: Option<f64>,
-    /// Number type of the populations at rest; the arithmetic is in f64 always. Without it f64; where the program chooses, f32 for a
+    /// Storage precision of the populations; the arithmetic is in f64 always. Without it f64; where the program chooses, f32 for a
     /// draft in 3-D.
     #[serde(default)]
     pub storage: Option<Precision>,
@@ -91,112 +93,6 @@ pub enum LatticeChoice {
     D3q27,
 }
 
-/// Collision operator.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Collision {
-    /// One relaxation time for all moments; the position of a wall depends on tau.
-    Bgk {},
-    /// Two relaxation times; the position of a wall does not depend on viscosity.
-    Trt {
-        /// (tau+ - 1/2)(tau- - 1/2), without unit; 3/16 puts straight walls exactly half-way between nodes.
-        #[serde(default = "three_sixteenths")]
-        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 10))]
-        magic: f64,
-    },
-    /// Multiple relaxation times on D3Q27 (Suga et al. 2015, B-12): the shear stress relaxes at 1/tau, each other group of
-    /// moments at a rate of its own. For turbulent flow.
-    Mrt {
-        /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2); 1.54 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        bulk: Option<f64>,
-        /// Rate of all moments above the second that are not given; those of Suga without it. With 1 they go to their equilibrium at once,
-        /// as other codes have it by default: a third less work in a cell.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        higher: Option<f64>,
-        /// s10, of the energy flux q; 1.5 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        q: Option<f64>,
-        /// s13, of Psi; 1.83 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        psi: Option<f64>,
-        /// s16, of epsilon; 1.4 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        epsilon: Option<f64>,
-        /// s17, of e cubed; 1.61 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        e_cubed: Option<f64>,
-        /// s18, of XX and WW; 1.98 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xx: Option<f64>,
-        /// s20, of XY, YZ and ZX; 1.98 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xy: Option<f64>,
-        /// s23, of the third-order tau; 1.74 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        tau: Option<f64>,
-        /// s26, of XYZ; 1.74 without it.
-        #[serde(default)]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        xyz: Option<f64>,
-    },
-    /// Cumulants on D3Q27 (Geier et al. 2015): all moments beyond the stress go to those of a Gaussian. The most robust choice near
-    /// tau = 0.5; the position of walls depends weakly on tau.
-    Cumulant {
-        /// Rate of the trace of the stress, which sets the bulk viscosity (2/9)(1/bulk - 1/2); 1 damps sound best.
-        #[serde(default = "one")]
-        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
-        bulk: f64,
-    },
-}
-
-impl Collision {
-    /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
-    #[must_use]
-    pub fn higher_rates(&self) -> [Option<f64>; 8] {
-        match *self {
-            Self::Mrt {
-                higher,
-                q,
-                psi,
-                epsilon,
-                e_cubed,
-                xx,
-                xy,
-                tau,
-                xyz,
-                ..
-            } => [q, psi, epsilon, e_cubed, xx, xy, tau, xyz].map(|rate| rate.or(higher)),
-            _ => [None; 8],
-        }
-    }
-
-    /// Whether the moments above the second go to their equilibrium at once.
-    #[must_use]
-    pub fn second_order(&self) -> bool {
-        self.higher_rates() == [Some(1.0); 8]
-    }
-
-    /// Whether one relaxation time holds for all that is even and one for all that is odd.
-    #[must_use]
-    pub fn two_times(&self) -> bool {
-        matches!(self, Self::Bgk {} | Self::Trt { .. })
-    }
-}
-
-fn one() -> f64 {
-    1.0
-}
-
 /// A model of eddies, or the word that there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -226,46 +122,6 @@ impl TurbulenceChoice {
 pub enum NoTurbulence {
     /// All scales are taken as resolved.
     None,
-}
-
-/// Eddy viscosity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Turbulence {
-    /// Wall-adapting local eddy viscosity (Nicoud and Ducros 1999, B-16): none in laminar shear and at walls. 3-D.
-    Wale {
-        /// C_w, without unit: 0.5 (Nicoud and Ducros) to 0.325 in channels.
-        #[serde(default = "one_half")]
-        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
-        constant: f64,
-    },
-    /// Smagorinsky (1963).
-    Smagorinsky {
-        /// C_s, without unit: 0.1 in channels to 0.18 in free turbulence.
-        #[serde(default = "smagorinsky")]
-        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
-        constant: f64,
-    },
-}
-
-fn one_half() -> f64 {
-    0.5
-}
-
-fn smagorinsky() -> f64 {
-    0.17
-}
-
-fn three_sixteenths() -> f64 {
-    0.1875
-}
-
-impl Default for Collision {
-    fn default() -> Self {
-        Self::Trt {
-            magic: three_sixteenths(),
-        }
-    }
 }
 
 /// Number type in memory or in a file.
@@ -303,7 +159,7 @@ pub enum BodyForce {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
-    /// At rest, at the reference density.
+    /// At rest, at the reference density.
     Rest {},
     /// The same velocity and pressure everywhere.
     Uniform {

@@ -1,10 +1,10 @@
-//! Lattice Boltzmann with moving bounce-back round discs, spheres or convex polyhedra (A-10 … A-16).
+//! Lattice Boltzmann with moving bounce-back round discs, spheres or convex polyhedra.
 //!
 //! In a step: the lattice advances; populations bounce on the links that cross a body's surface ([`crate::lbm::links`]);
-//! the loads, known at the middle of the step, are averaged with those of the step before (Ladd 1994, A-13) and handed to
-//! the grains, who feel them unchanged through their solid steps. Then the map of bodies follows the grains
+//! the loads, known at the middle of the step, are averaged with those of the step before (Ladd 1994) and handed to
+//! the grains, who feel them unchanged through their solid steps. Then the map of bodies follows the grains
 //! ([`super::body_map`]). Bodies keep fluid inside their shells, so covering and uncovering cells creates no mass; the
-//! momentum of cells that change sides goes to or comes from the body.
+//! momentum of cells that change sides goes to or comes from the body.
 //!
 //! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
 //! cells covered since then (6 … 11).
@@ -29,7 +29,7 @@ use std::marker::PhantomData;
 pub struct Settings {
     /// Where the surface lies on a link.
     pub scheme: Scheme,
-    /// Average the loads of two half steps.
+    /// Average the loads of two half steps.
     pub average: bool,
     /// Radius and narrow gaps.
     pub rules: Rules,

@@ -1,4 +1,4 @@
-//! Lattice Boltzmann with partially saturated cells (B-19 … B-26): bodies of any shape, no links, forces smooth in their motion.
+//! Lattice Boltzmann with partially saturated cells: bodies of any shape, no links, forces smooth in their motion.
 //!
 //! In a step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns what each received; the
 //! grains feel it unchanged through their solid steps; then the cover follows them ([`super::cover_map`]).
@@ -6,7 +6,7 @@
 //! **The water inside.** A covered cell holds water that moves with its body, and what moves it comes out of the body's force: the body
 //! would be heavier than it is by the mass of that water. It is given back as the change of a rigid body of water of the
 //! same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse what enters answer a change of
-//! the body's motion to and fro, so that the load is the mean of two steps, as with links that bounce (A-13):
+//! the body's motion to and fro, so that the load is the mean of two steps, as with links that bounce:
 //!
 //! ```text
 //! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt

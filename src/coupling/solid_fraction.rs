@@ -1,4 +1,4 @@
-//! How much of a cell a body fills (B-25): spheres, discs and convex polyhedra, exactly or at less cost.
+//! How much of a cell a body fills: spheres, discs and convex polyhedra, exactly or at less cost.
 //!
 //! | method | of a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
 //! |---|---|---|

@@ -1,19 +1,156 @@
-//! Collision operators, written over lanes: one file per operator.
+//! Collision operators, one file each.
+//!
+//! A file holds the parameters of an operator as they stand in a case, its description, its limits and its kernel, which is written once
+//! over scalars and vectors. The list of operators makes the enum of the case and the choice of the pass.
 //!
 //! Populations are kept as deviations g_i = f_i - w_i (exact where the fluid rests). With δρ = Σ g and momentum
-//! m = Σ c g + F/2 (Guo et al. 2002; F = 0 without a body force) and u = m/ρ, the equilibrium of E-01 reads
+//! m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and u = m/ρ, the equilibrium
+//! of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479) reads
 //!
 //! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
 
-pub mod bgk;
-pub mod cumulant;
-pub mod growth;
-pub mod mrt;
+pub mod border;
+pub mod linear_stability;
+mod products;
 pub mod second_order;
-pub mod trt;
 
+use super::family::{self, Description};
 use super::lanes::Lanes;
-use super::lattice::{Lattice, unroll};
+use super::lattice::{Lattice, VelocitySet, unroll};
+use crate::error::Finding;
+use border::{Border, Situation};
+use linear_stability::Wave;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trt::AntisymmetricRate;
+
+/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an operator in a case is that
+/// of its module.
+macro_rules! operators {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
+        $(pub mod $module;)*
+
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[serde(rename_all = "snake_case")]
+        #[schemars(transform = family::describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of an operator stands in its module")]
+                $operator($module::Parameters),
+            )*
+        }
+
+        impl $list {
+            /// What the operator says of itself.
+            #[must_use]
+            pub fn model(&self) -> &dyn Model {
+                match self {
+                    $(Self::$operator(parameters) => parameters,)*
+                }
+            }
+
+            /// Name in a case.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$operator(_) => stringify!($module),)*
+                }
+            }
+
+            /// Hands over the kernels of the operator.
+            pub fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
+                match self {
+                    $(Self::$operator(parameters) => parameters.dispatch(to),)*
+                }
+            }
+        }
+    };
+}
+
+operators! {
+    /// Collision operator.
+    #[schemars(rename = "Collision")]
+    Operator:
+    bgk Bgk,
+    trt Trt,
+    mrt Mrt,
+    cumulant Cumulant,
+}
+
+impl Default for Operator {
+    fn default() -> Self {
+        Self::Trt(trt::Parameters::default())
+    }
+}
+
+/// A collision operator as a case names it: its parameters, and what the program asks about it.
+pub trait Model {
+    /// The operator for `plan`, at the relaxation time of the fluid.
+    fn describe(&self, relaxation_time: f64) -> Description;
+
+    /// The only velocity set that the operator works on; none where it works on all.
+    fn only_on(&self) -> Option<VelocitySet> {
+        None
+    }
+
+    /// The rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and one for all antisymmetric
+    /// parts.
+    fn antisymmetric_rate(&self) -> Option<AntisymmetricRate> {
+        None
+    }
+
+    /// What is wrong with these parameters at the relaxation time of the fluid. `path` is the place of the family in the case.
+    fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
+        let _ = (path, relaxation_time);
+        None
+    }
+
+    /// Up to where runs like it were seen to hold; none where no map judges this operator.
+    fn border(&self, situation: &Situation) -> Option<Border>;
+
+    /// The cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
+    fn fails_at_faces(&self) -> f64;
+
+    /// The wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number of steps.
+    fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
+        let _ = relaxation_time;
+        None
+    }
+
+    /// Hands over the kernels of these parameters.
+    fn dispatch<D: Dispatch>(&self, to: D) -> D::Output
+    where
+        Self: Sized;
+}
+
+/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ of the fluid.
+pub trait Kernels: Copy + Send + Sync + 'static {
+    /// For one viscosity and open cells, with a body force where `FORCED`.
+    type Uniform<const FORCED: bool>: Collision + 'static;
+    /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel without a force
+    /// saves is little beside the velocity gradients.
+    type Local: Collision + 'static;
+    /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
+    type Covered: Collision + 'static;
+
+    /// See [`Kernels::Uniform`].
+    fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> Self::Uniform<FORCED>;
+    /// See [`Kernels::Local`].
+    fn local(&self, omega: f64, force: [f64; 3]) -> Self::Local;
+    /// See [`Kernels::Covered`].
+    fn covered(&self, omega: f64, force: [f64; 3]) -> Self::Covered;
+}
+
+/// Receives the kernels of an operator, to choose a pass by them once at the start.
+pub trait Dispatch {
+    /// What is made of the kernels.
+    type Output;
+    /// Kernels that work on every velocity set.
+    fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output;
+    /// Kernels that work on D3Q27 only.
+    fn on_d3q27<K: Kernels>(self, kernels: K) -> Self::Output;
+}
 
 /// The populations of one cell, or of several side by side, each to be read and replaced.
 ///
@@ -121,3 +258,6 @@ pub(crate) fn along<N: Lanes>(c: [i8; 3], v: &[N; 3]) -> N {
     });
     sum.unwrap_or_else(|| N::splat(0.0))
 }
+
+#[cfg(test)]
+mod tests;

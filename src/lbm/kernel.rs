@@ -8,8 +8,10 @@ use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
-use super::saturation::{self, Place, Solids};
-use super::turbulence::{Eddies, View};
+use super::saturation::Solids;
+use super::saturation::pass::{Covers, Place, View as CoverView};
+use super::turbulence::Eddies;
+use super::turbulence::field::View;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -53,7 +55,7 @@ pub struct Shared<S> {
     rows: usize,
     cells: usize,
     velocity: View,
-    cover: saturation::View,
+    cover: CoverView,
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each plane of
@@ -72,7 +74,7 @@ impl<S: Stored> Shared<S> {
     pub(crate) fn new<const Q: usize>(
         populations: &mut Populations<S>,
         velocity: View,
-        cover: saturation::View,
+        cover: CoverView,
     ) -> Self {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
@@ -105,62 +107,33 @@ pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, cons
     match level {
         Level::Scalar => scalar::<L, C, T, P, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => S::avx2::<L, C, T, P, Q>(),
+        Level::Avx2 => avx2::<L, C, T, P, S, Q>,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => S::avx512::<L, C, T, P, Q>(),
+        Level::Avx512 => avx512::<L, C, T, P, S, Q>,
     }
 }
 
-/// A number at rest for which the pass exists at every level: vector code cannot be written over an unknown type of number,
-/// so each says how it is loaded.
-pub trait OnEveryLevel: Sized {
-    /// Pass with AVX2 lanes.
-    #[cfg(target_arch = "x86_64")]
-    fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>() -> Pass<Self, C, T>;
-    /// Pass with AVX-512 lanes.
-    #[cfg(target_arch = "x86_64")]
-    fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-    -> Pass<Self, C, T>;
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    planes: Range<usize>,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx2, Q>(shared, update, planes) }
 }
 
-macro_rules! on_every_level {
-    ($stored:ty, $avx2:ident, $avx512:ident) => {
-        impl OnEveryLevel for $stored {
-            #[cfg(target_arch = "x86_64")]
-            fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-            -> Pass<$stored, C, T> {
-                $avx2::<L, C, T, P, Q>
-            }
-            #[cfg(target_arch = "x86_64")]
-            fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>()
-            -> Pass<$stored, C, T> {
-                $avx512::<L, C, T, P, Q>
-            }
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        unsafe fn $avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
-            shared: &Shared<$stored>,
-            update: &Update<C, T>,
-            planes: Range<usize>,
-        ) {
-            // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx2, Q>(shared, update, planes) }
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx2,fma")]
-        unsafe fn $avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, const Q: usize>(
-            shared: &Shared<$stored>,
-            update: &Update<C, T>,
-            planes: Range<usize>,
-        ) {
-            // SAFETY: forwarded from the caller.
-            unsafe { pass::<L, C, T, P, $stored, super::lanes::Avx512, Q>(shared, update, planes) }
-        }
-    };
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,fma")]
+unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    planes: Range<usize>,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx512, Q>(shared, update, planes) }
 }
-on_every_level!(f64, avx2_f64, avx512_f64);
-on_every_level!(f32, avx2_f32, avx512_f32);
 
 unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
@@ -264,12 +237,12 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
             self.prefetch(i);
         }
         // SAFETY: promised to `new`.
-        unsafe { S::load(self.address(i)) }
+        unsafe { <S as Memory<N>>::load(self.address(i)) }
     }
     #[inline(always)]
     fn leave(&mut self, i: usize, outgoing: N) {
         // SAFETY: promised to `new`.
-        unsafe { S::store(self.address(L::OPPOSITE[i]), outgoing) }
+        unsafe { <S as Memory<N>>::store(self.address(L::OPPOSITE[i]), outgoing) }
     }
 }
 
@@ -322,7 +295,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     S: Memory<N>,
     f32: Memory<N>,
     f64: Memory<N>,
-    N: super::lanes::Lanes,
+    N: Covers,
 {
     // A copy on the stack that nothing else can change keeps the operator's rates in registers.
     let Update {
@@ -387,7 +360,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         worker,
                     };
                     // SAFETY: an interior cell; no other thread is this worker.
-                    let u = unsafe { cover.mix::<L, N, Q>(place, &before, &mut g, u, omega) };
+                    let u =
+                        unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
                     unroll!(populations i < Q => {
                         site.leave(i, g[i]);
                     });

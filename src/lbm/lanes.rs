@@ -4,7 +4,6 @@
 //! is correctly rounded, and fused multiply-add is explicit, so all widths give the same bits (design rule 6). The
 //! width is chosen once at start from what the processor offers ([`Level`]).
 
-use super::kernel::OnEveryLevel;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Several `f64` that go through the same arithmetic.
@@ -25,8 +24,8 @@ pub trait Lanes:
     fn where_zero(self, a: Self, b: Self) -> Self;
 }
 
-/// A number at rest in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
-pub trait Stored: Copy + Send + Sync + Default + bytemuck::Pod + OnEveryLevel {
+/// The number type of the populations in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
+pub trait Stored: Copy + Send + Sync + Default + bytemuck::Pod + EveryWidth {
     /// Name as written in a case.
     const NAME: &'static str;
     /// From working precision, rounded to nearest.
@@ -64,7 +63,7 @@ impl Stored for f32 {
 }
 
 /// Moves `N::WIDTH` neighbouring numbers between memory and lanes.
-pub trait Memory<N: Lanes>: Stored {
+pub trait Memory<N: Lanes>: Sized {
     /// Loads `N::WIDTH` numbers.
     ///
     /// # Safety
@@ -76,6 +75,17 @@ pub trait Memory<N: Lanes>: Stored {
     /// `to` must be valid for writing that many elements.
     unsafe fn store(to: *mut Self, value: N);
 }
+
+/// A number type that lanes of every width load and store.
+#[cfg(target_arch = "x86_64")]
+pub trait EveryWidth: Memory<f64> + Memory<Avx2> + Memory<Avx512> {}
+#[cfg(target_arch = "x86_64")]
+impl<S: Memory<f64> + Memory<Avx2> + Memory<Avx512>> EveryWidth for S {}
+/// A number type that lanes of every width load and store.
+#[cfg(not(target_arch = "x86_64"))]
+pub trait EveryWidth: Memory<f64> {}
+#[cfg(not(target_arch = "x86_64"))]
+impl<S: Memory<f64>> EveryWidth for S {}
 
 impl Lanes for f64 {
     const WIDTH: usize = 1;
@@ -261,7 +271,7 @@ mod x86 {
 #[cfg(target_arch = "x86_64")]
 pub use x86::{Avx2, Avx512};
 
-/// Instruction set used by the cell loop. All levels give the same bits; they differ in speed.
+/// Instruction set that the cell loop uses. All levels give the same bits; they differ in speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// One number at a time, any processor.

@@ -2,11 +2,45 @@
 //!
 //! | set | order of the directions |
 //! |---|---|
-//! | D2Q9 | rest; E, N, W, S; NE, NW, SW, SE (A-01, A-02) |
+//! | D2Q9 | rest; E, N, W, S; NE, NW, SW, SE |
 //! | D3Q19, D3Q27 | rest; then opposite pairs: axes, edges, corners |
 //!
-//! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Qian et al. 1992, E-02). Populations are numbered by physical
+//! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479). Populations are numbered by physical
 //! direction whatever the memory layout, so a sum over populations has one order and hence one result.
+
+/// The velocity sets, as a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VelocitySet {
+    /// Two dimensions, nine velocities.
+    D2Q9,
+    /// Three dimensions, nineteen velocities.
+    D3Q19,
+    /// Three dimensions, twenty-seven velocities.
+    D3Q27,
+}
+
+impl VelocitySet {
+    /// Number of velocities.
+    #[must_use]
+    pub fn count(self) -> usize {
+        match self {
+            Self::D2Q9 => 9,
+            Self::D3Q19 => 19,
+            Self::D3Q27 => 27,
+        }
+    }
+
+    /// Its velocities.
+    #[must_use]
+    pub fn velocities(self) -> Velocities {
+        match self {
+            Self::D2Q9 => Velocities::of::<D2Q9, 9>(),
+            Self::D3Q19 => Velocities::of::<D3Q19, 19>(),
+            Self::D3Q27 => Velocities::of::<D3Q27, 27>(),
+        }
+    }
+}
 
 /// A set of `Q` discrete velocities in lattice units (cells per step), three components always.
 pub trait Lattice<const Q: usize>: Copy + Send + Sync + 'static {

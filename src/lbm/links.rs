@@ -1,12 +1,13 @@
-//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A-10 … A-15, E-03).
+//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid Mech. 271
+//! (1994) 285).
 //!
 //! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
 //! kept (Ladd 1994), so both ends bounce:
 //!
-//! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1; A-11),
+//! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1),
 //!
 //! which only exchanges the two numbers of the link and keeps the mass of the whole lattice to round-off. u_w is the
-//! velocity of the body's surface at the middle of the link. The body receives 2 f*_i - T along c_i (E-03).
+//! velocity of the body's surface at the middle of the link. The body receives 2 f*_i - T along c_i.
 //!
 //! The interpolated scheme takes the outer half from the central linear interpolation of Ginzburg, Verhaeghe and
 //! d'Humières 2008 ("CLI"), second order for a surface anywhere on the link, at q of its length from x:
@@ -16,11 +17,11 @@
 //! wherever the cell behind x is fluid; half-way elsewhere. q is exact: the first root of a quadratic for discs and spheres, the last
 //! face that the link enters for convex polyhedra.
 //!
-//! Loads are summed as integers of [`super::boundary::QUANTA`]: no order of links, threads or ranks can change them.
+//! Loads are summed as integers of [`super::quanta::QUANTA`]: no order of links, threads or ranks can change them.
 
-use super::boundary::quanta;
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
+use super::quanta::quanta;
 use crate::thread_pool;
 
 /// The two numbers of a link and where it crosses the surface.
@@ -34,7 +35,7 @@ pub struct BodyLink {
     pub direction: u8,
     /// The outer cell is fluid of this slab: the link counts in the load.
     pub loads: bool,
-    /// The wall's velocity enters (not in narrow gaps, A-15).
+    /// The wall's velocity enters (not in narrow gaps).
     pub moves: bool,
     /// The cell behind the outer one is fluid.
     pub backed: bool,

@@ -1,40 +1,103 @@
-//! Eddies smaller than a cell: an eddy viscosity ν_t from the gradient of the velocity, added to that of the water (B-16).
+//! Eddies smaller than a cell: an eddy viscosity ν_t from the velocity gradient, added to the viscosity of the fluid, one file a model.
 //!
 //! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with which the cells
 //! collided **one step before**, by second-order central differences: the pass writes the velocity of each cell beside the
-//! populations and reads the field of the step before, so that the field costs 36 bytes a cell and step and no pass of its own. The
-//! delay is of the order of dt, far below the time in which resolved eddies change.
-//!
-//! Beside faces of the domain ghosts make the same difference second-order (B-18): with the wall at half a cell
-//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2; beside open faces
-//! u_ghost = 2 u_1 - u_2 gives the one-sided difference; beside planes of symmetry it is the mirror image. The field is in f32: its
-//! rounding is 1e-7 of the velocity, and a model, not the flow, hangs on it.
+//! populations and reads the field of the step before ([`field`]), so that the field costs 36 bytes a cell and step and no pass of its
+//! own. The delay is of the order of dt, far below the time in which resolved eddies change.
 
-pub mod smagorinsky;
-pub mod wale;
+pub mod field;
 
-use super::boundary::{Condition, Frame, Patch, holder};
-use super::lanes::{Lanes, Memory, Stored};
-use super::lattice::unroll;
-use super::pages::Pages;
-use super::populations::Populations;
-use decomposition::{Domain, HaloBytes, HaloExchange};
+use super::family::{self, Description};
+use super::lanes::Lanes;
+use crate::error::Finding;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// Message tag of the velocity.
-const TAG: u8 = 2;
+/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in a case is that of
+/// its module.
+macro_rules! eddy_viscosities {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
+        $(pub mod $module;)*
 
-/// Which model, if any.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Model {
-    /// All scales are resolved: nothing is stored, nothing computed.
-    None,
-    /// Wall-adapting local eddy viscosity with its constant C_w.
-    Wale(f64),
-    /// Smagorinsky with its constant C_s.
-    Smagorinsky(f64),
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[serde(rename_all = "snake_case")]
+        #[schemars(transform = family::describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a model stands in its module")]
+                $model($module::$model),
+            )*
+        }
+
+        impl $list {
+            /// The model for `plan`.
+            #[must_use]
+            pub fn describe(&self) -> Description {
+                match self {
+                    $(Self::$model(model) => model.describe(),)*
+                }
+            }
+
+            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+            #[must_use]
+            pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+                match self {
+                    $(Self::$model(model) => model.check(path, dimension),)*
+                }
+            }
+
+            /// ν_t of a cell in lattice units.
+            #[must_use]
+            pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
+                match self {
+                    $(Self::$model(model) => model.viscosity(gradient),)*
+                }
+            }
+
+            #[inline(always)]
+            fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
+                match self {
+                    $(Self::$model(model) => model.fraction(gradient),)*
+                }
+            }
+        }
+    };
 }
 
-/// An eddy viscosity from the gradient of the velocity.
+eddy_viscosities! {
+    /// Eddy viscosity.
+    #[schemars(rename = "Turbulence")]
+    EddyViscosity:
+    wale Wale,
+    smagorinsky Smagorinsky,
+}
+
+/// A model of an eddy viscosity with its parameters as they stand in a case.
+pub trait Model {
+    /// The model for `plan`.
+    fn describe(&self) -> Description;
+
+    /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+    fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+        let _ = (path, dimension);
+        None
+    }
+
+    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
+
+    /// ν_t in lattice units.
+    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
+        let (numerator, denominator) = self.fraction(gradient);
+        numerator / denominator
+    }
+}
+
+/// Why a model is used, in `plan`.
+const ASKED: &str = "asked for; from the gradient of the velocity of the step before";
+
+/// The eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {
     /// Whether cells have rates of their own.
     const ACTIVE: bool;
@@ -42,15 +105,8 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     fn present(&self) -> bool {
         Self::ACTIVE
     }
-    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    /// As [`Model::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
-
-    /// ν_t in lattice units.
-    #[inline(always)]
-    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
-        let (numerator, denominator) = self.fraction(gradient);
-        numerator / denominator
-    }
 
     /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
     #[inline(always)]
@@ -74,381 +130,36 @@ impl Eddies for Resolved {
     }
 }
 
-/// One of the models. Which one is asked for each vector of cells, a branch that always goes the same way, so that the pass
-/// need not be compiled for each.
-#[derive(Clone, Copy, Debug)]
-pub enum Eddy {
-    /// No model.
-    None,
-    /// WALE.
-    Wale(wale::Wale),
-    /// Smagorinsky.
-    Smagorinsky(smagorinsky::Smagorinsky),
-}
-
-impl Eddies for Eddy {
+/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so that it need not
+/// be compiled for each.
+impl Eddies for Option<EddyViscosity> {
     const ACTIVE: bool = true;
 
     #[inline(always)]
     fn present(&self) -> bool {
-        !matches!(self, Self::None)
+        self.is_some()
     }
 
     #[inline(always)]
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
         match self {
-            Self::None => Resolved.fraction(gradient),
-            Self::Wale(model) => model.fraction(gradient),
-            Self::Smagorinsky(model) => model.fraction(gradient),
+            None => Resolved.fraction(gradient),
+            Some(model) => model.fraction(gradient),
         }
     }
 }
 
-/// Where the pass finds the velocity of the step before and leaves that of its own. Positions are those of
-/// [`Populations::cell`].
-#[derive(Clone, Copy)]
-pub(crate) struct View {
-    pub(crate) read: [*const f32; 3],
-    pub(crate) write: [*mut f32; 3],
-    strides: [usize; 3],
-    dimension: usize,
+/// S:S of the rate of strain S = (g + gᵀ)/2.
+#[inline(always)]
+fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
+    let half = N::splat(0.5);
+    let xy = (g[0][1] + g[1][0]) * half;
+    let yz = (g[1][2] + g[2][1]) * half;
+    let zx = (g[2][0] + g[0][2]) * half;
+    let shear = xy.mul_add(xy, yz.mul_add(yz, zx * zx));
+    let stretch = g[0][0].mul_add(g[0][0], g[1][1].mul_add(g[1][1], g[2][2] * g[2][2]));
+    shear.mul_add(N::splat(2.0), stretch)
 }
 
-impl View {
-    /// Of a fluid that needs none.
-    pub(crate) const NONE: Self = Self {
-        read: [std::ptr::null(); 3],
-        write: [std::ptr::null_mut(); 3],
-        strides: [0; 3],
-        dimension: 0,
-    };
-
-    /// Asks for the lines of the field that the cells `ahead` numbers after this one will need.
-    #[inline(always)]
-    pub(crate) fn prefetch(&self, cell: usize, ahead: usize) {
-        let cell = cell + ahead;
-        unroll!(axes a < 3 => {
-            let read = self.read[a];
-            super::kernel::prefetch(read.wrapping_add(cell));
-            unroll!(axes b < 3 => {
-                // Along the row the line is the same.
-                if self.strides[b] > 1 {
-                    super::kernel::prefetch(read.wrapping_add(cell + self.strides[b]));
-                    super::kernel::prefetch(read.wrapping_add(cell.wrapping_sub(self.strides[b])));
-                }
-            });
-            super::kernel::prefetch(self.write[a].wrapping_add(cell).cast_const());
-        });
-    }
-
-    /// Gradient of the velocity of the step before at `N::WIDTH` cells.
-    ///
-    /// # Safety
-    /// `cell` must be the position of an interior cell with room for whole vectors after it.
-    #[inline(always)]
-    pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize) -> [[N; 3]; 3]
-    where
-        f32: Memory<N>,
-    {
-        let mut gradient = [[N::splat(0.0); 3]; 3];
-        unroll!(axes b < 3 => {
-            if b < self.dimension {
-                let stride = self.strides[b];
-                unroll!(axes a < 3 => {
-                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have room for whole vectors.
-                    let (high, low) = unsafe {
-                        (
-                            <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
-                            <f32 as Memory<N>>::load(self.read[a].add(cell - stride)),
-                        )
-                    };
-                    gradient[a][b] = (high - low) * N::splat(0.5);
-                });
-            }
-        });
-        gradient
-    }
-
-    /// Leaves the velocity of `N::WIDTH` cells.
-    ///
-    /// # Safety
-    /// As for [`Self::gradient`], and no other thread may write these cells.
-    #[inline(always)]
-    pub(crate) unsafe fn leave<N: Lanes>(&self, cell: usize, velocity: [N; 3])
-    where
-        f32: Memory<N>,
-    {
-        unroll!(axes a < 3 => {
-            // SAFETY: the caller's promise.
-            unsafe { <f32 as Memory<N>>::store(self.write[a].add(cell), velocity[a]) };
-        });
-    }
-}
-
-/// Velocity beyond a face: wall · ramp + inner · u_1 + second · u_2, by component.
-struct Ghost {
-    ghost: usize,
-    first: usize,
-    second: usize,
-    wall: [f32; 3],
-    inner: [f32; 3],
-    outer: f32,
-    /// Patch whose ramp multiplies the velocity of the wall; none for a wall at rest and for open faces.
-    patch: Option<usize>,
-}
-
-/// The velocity field of a slab, for the gradient.
-pub struct Field {
-    /// Components of the step before and of this one, one after the other.
-    numbers: [Pages<f32>; 2],
-    /// Which of the two is read.
-    old: usize,
-    /// Distance between components.
-    array: usize,
-    strides: [usize; 3],
-    dimension: usize,
-    ghosts: Vec<Ghost>,
-    /// Pairs (ghost, source) round periodic axes within the slab.
-    wraps: Vec<(usize, usize)>,
-    exchange: HaloExchange,
-    /// Positions of the cells of a plane relative to its first.
-    plane: Vec<usize>,
-    /// First cell of the ghost plane below, the first, the last and the ghost plane above.
-    planes: [usize; 4],
-}
-
-impl Field {
-    /// The field of the slab of `populations`; all ranks call it together.
-    ///
-    /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
-    pub fn new<S: Stored>(
-        populations: &Populations<S>,
-        frame: &Frame,
-        patches: &[Patch],
-        domain: &Domain,
-    ) -> Result<Self, String> {
-        let [slow, ..] = populations.order();
-        let dimension = populations.velocities().dimension;
-        let cells = populations.cells();
-        let zero = populations.cell([0; 3]);
-        let unit = |axis: usize| {
-            let mut at = [0; 3];
-            at[axis] = 1;
-            populations.cell(at) - zero
-        };
-        let strides = [unit(0), unit(1), unit(2)];
-        // Staggered, so that the six arrays do not meet in the same lines of the cache.
-        let array = populations.cell_positions() + 208;
-        let mut ghosts = Vec::new();
-        let mut wraps = Vec::new();
-        let mut plane = Vec::new();
-        for (local, cell) in populations.interior() {
-            if local[slow] == 0 {
-                plane.push(cell - zero);
-            }
-            for axis in 0..dimension {
-                let at = local[axis] + frame.start[axis];
-                for upper in [false, true] {
-                    let outermost = if upper { frame.cells[axis] - 1 } else { 0 };
-                    if at != outermost {
-                        continue;
-                    }
-                    let step = if upper { 1 } else { -1 };
-                    let beyond =
-                        |n: isize| cell.wrapping_add_signed(n * step * strides[axis].cast_signed());
-                    if frame.periodic[axis] {
-                        if axis != slow {
-                            let across = 1 - cells[axis].cast_signed();
-                            wraps.push((beyond(1), beyond(across)));
-                        }
-                        continue;
-                    }
-                    #[expect(
-                        clippy::cast_precision_loss,
-                        reason = "cell counts are far below 2^53"
-                    )]
-                    let mut position: [f64; 3] =
-                        std::array::from_fn(|a| (local[a] + frame.start[a]) as f64 + 0.5);
-                    position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
-                    let holder = holder(patches, axis, upper, position);
-                    let (mut wall, mut patch) = ([0.0; 3], None);
-                    let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
-                    let mut share = 8.0 / 3.0;
-                    if frame.cells[axis] == 1 {
-                        (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
-                    }
-                    match holder.map(|p| &patches[p].condition) {
-                        None | Some(Condition::NoSlip) => {}
-                        Some(
-                            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..),
-                        ) => {
-                            #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
-                            let scaled = profile(position).map(|u| (share * u) as f32);
-                            wall = scaled;
-                            patch = holder;
-                        }
-                        Some(
-                            Condition::Pressure(_) | Condition::Outflow | Condition::Convective(_),
-                        ) => {
-                            (inner, outer) = if frame.cells[axis] == 1 {
-                                ([1.0; 3], 0.0)
-                            } else {
-                                ([2.0; 3], -1.0)
-                            };
-                        }
-                        Some(Condition::FreeSlip) => {
-                            (inner, outer) = ([1.0; 3], 0.0);
-                            inner[axis] = -1.0;
-                        }
-                    }
-                    ghosts.push(Ghost {
-                        ghost: beyond(1),
-                        first: cell,
-                        second: if frame.cells[axis] == 1 {
-                            cell
-                        } else {
-                            beyond(-1)
-                        },
-                        wall,
-                        inner,
-                        outer,
-                        patch,
-                    });
-                }
-            }
-        }
-        let at_plane = |n: isize| {
-            let mut at = [0; 3];
-            at[slow] = n;
-            populations.cell(at)
-        };
-        let last = cells[slow].cast_signed() - 1;
-        let bytes = 3 * plane.len() * size_of::<f32>();
-        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
-            .map_err(|e| e.to_string())?;
-        Ok(Self {
-            numbers: [Pages::new(3 * array)?, Pages::new(3 * array)?],
-            old: 0,
-            array,
-            strides,
-            dimension,
-            ghosts,
-            wraps,
-            exchange,
-            plane,
-            planes: [
-                at_plane(-1),
-                at_plane(0),
-                at_plane(last),
-                at_plane(last + 1),
-            ],
-        })
-    }
-
-    /// What the coming pass reads and writes.
-    pub(crate) fn view(&mut self) -> View {
-        let array = self.array;
-        let [first, second] = &mut self.numbers;
-        let (read, write) = if self.old == 0 {
-            (first, second)
-        } else {
-            (second, first)
-        };
-        let (read, write) = (read.as_ptr(), write.as_mut_ptr());
-        View {
-            // SAFETY: the vectors hold three arrays of this length.
-            read: std::array::from_fn(|a| unsafe { read.add(a * array) }),
-            // SAFETY: as above.
-            write: std::array::from_fn(|a| unsafe { write.add(a * array) }),
-            strides: self.strides,
-            dimension: self.dimension,
-        }
-    }
-
-    /// Makes what the pass writes (see [`Self::view`]) the field that the next one reads.
-    pub(crate) fn swap(&mut self) {
-        self.old = 1 - self.old;
-    }
-
-    /// Sends the outer planes of the field; they must be complete.
-    pub(crate) fn exchange_start(&mut self) {
-        let numbers = &self.numbers[self.old];
-        let (lower, upper) = self.exchange.send_buffers_mut::<f32>();
-        let count = self.plane.len();
-        for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
-            let Some(buffer) = buffer else { continue };
-            for (a, part) in buffer.chunks_exact_mut(count.max(1)).enumerate() {
-                for (value, &cell) in part.iter_mut().zip(&self.plane) {
-                    *value = numbers[a * self.array + plane + cell];
-                }
-            }
-        }
-        self.exchange.start();
-    }
-
-    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces. `ramp` gives the factor of a
-    /// patch at this time.
-    pub(crate) fn complete(&mut self, ramp: impl Fn(usize) -> f64) {
-        self.exchange.finish();
-        let count = self.plane.len();
-        let numbers = &mut self.numbers[self.old];
-        let (lower, upper) = self.exchange.received::<f32>();
-        for (buffer, plane) in [(lower, self.planes[0]), (upper, self.planes[3])] {
-            let Some(buffer) = buffer else { continue };
-            for (a, part) in buffer.chunks_exact(count.max(1)).enumerate() {
-                for (value, &cell) in part.iter().zip(&self.plane) {
-                    numbers[a * self.array + plane + cell] = *value;
-                }
-            }
-        }
-        for component in numbers.chunks_exact_mut(self.array) {
-            for &(ghost, source) in &self.wraps {
-                component[ghost] = component[source];
-            }
-        }
-        for g in &self.ghosts {
-            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
-            let factor = g.patch.map_or(0.0, &ramp) as f32;
-            for a in 0..3 {
-                let base = a * self.array;
-                numbers[base + g.ghost] = g.wall[a] * factor
-                    + g.inner[a] * numbers[base + g.first]
-                    + g.outer * numbers[base + g.second];
-            }
-        }
-    }
-
-    /// The velocity of a cell, as kept.
-    #[must_use]
-    pub fn velocity(&self, cell: usize) -> [f32; 3] {
-        std::array::from_fn(|a| self.numbers[self.old][a * self.array + cell])
-    }
-
-    /// Sets the velocity of a cell: at the start, on a restart, and inside bodies.
-    pub fn set_velocity(&mut self, cell: usize, velocity: [f32; 3]) {
-        for a in 0..3 {
-            self.numbers[self.old][a * self.array + cell] = velocity[a];
-        }
-    }
-
-    /// Gradient at one cell.
-    #[must_use]
-    pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
-        let mut gradient = [[0.0; 3]; 3];
-        for b in 0..self.dimension {
-            let high = self.velocity(cell + self.strides[b]);
-            let low = self.velocity(cell - self.strides[b]);
-            for a in 0..3 {
-                gradient[a][b] = (f64::from(high[a]) - f64::from(low[a])) * 0.5;
-            }
-        }
-        gradient
-    }
-
-    /// Bytes held.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        2 * 3 * self.array * size_of::<f32>()
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
-//! What a body must be for the lattice to feel it; how light it may be, [`super::light_bodies`] says.
+//! What a body must be for the lattice to feel it; [`super::added_mass`] says how light it may be.
 //!
 //! * A disc or sphere is at least four cells across, else the water does not feel its shape.
 //! * A block is at least a cell thick. One of less than two may lie across cells none of which it fills, and with the viscous weighting
-//!   (E-08) a cell that is filled in part gives way as τ nears ½: a stream at τ = 0.50006 ran through a plate of half a cell, and through
+//!   a cell that is filled in part gives way as τ nears ½: a stream at τ = 0.50006 ran through a plate of half a cell, and through
 //!   one of a cell that lay across two, with less than 4 % of its force on the plate.
 
 use super::margin::{Margin, margin};

@@ -38,7 +38,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         }
         mach(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
-        super::waves::check(flow, clock, findings);
+        super::linear_stability::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
     }
@@ -61,7 +61,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         ));
     }
     super::contacts::check(scene, clock, &mut margins, findings);
-    super::light_bodies::check(scene, &mut margins, findings);
+    super::added_mass::check(scene, &mut margins, findings);
     super::drag::check(scene, clock, &mut margins, findings);
     if let Some(ContactTable {
         law: Law::HertzMindlin { impact_speed, .. },

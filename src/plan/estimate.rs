@@ -5,9 +5,9 @@
 
 use super::{Clock, steps_number};
 use crate::case::fluid::Precision;
+use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::Lattice;
 use crate::scene::grid::count;
 use serde::Serialize;
 
@@ -57,12 +57,12 @@ const MILLION_BLOCK_STEPS: f64 = 0.03;
 /// Million particle steps per second and core.
 const MILLION_PARTICLE_STEPS: f64 = 4.0;
 
-/// Million updates per second and core in f64; populations at rest in f32 gain about half.
-fn mlups(lattice: Lattice, storage: Precision) -> f64 {
+/// Million updates per second and core in f64; populations stored in f32 gain about half.
+fn mlups(lattice: VelocitySet, storage: Precision) -> f64 {
     let double = match lattice {
-        Lattice::D2q9 => 60.0,
-        Lattice::D3q19 => 25.0,
-        Lattice::D3q27 => 15.0,
+        VelocitySet::D2Q9 => 60.0,
+        VelocitySet::D3Q19 => 25.0,
+        VelocitySet::D3Q27 => 15.0,
     };
     match storage {
         Precision::F64 => double,
@@ -99,7 +99,7 @@ impl Estimate {
         let steps = steps_number(clock.steps);
         if let Some(flow) = &scene.flow {
             estimate.bytes_per_cell =
-                count(flow.lattice.velocities()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
+                count(flow.lattice.count()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
             if flow.turbulence.is_some() {
                 estimate.bytes_per_cell += EDDY_BYTES;
             }

@@ -2,14 +2,15 @@
 
 use super::Clock;
 use crate::case::contact::BlockModel;
-use crate::case::coupling::{Coupling, Scheme, SolidFraction, SolidOperator, Weighting};
+use crate::case::coupling::{Coupling, Scheme, SolidFraction};
 use crate::case::darcy::Resistance;
-use crate::case::fluid::{Collision, Precision, Turbulence};
+use crate::case::fluid::Precision;
+use crate::lbm::family::Description;
+use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::contact::Law;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
-use crate::scene::flow::Lattice;
 use serde::Serialize;
 
 /// A model and why.
@@ -104,73 +105,31 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "the case has no fluid: no lattice is allocated".into(),
         ),
         Some(flow) => {
+            let operator = flow.collision.model();
             let (name, reason) = match flow.lattice {
-                Lattice::D2q9 => ("D2Q9", "the domain is 2-D"),
-                Lattice::D3q19 => (
+                VelocitySet::D2Q9 => ("D2Q9", "the domain is 2-D"),
+                VelocitySet::D3Q19 => (
                     "D3Q19",
                     "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
                 ),
-                Lattice::D3q27
-                    if matches!(
-                        flow.collision,
-                        Collision::Mrt { .. } | Collision::Cumulant { .. }
-                    ) =>
-                {
+                VelocitySet::D3Q27 if operator.only_on().is_some() => {
                     ("D3Q27", "the moments of the operator are those of this set")
                 }
-                Lattice::D3q27 => ("D3Q27", "asked for: isotropic to fourth order"),
+                VelocitySet::D3Q27 => ("D3Q27", "asked for: isotropic to fourth order"),
             };
             choose("lattice", name.into(), reason.into());
-            match flow.collision {
-                Collision::Bgk {} => choose(
-                    "collision",
-                    "BGK".into(),
-                    format!(
-                        "asked for; walls lie half-way only near tau 0.933 (here {})",
-                        number(flow.relaxation_time)
-                    ),
-                ),
-                Collision::Trt { magic } => choose(
-                    "collision",
-                    format!("TRT, magic parameter {magic}"),
-                    "the position of walls does not depend on the viscosity".into(),
-                ),
-                Collision::Cumulant { .. } => choose(
-                    "collision",
-                    "cumulants".into(),
-                    "asked for; robust at high Reynolds numbers".into(),
-                ),
-                Collision::Mrt { .. } if flow.collision.second_order() => choose(
-                    "collision",
-                    "multiple relaxation times of the second moments".into(),
-                    "asked for; the moments above go to their equilibrium at once".into(),
-                ),
-                Collision::Mrt { .. } => choose(
-                    "collision",
-                    "multiple relaxation times after Suga".into(),
-                    "asked for; moments that are not hydrodynamic are damped at their own rates"
-                        .into(),
-                ),
-            }
-            let asked = "asked for; from the gradient of the velocity of the step before".into();
-            match flow.turbulence {
-                None => choose(
-                    "turbulence",
-                    "none".into(),
-                    "not asked for: all eddies are taken as resolved, no velocity field is kept"
-                        .into(),
-                ),
-                Some(Turbulence::Wale { constant }) => {
-                    choose("turbulence", format!("WALE, constant {constant}"), asked);
-                }
-                Some(Turbulence::Smagorinsky { constant }) => {
-                    choose(
-                        "turbulence",
-                        format!("Smagorinsky, constant {constant}"),
-                        asked,
-                    );
-                }
-            }
+            let Description { model, reason } = operator.describe(flow.relaxation_time);
+            choose("collision", model, reason);
+            let Description { model, reason } = flow.turbulence.map_or_else(
+                || {
+                    Description::new(
+                        "none",
+                        "not asked for: all eddies are taken as resolved, no velocity field is kept",
+                    )
+                },
+                |model| model.describe(),
+            );
+            choose("turbulence", model, reason);
             choose(
                 "populations",
                 match flow.storage {
@@ -248,17 +207,12 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
         }
         Coupling::PartiallySaturated(written) => written,
     };
-    let chosen = flow.solid_operator(written);
-    let operator = match chosen {
-        SolidOperator::NonEquilibriumBounceBack => "bounce-back of the non-equilibrium part",
-        SolidOperator::Superposition => "superposition",
-        SolidOperator::BounceBackAboutSolid => "bounce-back about the solid's velocity",
-        SolidOperator::ViscosityMatched => "matched to the viscosity",
-    };
-    let weighting = match written.weighting {
-        _ if chosen == SolidOperator::ViscosityMatched => "no weighting",
-        Weighting::Fraction => "weighted by the solid fraction",
-        Weighting::Viscous => "weighted by fraction and viscosity",
+    let chosen = flow.solid_operator(written).model();
+    let operator = chosen.describe();
+    let weighting = if chosen.weighted() {
+        written.weighting.describe()
+    } else {
+        "no weighting"
     };
     let fraction = match written.solid_fraction {
         SolidFraction::Exact => "exact fractions".into(),

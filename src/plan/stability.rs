@@ -1,10 +1,9 @@
 //! Up to which speed a lattice has been seen to hold.
 //!
-//! What decides is the cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2), with U the largest speed that is imposed: neither tau nor the Mach
-//! number alone, except that some operators bear less the faster the flow. The bounds are those of the maps under `benches/stability`, in
-//! scenes of three kinds: no walls and no openings (double shear layer), walls (lid-driven cavities, whose corners are the hardest that walls
-//! can be), openings (cylinder behind an inlet). `holds` is the last value up to which every run ended, `fails` the first at which one did
-//! not.
+//! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the lattice velocity
+//! alone, except that some operators bear less the faster the flow. Each operator states its bounds beside its formula
+//! ([`crate::lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last value up to which every run ended,
+//! `fails` the first at which one did not.
 //!
 //! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many scenes run at several
 //! times these values. That the error grows with the Mach number is another matter, and said elsewhere.
@@ -17,37 +16,13 @@
 
 use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, Scheme};
-use crate::case::fluid::Collision;
 use crate::error::Remedy;
+use crate::lbm::collision::border::{Bounds, Situation, Surroundings};
 use crate::scene::Scene;
 use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 use crate::scene::speed;
-
-/// Bounds of the cell Reynolds number up to a Mach number.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
-    mach: f64,
-    holds: f64,
-    fails: f64,
-}
-
-const fn up_to(mach: f64, holds: f64, fails: f64) -> Bounds {
-    Bounds { mach, holds, fails }
-}
-
-const fn always(holds: f64, fails: f64) -> [Bounds; 1] {
-    [up_to(f64::INFINITY, holds, fails)]
-}
-
-/// What surrounds the water.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Surroundings {
-    Periodic,
-    Walls,
-    Openings,
-}
 
 fn surroundings(flow: &Flow) -> Surroundings {
     let mut all = Surroundings::Periodic;
@@ -63,51 +38,6 @@ fn surroundings(flow: &Flow) -> Surroundings {
         }
     }
     all
-}
-
-/// A map, and its bounds by rising Mach number.
-type Border = (&'static str, &'static [Bounds]);
-
-/// The bounds of an operator; `eddies`: under a lid with an eddy viscosity.
-fn measured(collision: &Collision, dimension: usize, around: Surroundings, eddies: bool) -> Border {
-    // The maps have Mach 0.2 and 0.28, from where on eddies pass the guard at 0.3.
-    const CYLINDER: &[Bounds] = &[up_to(0.21, 10.0, 18.0), up_to(f64::INFINITY, 0.0, 0.0)];
-    const FREE_BGK: &[Bounds] = &[up_to(0.21, 180.0, 200.0), up_to(f64::INFINITY, 1.7, 8.4)];
-    const FREE_TRT: &[Bounds] = &[up_to(0.21, 30.0, 60.0), up_to(f64::INFINITY, 1.7, 8.4)];
-    const LID_BGK: &[Bounds] = &always(10.0, 18.0);
-    const LID_TRT: &[Bounds] = &always(20.0, 28.0);
-    const CUBE_BGK: &[Bounds] = &always(10.0, 20.0);
-    const CUBE_BGK_EDDIES: &[Bounds] = &[up_to(0.03, 30.0, 90.0), up_to(f64::INFINITY, 10.0, 20.0)];
-    const CUBE_TRT: &[Bounds] = &always(20.0, 30.0);
-    const CUBE_MRT: &[Bounds] = &[up_to(0.1, 30.0, 90.0), up_to(f64::INFINITY, 10.0, 20.0)];
-    const CUBE_SECOND_ORDER: &[Bounds] = &always(20.0, 30.0);
-    const CUBE_MRT_EDDIES: &[Bounds] = &[
-        up_to(0.03, 300.0, f64::INFINITY),
-        up_to(0.1, 100.0, 300.0),
-        up_to(f64::INFINITY, 20.0, 60.0),
-    ];
-    const CUBE_CUMULANT: &[Bounds] = &always(30.0, 60.0);
-    let bgk = matches!(collision, Collision::Bgk {});
-    if matches!(collision, Collision::Bgk {} | Collision::Trt { .. }) {
-        match (around, dimension) {
-            (Surroundings::Openings, _) => return ("cylinder-10", CYLINDER),
-            (Surroundings::Periodic, 2) => {
-                return ("shear-layers-64", if bgk { FREE_BGK } else { FREE_TRT });
-            }
-            (_, 2) => return ("cavity-32", if bgk { LID_BGK } else { LID_TRT }),
-            _ => {}
-        }
-    }
-    let bounds = match collision {
-        Collision::Bgk {} if eddies => CUBE_BGK_EDDIES,
-        Collision::Bgk {} => CUBE_BGK,
-        Collision::Trt { .. } => CUBE_TRT,
-        Collision::Mrt { .. } if collision.second_order() => CUBE_SECOND_ORDER,
-        Collision::Mrt { .. } if eddies => CUBE_MRT_EDDIES,
-        Collision::Mrt { .. } => CUBE_MRT,
-        Collision::Cumulant { .. } => CUBE_CUMULANT,
-    };
-    ("cavity-3d-20", bounds)
 }
 
 /// Cells that bring the cell Reynolds number down.
@@ -146,11 +76,7 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
     if !interpolated || scene.polyhedra().next().is_none() {
         return;
     }
-    let paired = matches!(
-        flow.collision,
-        Collision::Trt { .. } | Collision::Cumulant { .. }
-    ) || flow.collision.second_order();
-    let fails = if paired { 20.0 } else { 2.0 };
+    let fails = flow.collision.model().fails_at_faces();
     if cell >= fails {
         findings.unstable(
             path,
@@ -172,33 +98,30 @@ pub(super) fn check(
     margins: &mut Vec<Margin>,
     findings: &mut Findings,
 ) {
-    let robust =
-        matches!(flow.collision, Collision::Cumulant { .. }) || flow.collision.second_order();
     let speeds = speed::imposed(scene, flow).into_iter();
     let Some(speed) = speeds.max_by(|a, b| a.value.total_cmp(&b.value)) else {
         return;
     };
     let cell = speed.value * scene.grid.spacing / flow.kinematic_viscosity;
     links_at_faces(scene, flow, &speed.path, cell, findings);
-    let around = surroundings(flow);
-    let single = matches!(flow.collision, Collision::Bgk {} | Collision::Trt { .. });
-    let judged = lid_meets_wall(flow) || single && around != Surroundings::Openings;
-    if flow.turbulence.is_some() && (robust || !judged) {
-        return;
-    }
-    let mach = speed.value * flow.time_step / scene.grid.spacing;
-    let (map, border) = measured(
-        &flow.collision,
-        scene.grid.dimension,
-        around,
-        flow.turbulence.is_some(),
-    );
-    // A value written with few digits may lie a little beyond its bound.
-    let slack = 1.0 + 1e-6;
-    let Some(at) = border.iter().position(|part| mach <= part.mach * slack) else {
+    let situation = Situation {
+        dimension: scene.grid.dimension,
+        surroundings: surroundings(flow),
+        lid_meets_wall: lid_meets_wall(flow),
+        eddies: flow.turbulence.is_some(),
+    };
+    let Some(border) = flow.collision.model().border(&situation) else {
         return;
     };
-    let limit = border[at];
+    let (map, bounds) = (border.map, border.bounds);
+    let lattice_velocity = speed.value * flow.time_step / scene.grid.spacing;
+    // A value written with few digits may lie a little beyond its bound.
+    let slack = 1.0 + 1e-6;
+    let within = |part: &Bounds| lattice_velocity <= part.lattice_velocity * slack;
+    let Some(at) = bounds.iter().position(within) else {
+        return;
+    };
+    let limit = bounds[at];
     if limit.holds > 0.0 {
         margins.push(margin(
             &format!("cell Reynolds number U h/nu: {}", speed.what),
@@ -224,19 +147,19 @@ pub(super) fn check(
         }
         return;
     }
-    let slower = at.checked_sub(1).map(|at| border[at].mach);
+    let slower = at.checked_sub(1).map(|at| bounds[at].lattice_velocity);
     if let (true, Some(slower)) = (limit.holds <= 0.0, slower) {
         findings.unstable(
             &speed.path,
             format!(
                 "{} gives a Mach number U/C of {}: in the map `{map}` runs with this operator failed above {slower}",
                 speed.what,
-                number(mach),
+                number(lattice_velocity),
             ),
             super::margin::slower_clock(
                 flow,
                 scene.grid.spacing,
-                slower / mach,
+                slower / lattice_velocity,
                 "use a smaller time step or relaxation time, or a slower flow".into(),
             ),
         );

@@ -3,7 +3,8 @@
 use crate::case::Case;
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};
-use crate::error::{Problem, Remedy, Severity};
+pub(crate) use crate::error::number;
+use crate::error::{Finding, Problem, Remedy, Severity};
 use serde_json::Value;
 use std::cell::OnceCell;
 
@@ -60,6 +61,16 @@ impl<'a> Findings<'a> {
         remedy: impl Into<Remedy>,
     ) {
         self.push(path, reason.into(), remedy.into(), Severity::Unstable);
+    }
+
+    /// Adds what a model found.
+    pub(crate) fn add(&mut self, finding: Finding) {
+        self.push(
+            &finding.path,
+            finding.reason,
+            finding.remedy,
+            finding.severity,
+        );
     }
 
     fn push(&mut self, path: &str, reason: String, remedy: Remedy, severity: Severity) {
@@ -145,30 +156,9 @@ pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
         .unwrap_or(cells * spacing)
 }
 
-/// A number as in a sentence: four significant digits.
-pub(crate) fn number(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        return "0".into();
-    }
-    if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.3e}");
-    }
-    let decimals = [1e3, 1e2, 1e1, 1e0, 1e-1, 1e-2]
-        .iter()
-        .filter(|bound| size < **bound)
-        .count();
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').into()
-    } else {
-        text
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{at_least, at_most, number};
+    use super::{at_least, at_most};
 
     #[test]
     fn bounds_are_rounded_to_the_side_that_holds() {
@@ -179,22 +169,5 @@ mod tests {
         }
         assert_eq!((at_most(0.123_456), at_least(0.123_456)), (0.1234, 0.1235));
         assert_eq!((at_most(2.5), at_least(2.5)), (2.5, 2.5));
-    }
-
-    #[test]
-    fn numbers_keep_four_digits() {
-        let pairs = [
-            (0.0, "0"),
-            (0.00125, "0.00125"),
-            (0.25, "0.25"),
-            (1.0 / 3.0, "0.3333"),
-            (-12.3456, "-12.35"),
-            (2500.0, "2500"),
-            (1e-5, "1.000e-5"),
-            (3.0e7, "3.000e7"),
-        ];
-        for (value, text) in pairs {
-            assert_eq!(number(value), text);
-        }
     }
 }

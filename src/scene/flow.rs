@@ -12,6 +12,7 @@ use crate::case::fluid::{
     self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence, TurbulenceChoice,
 };
 use crate::error::Remedy;
+pub use crate::lbm::lattice::VelocitySet as Lattice;
 use crate::units::LatticeUnits;
 use serde::Serialize;
 use serde_json::json;
@@ -32,7 +33,7 @@ pub struct Flow {
     pub collision: Collision,
     /// Eddy viscosity.
     pub turbulence: Option<Turbulence>,
-    /// Number type of the populations at rest.
+    /// Storage precision of the populations.
     pub storage: Precision,
     /// Time step [s].
     pub time_step: f64,
@@ -49,30 +50,6 @@ pub struct Flow {
     /// Conditions of the faces, by [`Face::index`]. Each face that is not periodic has at least one patch, the first
     /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
     pub faces: [Vec<Patch>; 6],
-}
-
-/// Velocity set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Lattice {
-    /// Nine velocities in 2-D.
-    D2q9,
-    /// Nineteen velocities in 3-D.
-    D3q19,
-    /// Twenty-seven velocities in 3-D.
-    D3q27,
-}
-
-impl Lattice {
-    /// Number of velocities.
-    #[must_use]
-    pub fn velocities(self) -> usize {
-        match self {
-            Self::D2q9 => 9,
-            Self::D3q19 => 19,
-            Self::D3q27 => 27,
-        }
-    }
 }
 
 /// Force per volume [N/m3].
@@ -122,8 +99,9 @@ impl Flow {
     /// What solids do to the cells that they cover: as written, or by the relaxation time.
     #[must_use]
     pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
-        let slow =
-            self.collision.two_times() && self.turbulence.is_none() && self.relaxation_time >= SLOW;
+        let slow = self.collision.model().antisymmetric_rate().is_some()
+            && self.turbulence.is_none()
+            && self.relaxation_time >= SLOW;
         written.solid_operator.unwrap_or(if slow {
             SolidOperator::ViscosityMatched
         } else {
@@ -177,7 +155,7 @@ impl Flow {
             .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
         // A relaxation time that is only chosen later is judged then.
         if fixed_by != "accuracy" {
-            growing_waves(lbm, relaxation_time, findings);
+            check_operator(lbm, relaxation_time, findings);
         }
         Some(Self {
             density: lbm.density,
@@ -198,18 +176,14 @@ impl Flow {
 }
 
 fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
-    let multiple = match lbm.collision {
-        Some(Collision::Mrt { .. }) => Some("mrt"),
-        Some(Collision::Cumulant { .. }) => Some("cumulant"),
-        _ => None,
-    };
+    let operator = lbm.collision.unwrap_or_default();
+    let only = operator.model().only_on();
     let (lattice, dimension) = match lbm.lattice {
-        LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2q9, 2),
-        LatticeChoice::Auto if multiple.is_some() => (Lattice::D3q27, 3),
-        LatticeChoice::Auto => (Lattice::D3q19, 3),
-        LatticeChoice::D2q9 => (Lattice::D2q9, 2),
-        LatticeChoice::D3q19 => (Lattice::D3q19, 3),
-        LatticeChoice::D3q27 => (Lattice::D3q27, 3),
+        LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2Q9, 2),
+        LatticeChoice::Auto => (only.unwrap_or(Lattice::D3Q19), 3),
+        LatticeChoice::D2q9 => (Lattice::D2Q9, 2),
+        LatticeChoice::D3q19 => (Lattice::D3Q19, 3),
+        LatticeChoice::D3q27 => (Lattice::D3Q27, 3),
     };
     if dimension != grid.dimension {
         findings.error(
@@ -221,11 +195,9 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             Remedy::from("use auto").set(format!("{PATH}.lattice"), "auto"),
         );
     }
-    if let Some(name) = multiple
-        && lattice != Lattice::D3q27
-    {
+    if only.is_some_and(|only| lattice != only) {
         findings.error(
-            &format!("{PATH}.collision.{name}"),
+            &format!("{PATH}.collision.{}", operator.name()),
             "the moments of this operator are those of D3Q27",
             if grid.dimension == 2 {
                 Remedy::from("use trt in 2-D").set(format!("{PATH}.collision"), json!({"trt": {}}))
@@ -235,64 +207,20 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             },
         );
     }
-    if grid.dimension == 2
-        && matches!(
-            lbm.turbulence,
-            Some(TurbulenceChoice::Model(Turbulence::Wale { .. }))
-        )
+    let model = lbm.turbulence.and_then(TurbulenceChoice::model);
+    if let Some(finding) =
+        model.and_then(|model| model.check(&format!("{PATH}.turbulence"), grid.dimension))
     {
-        findings.error(
-            &format!("{PATH}.turbulence.wale"),
-            "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow",
-            Remedy::from("use smagorinsky, or a domain in 3-D")
-                .set(format!("{PATH}.turbulence"), json!({"smagorinsky": {}})),
-        );
+        findings.add(finding);
     }
     lattice
 }
 
-/// From this relaxation time on the operator with the rates of Suga lets waves of three cells along the diagonals grow in water at
-/// rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
-pub const SUGA_GROWS: f64 = 0.556;
-/// From here on runs were seen to fail of it: boxes without walls at 0.8, ducts at 0.75, under a lid at 0.7, not at 0.65.
-const SUGA_FAILS: f64 = 0.7;
-/// Below this one the operator with all moments above the second at their equilibrium lets waves grow at rest: by 0.9 % in a step at
-/// 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
-const SECOND_ORDER_GROWS: f64 = 0.52;
-
-/// Whether waves grow by themselves with the rates of multiple relaxation times.
-pub(super) fn growing_waves(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
-    let Some(collision @ Collision::Mrt { .. }) = &lbm.collision else {
-        return;
-    };
-    let path = format!("{PATH}.collision.mrt");
-    let at = format!("the relaxation time is tau = {}", number(tau));
-    if collision.second_order() {
-        if tau < SECOND_ORDER_GROWS {
-            findings.warn(
-                &path,
-                format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
-                Remedy::from("look at the flow for waves of a few cells, or use cumulant")
-                    .set(format!("{PATH}.collision"), json!({"cumulant": {}})),
-            );
-        }
-    } else if collision.higher_rates() == [None; 8] && tau >= SUGA_GROWS {
-        let reason = format!(
-            "{at}: with the rates of Suga, made for tau near 1/2, waves of three cells grow by themselves from {SUGA_GROWS} on"
-        );
-        let remedy = Remedy::from(format!(
-            "use trt or cumulant, or `higher`: 1, or a tau below {SUGA_GROWS}"
-        ))
-        .set(format!("{PATH}.collision"), json!({"trt": {}}));
-        if tau >= SUGA_FAILS {
-            findings.unstable(
-                &path,
-                format!("{reason}, and runs failed from {SUGA_FAILS} on"),
-                remedy,
-            );
-        } else {
-            findings.warn(&path, reason, remedy);
-        }
+/// What the operator finds about its parameters at a relaxation time.
+pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
+    let operator = lbm.collision.unwrap_or_default();
+    if let Some(finding) = operator.model().check(&format!("{PATH}.collision"), tau) {
+        findings.add(finding);
     }
 }
 

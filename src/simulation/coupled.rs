@@ -2,7 +2,6 @@
 
 use crate::case::coupling::{
     BounceBack as WrittenBounceBack, Coupling, Scheme as WrittenScheme, SolidFraction,
-    SolidOperator, Weighting as WrittenWeighting,
 };
 use crate::coupling::body_map::Rules;
 use crate::coupling::bounce_back::{self, BounceBack};
@@ -13,7 +12,7 @@ use crate::dem::space::Space;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Scheme;
-use crate::lbm::saturation::{Method as Saturation, Reflection, Weighting};
+use crate::lbm::saturation::Method as Saturation;
 use crate::plan::Plan;
 use crate::units::LatticeUnits;
 
@@ -67,16 +66,8 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
     };
     let flow = plan.scene.flow.as_ref()?;
     Some(Saturation {
-        reflection: match flow.solid_operator(written) {
-            SolidOperator::NonEquilibriumBounceBack => Reflection::NonEquilibrium,
-            SolidOperator::Superposition => Reflection::Superposition,
-            SolidOperator::BounceBackAboutSolid => Reflection::AboutSolid,
-            SolidOperator::ViscosityMatched => Reflection::Matched,
-        },
-        weighting: match written.weighting {
-            WrittenWeighting::Fraction => Weighting::Fraction,
-            WrittenWeighting::Viscous => Weighting::Viscous,
-        },
+        operator: flow.solid_operator(written),
+        weighting: written.weighting,
     })
 }
 

@@ -178,7 +178,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
             Precision::F32 => 4,
             Precision::F64 => 8,
         };
-        (scene.grid.cells, setup::velocities(flow), bytes)
+        (scene.grid.cells, flow.lattice.count(), bytes)
     });
     let of_blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
     let radii = (scene.bodies.iter().map(|body| body.radius))

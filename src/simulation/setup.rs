@@ -4,7 +4,6 @@ pub mod blocks;
 
 use super::coupled;
 use crate::case::boundary::Fluctuations;
-use crate::case::fluid::{Collision, Turbulence};
 use crate::coupling::body_map::GHOSTS;
 use crate::coupling::drag::{self, DragLaw, Seepage};
 use crate::darcy;
@@ -20,17 +19,15 @@ use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
 use crate::error::{Error, Problem, Severity};
 use crate::lbm::boundary::turbulent::Synthetic;
 use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
-use crate::lbm::collision::mrt::Rates;
-use crate::lbm::fluid::{Force, Operator, Set, Setup};
+use crate::lbm::fluid::{Force, Setup};
 use crate::lbm::initial::Field;
 use crate::lbm::synthetic::Modes;
-use crate::lbm::turbulence::Model;
 use crate::plan::{self, Plan};
 use crate::scene::bodies::Mobility;
 use crate::scene::boundaries;
 use crate::scene::boundaries::{Condition as Written, VelocityProfile};
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
-use crate::scene::flow::{BodyForce, Flow, Lattice};
+use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::grid::{Grid, count};
 use crate::scene::initial::Initial;
 use crate::scene::profile::Table;
@@ -44,24 +41,6 @@ pub fn axis(n: usize) -> Axis {
     [Axis::X, Axis::Y, Axis::Z][n.min(2)]
 }
 
-fn set(flow: &Flow) -> Set {
-    match flow.lattice {
-        Lattice::D2q9 => Set::D2Q9,
-        Lattice::D3q19 => Set::D3Q19,
-        Lattice::D3q27 => Set::D3Q27,
-    }
-}
-
-/// How many velocities the lattice of a fluid has.
-#[must_use]
-pub fn velocities(flow: &Flow) -> usize {
-    match flow.lattice {
-        Lattice::D2q9 => 9,
-        Lattice::D3q19 => 19,
-        Lattice::D3q27 => 27,
-    }
-}
-
 /// The fluid of a plan in lattice units.
 ///
 /// # Errors
@@ -73,20 +52,9 @@ pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Er
         patches.push(self::patch(plan, patch, units)?);
     }
     Ok(Setup {
-        set: set(flow),
-        operator: match flow.collision {
-            Collision::Bgk {} => Operator::Bgk,
-            Collision::Trt { magic } => Operator::Trt { magic },
-            Collision::Cumulant { bulk } => Operator::Cumulant { bulk },
-            Collision::Mrt { .. } => {
-                Operator::Mrt(plan::waves::rates(&flow.collision).unwrap_or(Rates::SUGA))
-            }
-        },
-        turbulence: match flow.turbulence {
-            None => Model::None,
-            Some(Turbulence::Wale { constant }) => Model::Wale(constant),
-            Some(Turbulence::Smagorinsky { constant }) => Model::Smagorinsky(constant),
-        },
+        set: flow.lattice,
+        operator: flow.collision,
+        turbulence: flow.turbulence,
         relaxation_time: flow.relaxation_time,
         force: force(plan, flow, units),
         cells: grid.cells,

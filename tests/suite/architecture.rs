@@ -77,15 +77,20 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["case", "dem", "plan", "random", "scene"],
         &["decomposition", "io"],
     ),
-    // Shapes of walls and blocks are those of the engine of the grains.
-    ("scene", &["case", "dem", "random", "units"], &["io"]),
+    // Shapes of walls and blocks are those of the engine of the grains; models judge their own parameters.
+    (
+        "scene",
+        &["case", "coupling", "darcy", "dem", "lbm", "random", "units"],
+        &["io"],
+    ),
     // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
     (
         "plan",
         &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
         &[],
     ),
-    ("case", &["units"], &[]),
+    // The parameters of a model stand beside its formula.
+    ("case", &["coupling", "darcy", "dem", "lbm", "units"], &[]),
     (
         "coupling",
         &["thread_pool", "darcy", "dem", "lbm", "units"],

@@ -128,7 +128,7 @@ fn what_is_stated_is_taken() {
     assert!(flow.turbulence.is_none());
     assert!(matches!(
         flow.collision,
-        solver::case::fluid::Collision::Bgk {}
+        solver::case::fluid::Collision::Bgk(_)
     ));
     for what in [
         "spacing",

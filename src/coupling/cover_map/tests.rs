@@ -2,8 +2,9 @@ use super::*;
 use crate::dem::Volume;
 use crate::dem::particles::{Body, Motion};
 use crate::dem::polyhedron::Polyhedron;
+use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lattice::{D3Q19, Velocities};
-use crate::lbm::saturation::{Method as Action, Odd, Reflection, Weighting};
+use crate::lbm::saturation::{Method as Action, SolidOperator, Weighting};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
@@ -26,12 +27,12 @@ fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover
         spacing: 0.1,
     };
     let action = Action {
-        reflection: Reflection::Matched,
+        operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Fraction,
     };
     (
         CoverMap::new(populations, grid, Method::Exact),
-        Cover::new(populations, action, 0.8, Odd::AsEven, 2),
+        Cover::new(populations, action, 0.8, AntisymmetricRate::AsSymmetric, 2),
     )
 }
 

@@ -97,8 +97,9 @@ impl Convective {
 #[cfg(test)]
 mod tests {
     use crate::lbm::boundary::{Condition, Patch, Ramp};
-    use crate::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
-    use crate::lbm::turbulence::Model;
+    use crate::lbm::collision::{Operator, trt};
+    use crate::lbm::fluid::{Fluid, Force, Setup};
+    use crate::lbm::lattice::VelocitySet;
     use decomposition::{Axis, Domain};
 
     const SPEED: f64 = 0.1;
@@ -115,10 +116,10 @@ mod tests {
         let inlet = Condition::Velocity(Box::new(|_| [SPEED, 0.0, 0.0]), Ramp::constant(1.0));
         let cells = [length, CELLS[1], 1];
         let setup = Setup {
-            set: Set::D2Q9,
-            operator: Operator::Trt { magic: 3.0 / 16.0 },
+            set: VelocitySet::D2Q9,
+            operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
             relaxation_time: 0.53,
-            turbulence: Model::None,
+            turbulence: None,
             force: Force::None,
             cells,
             periodic: [false, true, true],

@@ -1,4 +1,4 @@
-//! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
+//! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
 //!
 //! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the population that
 //! crosses the face where f_j enters, with the same part along the face.

@@ -195,8 +195,9 @@ impl Inlet {
 mod tests {
     use super::*;
     use crate::lbm::boundary::{Condition, Patch, Ramp};
-    use crate::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
-    use crate::lbm::turbulence::Model;
+    use crate::lbm::collision::{Operator, cumulant};
+    use crate::lbm::fluid::{Fluid, Force, Setup};
+    use crate::lbm::lattice::VelocitySet;
     use decomposition::{Axis, Domain};
 
     const LENGTH: f64 = 4.0;
@@ -225,10 +226,10 @@ mod tests {
             },
         );
         let setup = Setup {
-            set: Set::D3Q27,
-            operator: Operator::Cumulant { bulk: 1.0 },
+            set: VelocitySet::D3Q27,
+            operator: Operator::Cumulant(cumulant::Parameters::default()),
             relaxation_time: 0.505,
-            turbulence: Model::None,
+            turbulence: None,
             force: Force::None,
             cells,
             periodic: [false, true, true],

@@ -1,4 +1,4 @@
-//! Multiple relaxation times on D3Q27 (Suga, Kuwata, Takashima and Chikasue 2015; B-12, B-13), with Guo forcing (E-11).
+//! Multiple relaxation times on D3Q27 (K. Suga, Y. Kuwata, K. Takashima, R. Chikasue, Comput. Math. Appl. 69 (2015) 518), with Guo forcing.
 //!
 //! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ] with the orthogonal moments of Suga and
 //! S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5 = s7 = 1/τ.
@@ -19,12 +19,269 @@
 //! | XYZ | c_x c_y c_z | s26 |
 //!
 //! so that M and M⁻¹ are three sweeps of 9 small transforms each, 216 additions in place of 1458 products; the result is that of
-//! the matrix to round-off. Equilibria are those of E-01 to second order in u; their moments need no more than δρ and
+//! the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ and
 //! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
-use super::{Collision, Site};
+use super::border::{self, Border, Bounds, Situation};
+use super::linear_stability::{self, Wave};
+use super::products::{POPULATION, n};
+use super::second_order::SecondOrder;
+use super::{Collision, Dispatch, Kernels, Model, Site};
+use crate::error::{Finding, Remedy, Severity, number};
+use crate::lbm::family::Description;
 use crate::lbm::lanes::Lanes;
-use crate::lbm::lattice::{D3Q27, Lattice, unroll};
+use crate::lbm::lattice::{D3Q27, Lattice, VelocitySet, unroll};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+/// Multiple relaxation times on D3Q27 (Suga et al. 2015): the shear stress relaxes at 1/tau, each other group of moments at a rate of its
+/// own. For turbulent flow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Parameters {
+    /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2); 1.54 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub bulk: Option<f64>,
+    /// Rate of all moments above the second that are not given; those of Suga without it. With 1 they go to their equilibrium at once,
+    /// as other codes have it by default: a third less work in a cell.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub higher: Option<f64>,
+    /// s10, of the energy flux q; 1.5 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub q: Option<f64>,
+    /// s13, of Psi; 1.83 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub psi: Option<f64>,
+    /// s16, of epsilon; 1.4 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub epsilon: Option<f64>,
+    /// s17, of e cubed; 1.61 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub e_cubed: Option<f64>,
+    /// s18, of XX and WW; 1.98 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub xx: Option<f64>,
+    /// s20, of XY, YZ and ZX; 1.98 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub xy: Option<f64>,
+    /// s23, of the third-order tau; 1.74 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub tau: Option<f64>,
+    /// s26, of XYZ; 1.74 without it.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
+    pub xyz: Option<f64>,
+}
+
+/// From this relaxation time on the operator with the rates of Suga lets waves of three cells along the diagonals grow in fluid at
+/// rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
+const SUGA_GROWS: f64 = 0.556;
+/// From this relaxation time on runs failed of it: boxes without walls at 0.8, ducts at 0.75, under a lid at 0.7 and not at 0.65.
+const SUGA_FAILS: f64 = 0.7;
+/// Below this relaxation time the operator with all moments above the second at their equilibrium lets waves grow at rest: by 0.9 % in a
+/// step at 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
+const SECOND_ORDER_GROWS: f64 = 0.52;
+
+const CUBE: &[Bounds] = &[
+    Bounds::up_to(0.1, 30.0, 90.0),
+    Bounds::up_to(f64::INFINITY, 10.0, 20.0),
+];
+const CUBE_EDDIES: &[Bounds] = &[
+    Bounds::up_to(0.03, 300.0, f64::INFINITY),
+    Bounds::up_to(0.1, 100.0, 300.0),
+    Bounds::up_to(f64::INFINITY, 20.0, 60.0),
+];
+const CUBE_SECOND_ORDER: &[Bounds] = &Bounds::always(20.0, 30.0);
+
+impl Parameters {
+    /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
+    fn higher_rates(&self) -> [Option<f64>; 8] {
+        [
+            self.q,
+            self.psi,
+            self.epsilon,
+            self.e_cubed,
+            self.xx,
+            self.xy,
+            self.tau,
+            self.xyz,
+        ]
+        .map(|rate| rate.or(self.higher))
+    }
+
+    /// The rates beside that of the shear stress; those of Suga where they are not given.
+    #[must_use]
+    pub fn rates(&self) -> Rates {
+        let suga = Rates::SUGA;
+        let [q, psi, epsilon, e_cubed, xx, xy, tau, xyz] = self.higher_rates();
+        Rates {
+            bulk: self.bulk.unwrap_or(suga.bulk),
+            q: q.unwrap_or(suga.q),
+            psi: psi.unwrap_or(suga.psi),
+            epsilon: epsilon.unwrap_or(suga.epsilon),
+            e_cubed: e_cubed.unwrap_or(suga.e_cubed),
+            xx: xx.unwrap_or(suga.xx),
+            xy: xy.unwrap_or(suga.xy),
+            tau: tau.unwrap_or(suga.tau),
+            xyz: xyz.unwrap_or(suga.xyz),
+        }
+    }
+
+    /// Whether the moments above the second go to their equilibrium at once.
+    fn second_order(&self) -> bool {
+        self.rates().second_order()
+    }
+}
+
+impl Model for Parameters {
+    fn describe(&self, _: f64) -> Description {
+        if self.second_order() {
+            Description::new(
+                "multiple relaxation times of the second moments",
+                "asked for; the moments above go to their equilibrium at once",
+            )
+        } else {
+            Description::new(
+                "multiple relaxation times after Suga",
+                "asked for; moments that are not hydrodynamic are damped at their own rates",
+            )
+        }
+    }
+
+    fn only_on(&self) -> Option<VelocitySet> {
+        Some(VelocitySet::D3Q27)
+    }
+
+    fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
+        let finding = |severity, reason, remedy: Remedy, operator| Finding {
+            path: format!("{path}.mrt"),
+            reason,
+            remedy: remedy.set(path, operator),
+            severity,
+        };
+        let at = format!("the relaxation time is tau = {}", number(relaxation_time));
+        if self.second_order() {
+            return (relaxation_time < SECOND_ORDER_GROWS).then(|| {
+                finding(
+                    Severity::Warning,
+                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
+                    "look at the flow for waves of a few cells, or use cumulant".into(),
+                    json!({"cumulant": {}}),
+                )
+            });
+        }
+        if self.higher_rates() != [None; 8] || relaxation_time < SUGA_GROWS {
+            return None;
+        }
+        let reason = format!(
+            "{at}: with the rates of Suga, made for tau near 1/2, waves of three cells grow by themselves from {SUGA_GROWS} on"
+        );
+        let remedy = format!("use trt or cumulant, or `higher`: 1, or a tau below {SUGA_GROWS}");
+        let (severity, reason) = if relaxation_time >= SUGA_FAILS {
+            (
+                Severity::Unstable,
+                format!("{reason}, and runs failed from {SUGA_FAILS} on"),
+            )
+        } else {
+            (Severity::Warning, reason)
+        };
+        Some(finding(severity, reason, remedy.into(), json!({"trt": {}})))
+    }
+
+    /// With eddies only flows under a lid are judged; with moments above the second at equilibrium the border then lies beyond the map.
+    fn border(&self, situation: &Situation) -> Option<Border> {
+        let second_order = self.second_order();
+        if situation.eddies && (second_order || !situation.lid_meets_wall) {
+            return None;
+        }
+        Some(border::cube(match (second_order, situation.eddies) {
+            (true, _) => CUBE_SECOND_ORDER,
+            (false, true) => CUBE_EDDIES,
+            (false, false) => CUBE,
+        }))
+    }
+
+    fn fails_at_faces(&self) -> f64 {
+        if self.second_order() { 20.0 } else { 2.0 }
+    }
+
+    fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
+        let rates = self.rates();
+        let reported = self.second_order() || rates == Rates::SUGA && relaxation_time >= SUGA_GROWS;
+        (!reported && relaxation_time > 0.5).then(|| {
+            linear_stability::fastest::<D3Q27, _, 27>(&Mrt::<false> {
+                omega: 1.0 / relaxation_time,
+                rates,
+                force: [0.0; 3],
+            })
+        })
+    }
+
+    fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
+        let rates = self.rates();
+        if rates.second_order() {
+            to.on_d3q27(OfSecondOrder(rates))
+        } else {
+            to.on_d3q27(rates)
+        }
+    }
+}
+
+impl Kernels for Rates {
+    type Uniform<const FORCED: bool> = Mrt<FORCED>;
+    type Local = Mrt<true>;
+    type Covered = Mrt<true>;
+
+    fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> Mrt<FORCED> {
+        Mrt {
+            omega,
+            rates: *self,
+            force,
+        }
+    }
+
+    fn local(&self, omega: f64, force: [f64; 3]) -> Mrt<true> {
+        self.uniform(omega, force)
+    }
+
+    fn covered(&self, omega: f64, force: [f64; 3]) -> Mrt<true> {
+        self.uniform(omega, force)
+    }
+}
+
+/// Rates of which those above the second moments are 1: the cheaper kernel, but where solids may cover cells.
+#[derive(Clone, Copy)]
+struct OfSecondOrder(Rates);
+
+impl Kernels for OfSecondOrder {
+    type Uniform<const FORCED: bool> = SecondOrder<FORCED>;
+    type Local = SecondOrder<true>;
+    type Covered = Mrt<true>;
+
+    fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> SecondOrder<FORCED> {
+        let bulk = self.0.bulk;
+        SecondOrder { omega, bulk, force }
+    }
+
+    fn local(&self, omega: f64, force: [f64; 3]) -> SecondOrder<true> {
+        self.uniform(omega, force)
+    }
+
+    fn covered(&self, omega: f64, force: [f64; 3]) -> Mrt<true> {
+        self.0.covered(omega, force)
+    }
+}
 
 /// The rates beside that of the shear stress, by the names of Suga et al.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +307,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// The rates of Suga et al. (2015), tuned for turbulent flow (B-12).
+    /// The rates of Suga et al. (2015), tuned for turbulent flow.
     pub const SUGA: Self = Self {
         bulk: 1.54,
         q: 1.5,
@@ -78,6 +335,16 @@ impl Rates {
             xyz: odd,
         }
     }
+
+    /// Whether all moments above the second go to equilibrium at once.
+    #[must_use]
+    pub fn second_order(&self) -> bool {
+        *self
+            == Self {
+                bulk: self.bulk,
+                ..Self::two(1.0, 1.0)
+            }
+    }
 }
 
 /// MRT, with a uniform body force where `FORCED`.
@@ -89,33 +356,6 @@ pub struct Mrt<const FORCED: bool> {
     pub rates: Rates,
     /// Force density in lattice units.
     pub force: [f64; 3],
-}
-
-/// Number of the population with these components: 0 for 0, 1 for +1, 2 for -1.
-pub(super) const POPULATION: [[[usize; 3]; 3]; 3] = {
-    let mut table = [[[0; 3]; 3]; 3];
-    let mut i = 0;
-    while i < 27 {
-        let c = D3Q27::C[i];
-        table[place(c[0])][place(c[1])][place(c[2])] = i;
-        i += 1;
-    }
-    table
-};
-
-const fn place(c: i8) -> usize {
-    match c {
-        0 => 0,
-        1 => 1,
-        _ => 2,
-    }
-}
-
-/// The same number in every lane. A function and not a closure, as everything here that makes lanes: closures do not get the vector
-/// instructions of the pass, and are calls in the cell loop then.
-#[inline(always)]
-pub(super) fn n<N: Lanes>(x: f64) -> N {
-    N::splat(x)
 }
 
 /// Numbers (rest, +, -) to moments (1, c, P = 3c² - 2).
@@ -356,7 +596,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
 #[cfg(test)]
 mod tests {
     use super::super::bgk::Bgk;
-    use super::super::trt::{Odd, Trt, odd_rate};
+    use super::super::trt::{AntisymmetricRate, Trt, antisymmetric_rate};
     use super::*;
     use crate::lbm::initial::equilibrium;
 
@@ -474,7 +714,7 @@ mod tests {
         }
     }
 
-    /// B-14: equal rates are BGK; one rate for even and one for odd moments are TRT.
+    /// Equal rates are BGK; one rate for even and one for odd moments are TRT.
     #[test]
     fn equal_rates_are_bgk_and_paired_rates_are_trt() {
         for seed in 0..20 {
@@ -505,7 +745,7 @@ mod tests {
                     &collided(Bgk::<false> { omega, force }, &g),
                 );
                 let magic = 3.0 / 16.0;
-                let rates = Rates::two(omega, odd_rate(omega, magic));
+                let rates = Rates::two(omega, antisymmetric_rate(omega, magic));
                 close(
                     &collided(
                         Mrt::<true> {
@@ -518,7 +758,7 @@ mod tests {
                     &collided(
                         Trt::<true> {
                             omega,
-                            odd: Odd::Magic(magic),
+                            antisymmetric: AntisymmetricRate::Magic(magic),
                             force,
                         },
                         &g,
@@ -536,7 +776,7 @@ mod tests {
                     &collided(
                         Trt::<false> {
                             omega,
-                            odd: Odd::Magic(magic),
+                            antisymmetric: AntisymmetricRate::Magic(magic),
                             force,
                         },
                         &g,
@@ -551,7 +791,7 @@ mod tests {
     fn local_rates_are_those_of_the_viscosity() {
         let operator = Trt::<false> {
             omega: 1.3,
-            odd: Odd::Magic(0.25),
+            antisymmetric: AntisymmetricRate::Magic(0.25),
             force: [0.0; 3],
         };
         let g = cell(7);
@@ -561,7 +801,7 @@ mod tests {
         let (omega, force) = (1.3, FORCE);
         let equal = Trt::<true> {
             omega,
-            odd: Odd::AsEven,
+            antisymmetric: AntisymmetricRate::AsSymmetric,
             force,
         };
         let mut local = g;

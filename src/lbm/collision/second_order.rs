@@ -1,5 +1,5 @@
-//! Multiple relaxation times of which only the second moments have rates of their own: the operator of [`super::mrt`] with all
-//! higher rates 1, as `lbmpy` and others take it by default.
+//! The kernel of multiple relaxation times where only the second moments have rates of their own: the operator of [`super::mrt`] with
+//! all higher rates 1, as `lbmpy` and others take it by default.
 //!
 //! A rate of 1 sends a moment to its equilibrium at once, whatever came in, so that only ten sums of the populations are needed.
 //! With J = Σ c g + F, Q_ab = m_a u_b + (F_a u_b + F_b u_a)/2 (what Guo's source leaves of it at a rate of 1) and the second
@@ -13,7 +13,7 @@
 //!
 //! even in c but for 3 w c·J: pairs are a sum and a difference. Compiled for AVX-512 this is 221 operations in place of 328.
 
-use super::mrt::{POPULATION, Rates, n};
+use super::products::{POPULATION, n};
 use super::{Collision, Site};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
@@ -27,18 +27,6 @@ pub struct SecondOrder<const FORCED: bool> {
     pub bulk: f64,
     /// Force density in lattice units.
     pub force: [f64; 3],
-}
-
-impl Rates {
-    /// Whether all moments above the second go to equilibrium at once.
-    #[must_use]
-    pub fn second_order(&self) -> bool {
-        *self
-            == Self {
-                bulk: self.bulk,
-                ..Self::two(1.0, 1.0)
-            }
-    }
 }
 
 /// Numbers (rest, +, -) to moments (1, c, c²).
@@ -225,7 +213,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
 }
 #[cfg(test)]
 mod tests {
-    use super::super::mrt::Mrt;
+    use super::super::mrt::{Mrt, Rates};
     use super::*;
     use crate::lbm::lattice::D3Q27;
 

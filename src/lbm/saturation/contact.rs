@@ -17,7 +17,9 @@
 //! The rule needs what covers the neighbours, so a slab knows the cover of its ghost cells: there a fraction is held as its negative, and no
 //! pass acts on it.
 
-use super::{Cell, DEEP, NONE, Place, SHARED, STILL, View, WIDEST, total};
+use super::Cell;
+use super::cover::{DEEP, NONE, SHARED, STILL, total};
+use super::pass::{Place, View, WIDEST};
 use crate::lbm::lanes::{Lanes, Memory};
 use crate::lbm::lattice::Lattice;
 use crate::lbm::links::surface_velocity;

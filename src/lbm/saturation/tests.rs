@@ -1,35 +1,47 @@
-use super::super::collision::mrt::Rates;
-use super::super::fluid::{Fluid, Force, Operator, Set, Setup};
-use super::super::turbulence::Model;
+#![allow(unreachable_pub, reason = "a list of models makes public items")]
+
 use super::*;
 use crate::lbm::boundary::{Condition, Patch, Ramp};
+use crate::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
+use crate::lbm::links::{Load, Rigid};
+use crate::lbm::quanta::from_quanta;
+use crate::lbm::turbulence::EddyViscosity;
+use crate::lbm::turbulence::wale::Wale;
 use decomposition::{Axis, Domain};
 
 const METHODS: [Method; 4] = [
     Method {
-        reflection: Reflection::NonEquilibrium,
+        operator: SolidOperator::NonEquilibriumBounceBack,
         weighting: Weighting::Viscous,
     },
     Method {
-        reflection: Reflection::Superposition,
+        operator: SolidOperator::Superposition,
         weighting: Weighting::Fraction,
     },
     Method {
-        reflection: Reflection::AboutSolid,
+        operator: SolidOperator::BounceBackAboutSolid,
         weighting: Weighting::Viscous,
     },
     Method {
-        reflection: Reflection::Matched,
+        operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Viscous,
     },
 ];
 
-fn setup(set: Set, operator: Operator, tau: f64, cells: [usize; 3], method: Method) -> Setup {
+fn setup(
+    set: VelocitySet,
+    operator: Operator,
+    tau: f64,
+    cells: [usize; 3],
+    method: Method,
+) -> Setup {
     Setup {
         set,
         operator,
         relaxation_time: tau,
-        turbulence: Model::None,
+        turbulence: None,
         force: Force::Constant([1e-5, -2e-5, 0.0]),
         cells,
         periodic: [true, true, true],
@@ -133,9 +145,21 @@ fn loads(fluid: &mut Fluid<f64>) -> [Load; 2] {
 fn the_same_bits_for_every_split() {
     for method in METHODS {
         for (set, operator, cells) in [
-            (Set::D2Q9, Operator::Trt { magic: 0.25 }, [11, 9, 1]),
-            (Set::D3Q19, Operator::Bgk, [11, 9, 6]),
-            (Set::D3Q27, Operator::Mrt(Rates::SUGA), [11, 9, 6]),
+            (
+                VelocitySet::D2Q9,
+                Operator::Trt(trt::Parameters { magic: 0.25 }),
+                [11, 9, 1],
+            ),
+            (
+                VelocitySet::D3Q19,
+                Operator::Bgk(bgk::Parameters {}),
+                [11, 9, 6],
+            ),
+            (
+                VelocitySet::D3Q27,
+                Operator::Mrt(mrt::Parameters::default()),
+                [11, 9, 6],
+            ),
         ] {
             let axes = [Axis::X, Axis::Y, Axis::Z];
             let axes = &axes[..if cells[2] == 1 { 2 } else { 3 }];
@@ -143,8 +167,8 @@ fn the_same_bits_for_every_split() {
                 .iter()
                 .map(|&axis| {
                     let mut s = setup(set, operator, 0.7, cells, method);
-                    if set == Set::D3Q27 {
-                        s.turbulence = Model::Wale(0.5);
+                    if set == VelocitySet::D3Q27 {
+                        s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                     }
                     let mut fluid = serial(axis, s);
                     fluid.initialise(&swirl);
@@ -169,9 +193,21 @@ fn the_same_bits_for_every_split() {
 fn mass_and_momentum_close() {
     for method in METHODS {
         for (set, operator, cells) in [
-            (Set::D2Q9, Operator::Bgk, [11, 9, 1]),
-            (Set::D3Q19, Operator::Trt { magic: 0.1875 }, [11, 9, 6]),
-            (Set::D3Q27, Operator::Cumulant { bulk: 1.0 }, [11, 9, 6]),
+            (
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                [11, 9, 1],
+            ),
+            (
+                VelocitySet::D3Q19,
+                Operator::Trt(trt::Parameters { magic: 0.1875 }),
+                [11, 9, 6],
+            ),
+            (
+                VelocitySet::D3Q27,
+                Operator::Cumulant(cumulant::Parameters::default()),
+                [11, 9, 6],
+            ),
         ] {
             let mut fluid = serial(Axis::X, setup(set, operator, 0.8, cells, method));
             fluid.initialise(&swirl);
@@ -220,8 +256,8 @@ fn couette_flow_beside_a_covered_slab() {
     for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
         for tau in [0.6, 1.4] {
             let (gap, cells) = (8_usize, [4, 16, 1]);
-            let operator = Operator::Trt { magic: 3.0 / 16.0 };
-            let mut s = setup(Set::D2Q9, operator, tau, cells, method);
+            let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+            let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, method);
             s.force = Force::None;
             s.periodic[1] = false;
             let mut fluid = serial(Axis::X, s);
@@ -271,8 +307,8 @@ fn couette_flow_beside_a_covered_slab() {
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
         let cells = [4, 20, 1];
-        let operator = Operator::Trt { magic: 3.0 / 16.0 };
-        let mut s = setup(Set::D2Q9, operator, 0.6, cells, method);
+        let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+        let mut s = setup(VelocitySet::D2Q9, operator, 0.6, cells, method);
         s.force = Force::None;
         s.periodic[1] = false;
         let mut fluid = serial(Axis::X, s);
@@ -331,8 +367,8 @@ fn inlets_and_outlets_before_rock_are_closed() {
     };
     for method in METHODS {
         let mut s = setup(
-            Set::D2Q9,
-            Operator::Trt { magic: 3.0 / 16.0 },
+            VelocitySet::D2Q9,
+            Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
             0.8,
             cells,
             method,
@@ -394,16 +430,16 @@ fn inlets_and_outlets_before_rock_are_closed() {
     }
 }
 
-/// Weights of E-08.
+/// Weights of Noble and Torczynski.
 #[test]
 fn weights() {
-    let at = |tau: f64| weight::<f64>(Weighting::Viscous, tau - 0.5, 0.5);
+    let at = |tau: f64| Weighting::Viscous.of(tau - 0.5, 0.5);
     assert!((at(0.51) - 0.0098).abs() < 5e-5 && (at(1.5) - 1.0 / 3.0).abs() < 1e-12);
     assert!((at(1.0) - 0.25).abs() < 1e-12);
     for time in [1e-4, 0.1, 1.5] {
         for weighting in [Weighting::Viscous, Weighting::Fraction] {
-            assert!((weight::<f64>(weighting, time, 1.0) - 1.0).abs() < 1e-15);
-            assert!(weight::<f64>(weighting, time, 0.0) == 0.0);
+            assert!((weighting.of(time, 1.0_f64) - 1.0).abs() < 1e-15);
+            assert!(weighting.of(time, 0.0_f64) == 0.0);
         }
     }
 }
@@ -415,7 +451,13 @@ fn shares_do_not_depend_on_the_order() {
     let make = || {
         serial(
             Axis::X,
-            setup(Set::D2Q9, Operator::Bgk, 0.8, cells, METHODS[0]),
+            setup(
+                VelocitySet::D2Q9,
+                Operator::Bgk(bgk::Parameters {}),
+                0.8,
+                cells,
+                METHODS[0],
+            ),
         )
     };
     let mut results = Vec::new();
@@ -448,4 +490,46 @@ fn shares_do_not_depend_on_the_order() {
     }
     assert!((results[0].0 - 0.6).abs() < 1e-6 && results[0].1 == Some(0));
     assert!(results.iter().all(|r| *r == results[0]));
+}
+
+solid_operators! {
+    /// Solid collision operators of this test.
+    Operators:
+    toy Toy,
+}
+
+/// The toy is its file and its line in the list above.
+#[test]
+fn a_solid_operator_is_one_file_and_one_line() {
+    let toy: Operators = serde_json::from_str("\"toy\"").unwrap();
+    assert_eq!(toy.name(), "toy");
+    assert_eq!(Operators::ALL, [toy]);
+    assert_eq!(toy.model().describe(), "toy");
+    assert!(toy.model().weighted() && !toy.model().needs_two_rates());
+    let fluid = CoveredFluid {
+        weighting: Weighting::Fraction,
+        time: 0.3,
+        antisymmetric: AntisymmetricRate::AsSymmetric,
+    };
+    assert_eq!(toy.share(&fluid, 0.25), 0.25);
+    let cell = Cell {
+        shallow: 1.0,
+        fraction: 0.25,
+        drho: 0.0,
+        m: [0.0; 3],
+        u: [0.0; 3],
+        us: [0.0; 3],
+        ru: [0.0; 3],
+        rs: [0.0; 3],
+        uu: 0.0,
+        ss: 0.0,
+        omega: 1.25,
+    };
+    let before = [0.1; 9];
+    let mut g = [0.2; 9];
+    let act = toy.collide::<crate::lbm::lattice::D2Q9, f64, 9>(&fluid, &cell, &before, &mut g);
+    assert_eq!((g, act.share), (before, 0.25));
+    let schema = schemars::schema_for!(Operators).to_value();
+    assert_eq!(schema["oneOf"][0]["const"], "toy");
+    assert_eq!(schema["oneOf"][0]["description"], "A toy.");
 }

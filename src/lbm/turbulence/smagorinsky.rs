@@ -1,24 +1,36 @@
-//! Smagorinsky (1963): ν_t = (C_s Δ)² √(2 S:S), S the rate of strain and Δ one cell.
+//! Smagorinsky (J. Smagorinsky, Mon. Weather Rev. 91 (1963) 99): ν_t = (C_s Δ)² √(2 S:S), S the rate of strain and Δ one cell.
 //!
-//! Not zero in laminar shear, nor at walls; WALE ([`super::wale`]) is.
+//! It is not zero in laminar shear, nor at walls; WALE ([`super::wale`]) is.
 
-use super::Eddies;
+use super::{ASKED, Model, strain_squared};
+use crate::lbm::family::Description;
 use crate::lbm::lanes::Lanes;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// The model with its constant.
-#[derive(Clone, Copy, Debug)]
+/// Smagorinsky (1963).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
 pub struct Smagorinsky {
-    /// C_s; 0.1 in channels to 0.18 in free turbulence.
+    /// C_s, without unit: 0.1 in channels to 0.18 in free turbulence.
+    #[serde(default = "constant")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,
 }
 
-impl Eddies for Smagorinsky {
-    const ACTIVE: bool = true;
+fn constant() -> f64 {
+    0.17
+}
+
+impl Model for Smagorinsky {
+    fn describe(&self) -> Description {
+        Description::new(format!("Smagorinsky, constant {}", self.constant), ASKED)
+    }
 
     #[inline(always)]
     fn fraction<N: Lanes>(&self, g: &[[N; 3]; 3]) -> (N, N) {
-        let strain = super::wale::strain_squared(g);
-        let root = (strain * N::splat(2.0)).sqrt();
+        let root = (strain_squared(g) * N::splat(2.0)).sqrt();
         (
             root * N::splat(self.constant * self.constant),
             N::splat(1.0),

@@ -1,31 +1,32 @@
-//! Wall-adapting local eddy viscosity (Nicoud and Ducros 1999; B-16, B-17, E-09):
+//! Wall-adapting local eddy viscosity (F. Nicoud, F. Ducros, Flow Turbul. Combust. 62 (1999) 183, equation 13):
 //!
 //! ν_t = (C_w Δ)² (S^d:S^d)^{3/2} / [ (S:S)^{5/2} + (S^d:S^d)^{5/4} ]
 //!
 //! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in pure shear, grows
 //! with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with angular velocity Ω.
 
-use super::Eddies;
+use super::{ASKED, Model, strain_squared};
+use crate::error::{Finding, Remedy, Severity};
+use crate::lbm::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::unroll;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 
-/// The model with its constant.
-#[derive(Clone, Copy, Debug)]
+/// Wall-adapting local eddy viscosity (Nicoud and Ducros 1999): none in laminar shear and at walls. 3-D.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
 pub struct Wale {
-    /// C_w; 0.5 (Nicoud and Ducros), 0.325 in channels.
+    /// C_w, without unit: 0.5 (Nicoud and Ducros) to 0.325 in channels.
+    #[serde(default = "one_half")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,
 }
 
-/// S:S
-#[inline(always)]
-pub(crate) fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
-    let half = N::splat(0.5);
-    let xy = (g[0][1] + g[1][0]) * half;
-    let yz = (g[1][2] + g[2][1]) * half;
-    let zx = (g[2][0] + g[0][2]) * half;
-    let shear = xy.mul_add(xy, yz.mul_add(yz, zx * zx));
-    let stretch = g[0][0].mul_add(g[0][0], g[1][1].mul_add(g[1][1], g[2][2] * g[2][2]));
-    shear.mul_add(N::splat(2.0), stretch)
+fn one_half() -> f64 {
+    0.5
 }
 
 /// S^d:S^d
@@ -44,8 +45,22 @@ fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     strain_squared(&square)
 }
 
-impl Eddies for Wale {
-    const ACTIVE: bool = true;
+impl Model for Wale {
+    fn describe(&self) -> Description {
+        Description::new(format!("WALE, constant {}", self.constant), ASKED)
+    }
+
+    fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+        (dimension == 2).then(|| Finding {
+            path: format!("{path}.wale"),
+            reason:
+                "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow"
+                    .into(),
+            remedy: Remedy::from("use smagorinsky, or a domain in 3-D")
+                .set(path, json!({"smagorinsky": {}})),
+            severity: Severity::Error,
+        })
+    }
 
     #[inline(always)]
     fn fraction<N: Lanes>(&self, g: &[[N; 3]; 3]) -> (N, N) {
@@ -69,7 +84,7 @@ mod tests {
         Wale { constant: C }.viscosity(&g)
     }
 
-    /// B-17: nothing at rest and in pure shear.
+    /// Nothing at rest and in pure shear.
     #[test]
     fn nothing_in_pure_shear() {
         assert!(nu([[0.0; 3]; 3]).abs() < 1e-300);
@@ -80,7 +95,7 @@ mod tests {
         }
     }
 
-    /// B-17: (2/3)^¼ (C_w Δ)² Ω in solid rotation.
+    /// (2/3)^¼ (C_w Δ)² Ω in solid rotation.
     #[test]
     fn solid_rotation() {
         let w = 0.01;
@@ -108,7 +123,7 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// B-17: y³ beside a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
+    /// y³ beside a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
     #[test]
     fn grows_with_the_cube_of_the_distance_from_a_wall() {
         // u = y (1 + x/2) α, v = -α y²/4, w = β y: no-slip, divergence-free.

@@ -12,9 +12,9 @@ use crate::case::geometry::Face;
 use crate::coupling::FluidView;
 use crate::error::Error;
 use crate::lbm::boundary::{Flux, from_quanta, quanta};
-use crate::lbm::lattice::{D2Q9, D3Q19, D3Q27, Velocities};
+use crate::lbm::lattice::Velocities;
 use crate::scene::boundaries::Condition;
-use crate::scene::flow::{Flow, Lattice};
+use crate::scene::flow::Flow;
 use crate::scene::grid::{Grid, count};
 use decomposition::Communicator;
 
@@ -33,11 +33,7 @@ pub(super) struct Wall {
 impl Wall {
     /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved since.
     pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
-        let velocities = match flow.lattice {
-            Lattice::D2q9 => Velocities::of::<D2Q9, 9>(),
-            Lattice::D3q19 => Velocities::of::<D3Q19, 19>(),
-            Lattice::D3q27 => Velocities::of::<D3Q27, 27>(),
-        };
+        let velocities = flow.lattice.velocities();
         Self {
             face,
             faces: flow.patches().map(|patch| patch.face).collect(),
@@ -185,7 +181,9 @@ mod tests {
     use super::*;
     use crate::case::Document;
     use crate::lbm::boundary::{self, Patch, Ramp};
-    use crate::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
+    use crate::lbm::collision::{Operator, bgk};
+    use crate::lbm::fluid::{Fluid, Force, Setup};
+    use crate::lbm::lattice::VelocitySet;
     use crate::plan::Plan;
     use crate::units::LatticeUnits;
     use decomposition::{Axis, Domain};
@@ -255,11 +253,11 @@ mod tests {
             })
             .collect();
         let setup = Setup {
-            set: Set::D2Q9,
-            operator: Operator::Bgk,
+            set: VelocitySet::D2Q9,
+            operator: Operator::Bgk(bgk::Parameters {}),
             relaxation_time: 0.8,
 
-            turbulence: crate::lbm::turbulence::Model::None,
+            turbulence: None,
             force: Force::None,
             cells: plan.scene.grid.cells,
             periodic: [false; 3],

@@ -45,23 +45,19 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     let operator = flow.map_or(cells.solid_operator, |flow| {
         Some(flow.solid_operator(cells))
     });
-    match operator {
-        None | Some(SolidOperator::ViscosityMatched) => "blocks: viscosity matched",
-        Some(SolidOperator::BounceBackAboutSolid) => "blocks: bounce-back about the solid",
-        Some(SolidOperator::NonEquilibriumBounceBack) => "blocks: non-equilibrium bounce-back",
-        Some(SolidOperator::Superposition) => "blocks: superposition",
-    }
+    let operator = operator.unwrap_or(SolidOperator::ViscosityMatched);
+    operator.model().measured_rows()[0]
 }
 
 /// What stands in the table where a block leaves less water beside it than its own width: the water that it displaces has to pass there.
 fn in_narrow_gap(obstacle: &'static str) -> &'static str {
+    let mut rows = SolidOperator::ALL.iter().map(|o| o.model().measured_rows());
     match obstacle {
-        "blocks: viscosity matched" => "blocks in gaps: viscosity matched",
-        "blocks: bounce-back about the solid" => "blocks in gaps: bounce-back about the solid",
-        "blocks: non-equilibrium bounce-back" => "blocks in gaps: non-equilibrium bounce-back",
         "blocks: half-way links" => "blocks in gaps: half-way links",
         "blocks: interpolated links" => "blocks in gaps: interpolated links",
-        _ => "blocks in gaps: not measured",
+        _ => rows
+            .find(|[alone, _]| *alone == obstacle)
+            .map_or("blocks in gaps: not measured", |[_, in_gaps]| in_gaps),
     }
 }
 

@@ -12,12 +12,14 @@
 //! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
 use super::Limit;
-use crate::case::coupling::{Coupling, SolidOperator};
+use crate::case::coupling::Coupling;
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
+use crate::lbm::collision::cumulant;
+use crate::lbm::turbulence::wale::Wale;
 use crate::scene::Scene;
 use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::growing_waves;
+use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::speed::{self, Speed};
@@ -88,7 +90,7 @@ pub(crate) fn choose(
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
         time_step(scene, &mut flow, speed.as_ref(), target);
-        growing_waves(lbm, flow.relaxation_time, findings);
+        check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
     operator(scene, &mut flow, lbm, findings);
@@ -222,7 +224,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
             number(kolmogorov),
             number(scene.grid.spacing)
         );
-        (Some(Turbulence::Wale { constant: WALE }), text)
+        (Some(Turbulence::Wale(Wale { constant: WALE })), text)
     } else {
         let text = format!(
             "the Reynolds number is {}: all is resolved",
@@ -243,12 +245,12 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
         let matched = matches!(
             &scene.coupling,
             Some(Coupling::PartiallySaturated(cells))
-                if cells.solid_operator == Some(SolidOperator::ViscosityMatched)
+                if cells.solid_operator.is_some_and(|operator| operator.model().needs_two_rates())
         );
         let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
         if scene.grid.dimension == 3 && fast && free {
-            flow.collision = Collision::Cumulant { bulk: 1.0 };
-            flow.lattice = Lattice::D3q27;
+            flow.collision = Collision::Cumulant(cumulant::Parameters::default());
+            flow.lattice = Lattice::D3Q27;
             let text = format!("robust near tau = 0.5; here {tau:.5}");
             scene.chosen.note("collision", text);
         } else {
@@ -259,7 +261,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             scene.chosen.note("collision", text);
         }
     }
-    if tau < least * (1.0 - 1e-9) && flow.collision.two_times() {
+    if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
             "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from {least} on"
         );

@@ -9,7 +9,9 @@ use crate::coupling::{Flow as _, FluidView};
 use crate::dem::space::Plane;
 use crate::dem::{Alone, Body, Kind, Motion, Particles};
 use crate::lbm::boundary::{Condition as FaceCondition, Flux, Patch, Ramp};
-use crate::lbm::fluid::{Fluid, Force, Operator, Set, Setup};
+use crate::lbm::collision::{Operator, trt};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::Scheme;
 use crate::units::LatticeUnits;
 use decomposition::Axis;
@@ -223,11 +225,11 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         )),
     };
     let setup = Setup {
-        set: Set::D2Q9,
-        operator: Operator::Trt { magic: 3.0 / 16.0 },
+        set: VelocitySet::D2Q9,
+        operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
         relaxation_time: 1.1,
 
-        turbulence: crate::lbm::turbulence::Model::None,
+        turbulence: None,
         force: Force::None,
         cells: [100, 40, 1],
         periodic: [false; 3],

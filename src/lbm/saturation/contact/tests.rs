@@ -1,38 +1,39 @@
-use super::super::super::fluid::{Fluid, Force, Operator, Set, Setup};
 use super::super::super::links::Load;
-use super::super::super::turbulence::Model;
 use super::super::*;
-use crate::lbm::boundary::from_quanta;
+use crate::lbm::collision::{Operator, trt};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::Rigid;
+use crate::lbm::quanta::from_quanta;
 use decomposition::{Axis, Domain};
 
-const REFLECTIONS: [Reflection; 4] = [
-    Reflection::NonEquilibrium,
-    Reflection::Superposition,
-    Reflection::AboutSolid,
-    Reflection::Matched,
+const OPERATORS: [SolidOperator; 4] = [
+    SolidOperator::NonEquilibriumBounceBack,
+    SolidOperator::Superposition,
+    SolidOperator::BounceBackAboutSolid,
+    SolidOperator::ViscosityMatched,
 ];
 
 const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
 /// A channel with walls below and above, water in its upper part.
-fn channel(reflection: Reflection, set: Set, tau: f64) -> Fluid<f64> {
+fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f64> {
     let cells = match set {
-        Set::D2Q9 => [4, HEIGHT, 1],
+        VelocitySet::D2Q9 => [4, HEIGHT, 1],
         _ => [4, HEIGHT, 5],
     };
     let setup = Setup {
         set,
-        operator: Operator::Trt { magic: 3.0 / 16.0 },
+        operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
         relaxation_time: tau,
-        turbulence: Model::None,
+        turbulence: None,
         force: Force::None,
         cells,
         periodic: [true, false, true],
         patches: Vec::new(),
         saturation: Some(Method {
-            reflection,
+            operator: solid_operator,
             weighting: Weighting::Viscous,
         }),
     };
@@ -117,10 +118,14 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
 /// joint lies between cells or within them.
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
-    for reflection in REFLECTIONS {
-        for (set, tau) in [(Set::D2Q9, 0.6), (Set::D2Q9, 0.51), (Set::D3Q19, 0.6)] {
+    for solid_operator in OPERATORS {
+        for (set, tau) in [
+            (VelocitySet::D2Q9, 0.6),
+            (VelocitySet::D2Q9, 0.51),
+            (VelocitySet::D3Q19, 0.6),
+        ] {
             for part in [1.0, 0.3] {
-                let mut fluid = channel(reflection, set, tau);
+                let mut fluid = channel(solid_operator, set, tau);
                 stack(&mut fluid, &[(0, 0.0, 1.0), (6, 0.01, part)]);
                 let steps = if tau > 0.55 { 2500 } else { 20_000 };
                 let [below, above] = run(&mut fluid, 2, steps)[..] else {
@@ -130,11 +135,11 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
                 // What the surface itself is off by (couette_flow_beside_a_covered_slab).
                 assert!(
                     (above[0] / exact - 1.0).abs() < 0.05,
-                    "{reflection:?} {set:?} {tau} {part}: {above:?}, exact {exact:e}"
+                    "{solid_operator:?} {set:?} {tau} {part}: {above:?}, exact {exact:e}"
                 );
                 assert!(
                     below[0].abs() < 1e-3 * exact.abs(),
-                    "{reflection:?} {set:?} {tau} {part}: {below:?}, exact {exact:e}"
+                    "{solid_operator:?} {set:?} {tau} {part}: {below:?}, exact {exact:e}"
                 );
             }
         }
@@ -144,14 +149,14 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
 /// The same of a block on the floor itself.
 #[test]
 fn a_wall_at_rest_does_not_drag() {
-    for reflection in REFLECTIONS {
-        let mut fluid = channel(reflection, Set::D2Q9, 0.6);
+    for solid_operator in OPERATORS {
+        let mut fluid = channel(solid_operator, VelocitySet::D2Q9, 0.6);
         stack(&mut fluid, &[(0, 0.01, 1.0)]);
         let drag = run(&mut fluid, 1, 2500)[0][0];
         let exact = -0.1 / 3.0 * 0.01 / (HEIGHT - TOP) as f64;
         assert!(
             (drag / exact - 1.0).abs() < 0.05,
-            "{reflection:?}: {drag:e}, exact {exact:e}"
+            "{solid_operator:?}: {drag:e}, exact {exact:e}"
         );
     }
 }
@@ -159,9 +164,9 @@ fn a_wall_at_rest_does_not_drag() {
 /// What is under pressure stays so: the water presses the upper block down, the joint and the floor bear it, at rest and sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
-    for reflection in REFLECTIONS {
+    for solid_operator in OPERATORS {
         for u in [0.0, 0.01] {
-            let mut fluid = channel(reflection, Set::D2Q9, 0.6);
+            let mut fluid = channel(solid_operator, VelocitySet::D2Q9, 0.6);
             fluid.initialise(&|_: [f64; 3]| (0.03, [0.0; 3]));
             stack(&mut fluid, &[(0, 0.0, 1.0), (6, u, 1.0)]);
             let [below, above] = run(&mut fluid, 2, 2500)[..] else {
@@ -170,11 +175,11 @@ fn the_joint_keeps_the_pressure_of_the_water() {
             // Uniform pressure p = 0.03/3: nothing is lifted. Without the pressure of the joint it would be p.
             assert!(
                 above[1].abs() < 1e-4 * 0.01,
-                "{reflection:?} {u}: {above:?}"
+                "{solid_operator:?} {u}: {above:?}"
             );
             assert!(
                 below[1].abs() < 1e-4 * 0.01,
-                "{reflection:?} {u}: {below:?}"
+                "{solid_operator:?} {u}: {below:?}"
             );
         }
     }

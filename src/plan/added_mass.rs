@@ -1,7 +1,7 @@
-//! How light a free body may be beside the water that carries it.
+//! Added-mass stability: how light a free body may be beside the fluid that carries it.
 //!
-//! The load of a step is known only after the body has moved: a body much lighter than the water is thrown to and fro by what it has
-//! just done to the water. The number is s = ρ_s/ρ_f with the radius R in cells, for other shapes n V/A in n dimensions.
+//! The load of a step is known only after the body has moved: a body much lighter than the fluid is thrown to and fro by what it has
+//! just done to the fluid. The number is s = ρ_s/ρ_f with the radius R in cells, for other shapes n V/A in n dimensions.
 //!
 //! *Links that bounce* resist a change of the velocity by 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f along its
 //! normal for each cell of its area: 2/3 for a disc and 5/9 for a sphere on the average. Over the mass this is a = 4/(3 R s) and
@@ -16,7 +16,7 @@
 //! where s < 1/2; the resistance of the surface adds a part that falls with R. Where the water inside is left in, the first term alone
 //! is left, and light bodies are borne a little better.
 //!
-//! The numbers below are those of runs over radii, places between the cells and relaxation times (`benches/stability/README.md`): every body
+//! The bounds of links stand below, those of saturated cells beside each operator ([`crate::lbm::saturation`]). They are those of runs over radii, places between the cells and relaxation times (`benches/stability/README.md`): every body
 //! lighter than `fails` was thrown away, none heavier than `holds`. Links depend on the relaxation time: above 1 the water relaxes too slowly to
 //! follow a step, below 0.6 it keeps what the body did. The steps of the solid do not matter, since the load is held through them.
 //!
@@ -25,17 +25,11 @@
 use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::error::Remedy;
+use crate::lbm::saturation::{DensityRatios, LightBody};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::grid::count;
-
-/// Density ratios of a body of some size.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
-    fails: f64,
-    holds: f64,
-}
 
 /// s R of links from which on bodies hold, by relaxation time: discs, spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
@@ -88,9 +82,6 @@ fn between(table: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).max(0.0)
 }
 
-/// Relaxation times between which the bounds of saturated cells were measured; beyond they are wider.
-const MEASURED: std::ops::Range<f64> = 0.55..1.25;
-
 /// The bounds of a body of radius R in cells.
 fn bounds(
     coupling: &Coupling,
@@ -98,62 +89,25 @@ fn bounds(
     tau: f64,
     dimension: usize,
     radius: f64,
-) -> Bounds {
+) -> DensityRatios {
     let flat = dimension == 2;
-    let written = match coupling {
-        Coupling::BounceBack(_) => {
-            return Bounds {
-                fails: if flat { 0.6 } else { 0.84 } / radius,
-                holds: between(LINKS[usize::from(!flat)], tau) / radius,
-            };
-        }
-        Coupling::PartiallySaturated(written) => written,
-    };
-    // a + b/R, but not below c.
-    let falls = |a: f64, b: f64, c: f64| (a + b / radius).max(c);
-    if !written.exclude_inner_fluid {
-        return Bounds {
+    match coupling {
+        Coupling::BounceBack(_) => DensityRatios {
+            fails: if flat { 0.6 } else { 0.84 } / radius,
+            holds: between(LINKS[usize::from(!flat)], tau) / radius,
+        },
+        Coupling::PartiallySaturated(written) if !written.exclude_inner_fluid => DensityRatios {
             fails: 0.25,
             holds: between(WITH_INNER_FLUID[usize::from(!flat)], tau),
-        };
-    }
-    let operator = operator.unwrap_or(SolidOperator::NonEquilibriumBounceBack);
-    // Spheres feel the relaxation time more: the bound at 0.6 and that at 0.9.
-    let rises = |slow: f64, fast: f64| slow + (fast - slow) * ((tau - 0.6) / 0.3).clamp(0.0, 1.0);
-    let (fails, holds) = match (operator, flat) {
-        (SolidOperator::ViscosityMatched, true) => (0.4, falls(0.22, 1.35, 0.5)),
-        (SolidOperator::ViscosityMatched, false) => {
-            let (slow, fast) = (falls(0.27, 1.1, 0.46), falls(0.325, 1.45, 0.5));
-            (0.39, rises(slow, fast))
+        },
+        Coupling::PartiallySaturated(_) => {
+            let operator = operator.unwrap_or(SolidOperator::NonEquilibriumBounceBack);
+            operator.model().lightest(&LightBody {
+                flat,
+                radius,
+                relaxation_time: tau,
+            })
         }
-        (SolidOperator::BounceBackAboutSolid, true) => (0.385, falls(0.2, 1.32, 0.475)),
-        (SolidOperator::BounceBackAboutSolid, false) => (0.345, falls(0.1, 2.05, 0.475)),
-        (SolidOperator::Superposition, true) => (falls(0.38, 0.55, 0.38), falls(0.46, 1.0, 0.46)),
-        (SolidOperator::Superposition, false) => (falls(0.38, 0.55, 0.38), falls(0.42, 1.7, 0.42)),
-        (SolidOperator::NonEquilibriumBounceBack, true) => {
-            (falls(0.38, 0.7, 0.38), falls(0.405, 1.47, 0.405))
-        }
-        (SolidOperator::NonEquilibriumBounceBack, false) => {
-            let (slow, fast) = (falls(0.48, 0.9, 0.48), falls(0.42, 1.7, 0.42));
-            (falls(0.45, 0.75, 0.45), rises(slow, fast))
-        }
-    };
-    if MEASURED.contains(&tau) {
-        return Bounds { fails, holds };
-    }
-    let wider = match operator {
-        SolidOperator::Superposition if tau > MEASURED.end => 0.6,
-        SolidOperator::BounceBackAboutSolid if tau < MEASURED.start => 0.25,
-        _ => 0.05,
-    };
-    let sure = if operator == SolidOperator::NonEquilibriumBounceBack && tau < MEASURED.start {
-        (0.38 + 1.0 / radius).min(0.23 + 1.45 / radius)
-    } else {
-        fails.min(0.3)
-    };
-    Bounds {
-        fails: sure,
-        holds: holds + wider,
     }
 }
 

@@ -1,0 +1,83 @@
+//! Up to which cell Reynolds number runs with an operator were seen to hold.
+//!
+//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The borders are those of the maps under `benches/stability`,
+//! one folder a scene: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings).
+
+/// Bounds of the cell Reynolds number up to a lattice velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Largest lattice velocity U dt/h for which they hold.
+    pub lattice_velocity: f64,
+    /// The largest value up to which every run ended.
+    pub holds: f64,
+    /// The smallest value at which a run failed.
+    pub fails: f64,
+}
+
+impl Bounds {
+    /// Bounds for flows up to a lattice velocity.
+    #[must_use]
+    pub const fn up_to(lattice_velocity: f64, holds: f64, fails: f64) -> Self {
+        Self {
+            lattice_velocity,
+            holds,
+            fails,
+        }
+    }
+
+    /// Bounds for flows of any speed.
+    #[must_use]
+    pub const fn always(holds: f64, fails: f64) -> [Self; 1] {
+        [Self::up_to(f64::INFINITY, holds, fails)]
+    }
+}
+
+/// A border of stability with the map that shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Border {
+    /// Folder of the map under `benches/stability`.
+    pub map: &'static str,
+    /// Its bounds, by rising lattice velocity.
+    pub bounds: &'static [Bounds],
+}
+
+/// What surrounds the fluid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surroundings {
+    /// No walls and no openings.
+    Periodic,
+    /// Walls and no openings.
+    Walls,
+    /// An inlet or outlet.
+    Openings,
+}
+
+/// A flow whose stability is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Situation {
+    /// Space dimensions.
+    pub dimension: usize,
+    /// What surrounds the fluid.
+    pub surroundings: Surroundings,
+    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the hardest that walls can be.
+    pub lid_meets_wall: bool,
+    /// Whether an eddy viscosity is added.
+    pub eddies: bool,
+}
+
+/// Openings, with one or two relaxation times. The map has lattice velocities 0.2 and 0.28; at the latter eddies pass the guard at 0.3.
+pub(super) const CYLINDER: Border = Border {
+    map: "cylinder-10",
+    bounds: &[
+        Bounds::up_to(0.21, 10.0, 18.0),
+        Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+    ],
+};
+
+/// A border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
+pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
+    Border {
+        map: "cavity-3d-20",
+        bounds,
+    }
+}

@@ -1,0 +1,41 @@
+//! The body force on the fluid.
+
+/// Uniform body force per volume in lattice units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Force {
+    /// No force: the cheaper kernel is used.
+    None,
+    /// The same force always.
+    Constant([f64; 3]),
+    /// mean + amplitude · cos(2π step / period + phase)
+    Oscillating {
+        /// The constant part.
+        mean: [f64; 3],
+        /// Force density at its peak.
+        amplitude: [f64; 3],
+        /// Steps per period.
+        period: f64,
+        /// Phase at step 0, in radians.
+        phase: f64,
+    },
+}
+
+impl Force {
+    /// Force at a step.
+    #[must_use]
+    pub fn at(&self, step: f64) -> [f64; 3] {
+        match *self {
+            Self::None => [0.0; 3],
+            Self::Constant(force) => force,
+            Self::Oscillating {
+                mean,
+                amplitude,
+                period,
+                phase,
+            } => {
+                let factor = (std::f64::consts::TAU * step / period + phase).cos();
+                std::array::from_fn(|a| mean[a] + amplitude[a] * factor)
+            }
+        }
+    }
+}

@@ -1,0 +1,443 @@
+use super::*;
+use crate::lbm::boundary::{Condition, Ramp};
+use crate::lbm::collision::{bgk, cumulant, mrt, trt};
+use crate::lbm::turbulence::smagorinsky::Smagorinsky;
+use crate::lbm::turbulence::wale::Wale;
+
+const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+
+fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> Setup {
+    Setup {
+        set,
+        operator,
+        relaxation_time: tau,
+        turbulence: None,
+        force: Force::None,
+        cells,
+        periodic: [true, false, true],
+        patches: Vec::new(),
+        saturation: None,
+    }
+}
+
+fn serial(axis: usize, setup: Setup) -> Fluid<f64> {
+    let axes = [
+        decomposition::Axis::X,
+        decomposition::Axis::Y,
+        decomposition::Axis::Z,
+    ];
+    let domain = Domain::serial(axes[axis], setup.cells[axis], setup.periodic[axis]);
+    Fluid::new(setup, &domain).unwrap()
+}
+
+fn profile(fluid: &Fluid<f64>, cells: usize) -> Vec<f64> {
+    (0..cells)
+        .map(|y| {
+            fluid
+                .state(fluid.populations().cell([1, y.cast_signed(), 0]))
+                .1[0]
+        })
+        .collect()
+}
+
+/// Validation 1.1: with Λ = 3/16 plane Poiseuille flow is exact at any resolution and relaxation time.
+#[test]
+fn poiseuille_by_body_force_is_exact_with_the_magic_parameter() {
+    for (set, nz) in [
+        (VelocitySet::D2Q9, 1),
+        (VelocitySet::D3Q19, 3),
+        (VelocitySet::D3Q27, 3),
+    ] {
+        for tau in [0.6, 1.1, 2.0] {
+            let n = 7;
+            let mut s = setup(
+                set,
+                Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+                tau,
+                [3, n, nz],
+            );
+            let g = 1e-6;
+            s.force = Force::Constant([g, 0.0, 0.0]);
+            let mut fluid = serial(0, s);
+            for _ in 0..6000 {
+                fluid.advance();
+            }
+            let nu = (tau - 0.5) / 3.0;
+            for (y, u) in profile(&fluid, n).into_iter().enumerate() {
+                let y = y as f64 + 0.5;
+                let exact = g / (2.0 * nu) * y * (n as f64 - y);
+                assert!(
+                    (u - exact).abs() < 1e-11 * exact.max(1e-7) / 1e-7,
+                    "{set:?} {tau} {u} {exact}"
+                );
+            }
+        }
+    }
+}
+
+/// Validation 1.2: Couette flow is exact for any relaxation time.
+#[test]
+fn couette_is_exact() {
+    let n = 8;
+    let mut s = setup(
+        VelocitySet::D2Q9,
+        Operator::Bgk(bgk::Parameters {}),
+        0.8,
+        [3, n, 1],
+    );
+    s.patches.push(Patch {
+        name: "lid".into(),
+        axis: 1,
+        upper: true,
+        range: EVERYWHERE,
+        condition: Condition::Velocity(Box::new(|_| [0.01, 0.0, 0.0]), Ramp::constant(1.0)),
+    });
+    let mut fluid = serial(1, s);
+    for _ in 0..5000 {
+        fluid.advance();
+    }
+    for (y, u) in profile(&fluid, n).into_iter().enumerate() {
+        assert!((u - 0.01 * (y as f64 + 0.5) / n as f64).abs() < 1e-12);
+    }
+    // The wall feels mu U / H per cell (mass density one), pushed along the flow.
+    let drag = crate::lbm::quanta::from_quanta(fluid.fluxes()[1].force[0]) / 3.0;
+    let exact = -0.1 * 0.01 / n as f64;
+    let names: Vec<_> = fluid.boundaries().names().map(str::to_owned).collect();
+    let lid = names.iter().position(|n| n == "lid").unwrap();
+    let floor = names.iter().position(|n| n == "y_min").unwrap();
+    let on = |k: usize| crate::lbm::quanta::from_quanta(fluid.fluxes()[k].force[0]) / 3.0;
+    assert!(
+        (on(lid) - exact).abs() < 1e-14 && (on(floor) + exact).abs() < 1e-14,
+        "{drag}"
+    );
+}
+
+/// Whatever axis the rows run along, a band of planes has the states of its cells in the order [z][y][x].
+#[test]
+fn bands_of_planes_have_the_states_of_their_cells() {
+    for (axis, cells, along) in [
+        (0, [5, 3, 9], 2),
+        (0, [5, 9, 3], 1),
+        (1, [3, 5, 9], 2),
+        (2, [3, 9, 5], 1),
+    ] {
+        let mut s = setup(
+            VelocitySet::D3Q19,
+            Operator::Bgk(bgk::Parameters {}),
+            0.7,
+            cells,
+        );
+        s.force = Force::Constant([1e-5, 2e-5, -1e-5]);
+        let mut fluid = serial(axis, s);
+        for _ in 0..3 {
+            fluid.advance();
+        }
+        assert_eq!(fluid.populations().order()[2], along, "{cells:?}");
+        let [nx, ny, nz] = cells;
+        let planes = 1..nz - 1;
+        let number = nx * ny * planes.len();
+        let (mut density, mut velocity) = (vec![0.0; number], vec![[0.0; 3]; number]);
+        fluid.band_states(
+            planes.clone(),
+            &mut density,
+            &mut velocity,
+            &mut Default::default(),
+        );
+        let mut n = 0;
+        for z in planes {
+            for y in 0..ny {
+                for x in 0..nx {
+                    let cell = fluid.populations().interior_cell([x, y, z]);
+                    assert_eq!((density[n], velocity[n]), fluid.state(cell), "{cells:?}");
+                    n += 1;
+                }
+            }
+        }
+    }
+}
+
+/// A force against a wall makes the hydrostatic pressure up to the first cell, with every operator.
+#[test]
+fn hydrostatic_pressure_reaches_the_walls() {
+    let n = 8;
+    for operator in [
+        Operator::Bgk(bgk::Parameters {}),
+        Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+        Operator::Mrt(mrt::Parameters::default()),
+        Operator::Cumulant(cumulant::Parameters::default()),
+    ] {
+        let mut s = setup(VelocitySet::D3Q27, operator, 0.8, [2, n, 2]);
+        let g = 1e-5;
+        s.force = Force::Constant([2e-6, -g, 0.0]);
+        let mut fluid = serial(0, s);
+        for _ in 0..3000 {
+            fluid.advance();
+        }
+        // Rows have the state of their cells, the half of the force included.
+        let fast = fluid.populations().order()[2];
+        let length = fluid.populations().cells()[fast];
+        let mut row = Default::default();
+        for (_, first) in fluid.populations().rows() {
+            fluid.row_states(first, length, &mut row);
+            for k in 0..length {
+                let (drho, [u, v, w]) = fluid.state(first + k);
+                assert_eq!([0, 1, 2, 3].map(|n| row[n][k]), [drho, u, v, w]);
+            }
+        }
+        for y in 0..n {
+            let cell = fluid.populations().cell([0, y.cast_signed(), 0]);
+            let (drho, u) = fluid.state(cell);
+            let exact = 3.0 * g * (0.5 * n as f64 - (y as f64 + 0.5));
+            assert!(
+                (drho - exact).abs() < 1e-3 * 3.0 * g && u[1].abs() < 1e-9,
+                "{operator:?} {y} {drho} {exact} {u:?}"
+            );
+        }
+    }
+}
+
+/// Beside walls the derivative of a parabola is exact, beside open faces that of a straight line.
+#[test]
+fn the_gradient_beside_faces() {
+    let (cells, nu) = ([4, 8, 3], 0.1);
+    let mut s = setup(
+        VelocitySet::D3Q27,
+        Operator::Mrt(mrt::Parameters::default()),
+        0.5 + 3.0 * nu,
+        cells,
+    );
+    s.turbulence = Some(EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.17 }));
+    s.patches.push(Patch {
+        name: "lid".into(),
+        axis: 1,
+        upper: true,
+        range: EVERYWHERE,
+        condition: Condition::Velocity(Box::new(|_| [0.02, 0.0, 0.0]), Ramp::constant(1.0)),
+    });
+    let mut fluid = serial(0, s);
+    // 0 at the floor, 0.02 at the lid.
+    let slope = |y: f64| 0.02 / 8.0 + 1e-4 * (8.0 - 2.0 * y);
+    let profile = |y: f64| 0.02 * y / 8.0 + 1e-4 * y * (8.0 - y);
+    fluid.initialise(&|p: [f64; 3]| (0.0, [profile(p[1]), 0.0, 0.0]));
+    for y in 0..8 {
+        let cell = fluid.populations().cell([1, y, 1]);
+        let exact = 0.17 * 0.17 * slope(y as f64 + 0.5).abs();
+        let found = fluid.eddy_viscosity(cell);
+        assert!((found - exact).abs() < 1e-8, "{y} {found} {exact}");
+    }
+}
+
+fn swirl(p: [f64; 3]) -> (f64, [f64; 3]) {
+    let (x, y) = (p[0] * 0.7, p[1] * 0.9);
+    (
+        1e-3 * (x + y).sin(),
+        [0.02 * y.sin(), 0.03 * (x - y).cos(), 0.01 * x.sin()],
+    )
+}
+
+fn every_face(periodic: [bool; 3], set: VelocitySet, cells: [usize; 3]) -> Setup {
+    let mut s = setup(
+        set,
+        Operator::Trt(trt::Parameters { magic: 0.25 }),
+        0.7,
+        cells,
+    );
+    s.periodic = periodic;
+    s.force = Force::Constant([1e-5, -2e-5, 0.0]);
+    let patch = |axis, upper, condition| Patch {
+        name: format!("{axis}{upper}"),
+        axis,
+        upper,
+        range: EVERYWHERE,
+        condition,
+    };
+    s.patches = vec![
+        patch(
+            0,
+            false,
+            Condition::Pressure(Ramp {
+                start: 0.0,
+                end: 1e-3,
+                steps: 5.0,
+            }),
+        ),
+        patch(0, true, Condition::Outflow),
+        patch(1, true, Condition::FreeSlip),
+        patch(
+            2,
+            true,
+            Condition::Velocity(
+                Box::new(|p| [0.0, 0.01 * p[0] / 9.0, 0.0]),
+                Ramp::constant(1.0),
+            ),
+        ),
+        patch(2, false, Condition::FreeSlip),
+    ];
+    s
+}
+
+fn bits(fluid: &Fluid<f64>, cells: [usize; 3]) -> Vec<u64> {
+    let mut all = Vec::new();
+    for x in 0..cells[0] {
+        for y in 0..cells[1] {
+            for z in 0..cells[2] {
+                let cell = fluid.populations().cell([x, y, z].map(usize::cast_signed));
+                for i in 0..fluid.populations().velocities().q() {
+                    let g = fluid.populations().numbers()[fluid.populations().incoming(cell, i)];
+                    all.push(g.to_bits());
+                }
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn the_split_axis_does_not_change_a_bit() {
+    for (set, cells, axes) in [
+        (VelocitySet::D2Q9, [9, 7, 1], 2),
+        (VelocitySet::D3Q19, [9, 7, 5], 3),
+        (VelocitySet::D3Q27, [9, 7, 5], 3),
+    ] {
+        for periodic in [[false; 3], [false, true, true], [true, true, false]] {
+            let mut results = Vec::new();
+            for axis in 0..axes {
+                let mut s = every_face(periodic, set, cells);
+                if set == VelocitySet::D3Q27 {
+                    s.operator = Operator::Mrt(mrt::Parameters::default());
+                    s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+                }
+                let mut fluid = serial(axis, s);
+                fluid.initialise(&swirl);
+                for _ in 0..11 {
+                    fluid.advance();
+                }
+                results.push(bits(&fluid, cells));
+            }
+            for other in &results[1..] {
+                let first = results[0].iter().zip(other).position(|(a, b)| a != b);
+                assert_eq!(first, None, "{set:?} {periodic:?}");
+            }
+            assert!(results[0].iter().all(|&b| f64::from_bits(b).is_finite()));
+        }
+    }
+}
+
+/// Walls of inner planes are given during the pass, those beside the share of another thread after it: with a thread for each plane all
+/// of them.
+#[test]
+fn walls_may_be_given_early_or_late() {
+    for (set, cells) in [
+        (VelocitySet::D2Q9, [9, 11, 1]),
+        (VelocitySet::D3Q27, [9, 11, 13]),
+    ] {
+        let run = |threads: usize| {
+            let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
+            s.periodic = [false; 3];
+            s.patches = vec![Patch {
+                name: "lid".into(),
+                axis: 0,
+                upper: true,
+                range: EVERYWHERE,
+                condition: Condition::Velocity(
+                    Box::new(|p| [0.0, 0.01 * p[1], 0.0]),
+                    Ramp {
+                        start: 0.0,
+                        end: 1.0,
+                        steps: 20.0,
+                    },
+                ),
+            }];
+            let mut fluid = serial(1, s);
+            fluid.threads = threads;
+            fluid.initialise(&swirl);
+            for _ in 0..11 {
+                fluid.advance();
+            }
+            bits(&fluid, cells)
+        };
+        let late = run(9);
+        assert!(late.iter().any(|&b| f64::from_bits(b).abs() > 1e-3));
+        for threads in 1..5 {
+            assert!(run(threads) == late, "{set:?}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn every_width_of_lanes_gives_the_same_bits() {
+    for set in [VelocitySet::D2Q9, VelocitySet::D3Q27] {
+        for operator in [
+            Operator::Bgk(bgk::Parameters {}),
+            Operator::Trt(trt::Parameters { magic: 0.25 }),
+            Operator::Mrt(mrt::Parameters::default()),
+            Operator::Cumulant(cumulant::Parameters::default()),
+        ] {
+            let only_27 = matches!(operator, Operator::Mrt(_) | Operator::Cumulant(_));
+            if set == VelocitySet::D2Q9 && only_27 {
+                continue;
+            }
+            let cells = [9, 13, if set == VelocitySet::D2Q9 { 1 } else { 6 }];
+            let mut results = Vec::new();
+            for level in [Level::Scalar, Level::best()] {
+                let mut s = every_face([false, true, true], set, cells);
+                s.operator = operator;
+                if operator != Operator::Bgk(bgk::Parameters {}) {
+                    s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+                }
+                let pass = Choice::of(&s, level).on(set);
+                let mut fluid = serial(0, s);
+                fluid.pass = pass;
+                fluid.initialise(&swirl);
+                for _ in 0..9 {
+                    fluid.advance();
+                }
+                results.push(bits(&fluid, cells));
+            }
+            assert!(results[0] == results[1], "{set:?} {operator:?}");
+        }
+    }
+}
+
+/// Mass changes by what the faces let through, momentum by that and the body force.
+#[test]
+fn fluxes_close_the_balance_of_mass_and_momentum() {
+    for set in [VelocitySet::D2Q9, VelocitySet::D3Q27] {
+        let cells = [9, 7, if set == VelocitySet::D2Q9 { 1 } else { 5 }];
+        let mut fluid = serial(0, every_face([false; 3], set, cells));
+        fluid.initialise(&swirl);
+        let totals = |fluid: &Fluid<f64>| {
+            let mut sum = [0.0; 4];
+            for (_, cell) in fluid.populations().interior() {
+                let (drho, m) = fluid.populations().moments(cell);
+                sum[0] += drho;
+                for a in 0..3 {
+                    sum[a + 1] += m[a];
+                }
+            }
+            sum
+        };
+        for _ in 0..8 {
+            let before = totals(&fluid);
+            fluid.advance();
+            let after = totals(&fluid);
+            let count = (cells[0] * cells[1] * cells[2]) as f64;
+            let mut expected = before;
+            for (a, f) in [1e-5, -2e-5, 0.0].into_iter().enumerate() {
+                expected[a + 1] += f * count;
+            }
+            for flux in fluid.fluxes() {
+                expected[0] -= crate::lbm::quanta::from_quanta(flux.mass);
+                for a in 0..3 {
+                    expected[a + 1] -= crate::lbm::quanta::from_quanta(flux.force[a]);
+                }
+            }
+            for k in 0..4 {
+                assert!(
+                    (after[k] - expected[k]).abs() < 1e-13,
+                    "{k} {after:?} {expected:?}"
+                );
+            }
+        }
+    }
+}

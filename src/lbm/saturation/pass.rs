@@ -1,0 +1,360 @@
+//! What a pass does where cells are covered.
+
+use super::cover::{DEEP, SHARED, Share, Solid, Sums, total};
+use super::{Cell, CoveredFluid, SolidOperator, Weighting};
+use crate::lbm::collision::trt::AntisymmetricRate;
+use crate::lbm::lanes::{Lanes, Memory};
+use crate::lbm::lattice::{Lattice, unroll};
+
+/// Most lanes that a level has.
+pub(super) const WIDEST: usize = 8;
+
+/// What a pass sees of a [`Cover`].
+#[derive(Clone, Copy)]
+pub(crate) struct View {
+    pub(super) fraction: *const f32,
+    pub(super) owner: *const u32,
+    pub(super) solids: *const Solid,
+    pub(super) shared: *const Vec<Share>,
+    pub(super) sums: *mut Sums,
+    pub(super) operator: SolidOperator,
+    pub(super) fluid: CoveredFluid,
+    pub(super) order: [usize; 3],
+    pub(super) offsets: [isize; 27],
+}
+
+/// Which cells a pass is at.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// Position of the first.
+    pub(crate) cell: usize,
+    /// Plane, row and place in the row of the first.
+    pub(crate) at: [usize; 3],
+    /// Which of the sums is this worker's.
+    pub(crate) worker: usize,
+}
+
+/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not compiled into the pass
+/// of every operator and number type.
+pub(crate) trait Covers: Lanes {
+    /// See [`View::mix`].
+    ///
+    /// # Safety
+    /// As for [`View::mix`], and the processor must offer the instructions of these lanes.
+    unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+        view: &View,
+        place: Place,
+        before: &[Self; Q],
+        g: &mut [Self; Q],
+        u: [Self; 3],
+        omega: Self,
+    ) -> [Self; 3];
+}
+
+macro_rules! covers {
+    ($lanes:ty $(, $features:literal)?) => {
+        impl Covers for $lanes {
+            #[inline(always)]
+            unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+                view: &View,
+                place: Place,
+                before: &[Self; Q],
+                g: &mut [Self; Q],
+                u: [Self; 3],
+                omega: Self,
+            ) -> [Self; 3] {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                unsafe fn outlined<L: Lattice<Q>, const Q: usize>(
+                    view: &View,
+                    place: Place,
+                    before: &[$lanes; Q],
+                    g: &mut [$lanes; Q],
+                    u: &[$lanes; 3],
+                    omega: &$lanes,
+                    mixed: &mut [$lanes; 3],
+                ) {
+                    // SAFETY: forwarded from the caller.
+                    *mixed = unsafe { view.mix::<L, $lanes, Q>(place, before, g, *u, *omega) };
+                }
+                let mut mixed = u;
+                // SAFETY: forwarded from the caller.
+                unsafe { outlined::<L, Q>(view, place, before, g, &u, &omega, &mut mixed) };
+                mixed
+            }
+        }
+    };
+}
+covers!(f64);
+#[cfg(target_arch = "x86_64")]
+covers!(crate::lbm::lanes::Avx2, "avx2,fma");
+#[cfg(target_arch = "x86_64")]
+covers!(crate::lbm::lanes::Avx512, "avx512f,avx2,fma");
+
+impl View {
+    /// Of a fluid without covered cells.
+    pub(crate) const NONE: Self = Self {
+        fraction: std::ptr::null(),
+        owner: std::ptr::null(),
+        solids: std::ptr::null(),
+        shared: std::ptr::null(),
+        sums: std::ptr::null_mut(),
+        operator: SolidOperator::NonEquilibriumBounceBack,
+        fluid: CoveredFluid {
+            weighting: Weighting::Fraction,
+            time: 0.0,
+            antisymmetric: AntisymmetricRate::AsSymmetric,
+        },
+        order: [0; 3],
+        offsets: [0; 27],
+    };
+
+    /// Whether any of `N::WIDTH` cells is covered.
+    ///
+    /// # Safety
+    /// `cell` must be the position of an interior cell with room for whole vectors after it.
+    #[inline(always)]
+    pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
+        let mut any = false;
+        for lane in 0..N::WIDTH {
+            // SAFETY: promised by the caller.
+            any |= unsafe { self.fraction.add(cell + lane).read() } > 0.0;
+        }
+        any
+    }
+
+    /// Turns the outgoing populations `g` of cells that collided as fluid, with velocity `u`, into those of partially
+    /// saturated cells, and adds the forces on the bodies. `before` are the populations that came in. Returns the velocity of
+    /// fluid and solid together.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`]; no other thread may have the same worker.
+    #[inline(always)]
+    unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        before: &[N; Q],
+        g: &mut [N; Q],
+        u: [N; 3],
+        omega: N,
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let zero = N::splat(0.0);
+        let one = N::splat(1.0);
+        // The lanes beyond the last cell of a row are ghosts.
+        let mut fraction = [0.0; WIDEST];
+        for (lane, part) in fraction.iter_mut().enumerate().take(N::WIDTH) {
+            // SAFETY: promised by the caller.
+            *part = f64::from(unsafe { self.fraction.add(place.cell + lane).read() }.max(0.0));
+        }
+        // SAFETY: an array of at least the lanes' width.
+        let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
+        // Zero deep inside.
+        let shallow = fraction - N::splat(f64::from(DEEP));
+        let mut velocity = [[0.0; WIDEST]; 3];
+        // SAFETY: promised by the caller.
+        unsafe { self.velocities::<L, N, Q>(place, &mut velocity) };
+        let mut cell = Cell {
+            shallow,
+            fraction: shallow.where_zero(one, fraction),
+            drho: before[0],
+            m: [zero; 3],
+            u,
+            us: [zero; 3],
+            ru: [zero; 3],
+            rs: [zero; 3],
+            uu: zero,
+            ss: zero,
+            omega,
+        };
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            cell.drho = cell.drho + (before[i] + before[j]);
+            let odd = before[i] - before[j];
+            let c = L::C[i];
+            unroll!(axes a < 3 => {
+                match c[a] {
+                    1 => cell.m[a] = cell.m[a] + odd,
+                    -1 => cell.m[a] = cell.m[a] - odd,
+                    _ => {}
+                }
+            });
+        });
+        let rho = cell.drho + one;
+        unroll!(axes a < 3 => {
+            // SAFETY: an array of at least the lanes' width.
+            cell.us[a] = unsafe { <f64 as Memory<N>>::load(velocity[a].as_ptr()) };
+            cell.ru[a] = rho * u[a];
+            cell.rs[a] = rho * cell.us[a];
+            cell.uu = cell.ru[a].mul_add(u[a], cell.uu);
+            cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
+        });
+        let act = self
+            .operator
+            .collide::<L, N, Q>(&self.fluid, &cell, before, g);
+        // Deep inside, all that differs from the solid's momentum.
+        let mut rest = [[0.0; WIDEST]; 3];
+        let mut scale = [0.0; WIDEST];
+        let mut share = [0.0; WIDEST];
+        // SAFETY: arrays of at least the lanes' width.
+        unsafe {
+            unroll!(axes a < 3 => {
+                let r = shallow.where_zero(zero - cell.m[a], act.rest[a]);
+                <f64 as Memory<N>>::store(rest[a].as_mut_ptr(), r);
+            });
+            let alpha = shallow.where_zero(rho, act.scale);
+            <f64 as Memory<N>>::store(scale.as_mut_ptr(), alpha);
+            let b = shallow.where_zero(one, fraction.where_zero(zero, act.share));
+            <f64 as Memory<N>>::store(share.as_mut_ptr(), b);
+        }
+        for lane in 0..N::WIDTH {
+            if share[lane] > 0.0 {
+                let mut force = [0.0; 3];
+                for a in 0..L::DIMENSION {
+                    let lost = scale[lane] * velocity[a][lane] + rest[a][lane];
+                    force[a] = -share[lane] * lost;
+                }
+                // SAFETY: promised by the caller.
+                unsafe { self.act::<L, Q>(place, lane, force) };
+            }
+        }
+        // SAFETY: promised by the caller.
+        unsafe { self.touch::<L, N, Q>(place, &cell, g) };
+        let mut mixed = u;
+        unroll!(axes a < 3 => {
+            mixed[a] = cell.fraction.mul_add(cell.us[a] - u[a], u[a]);
+        });
+        mixed
+    }
+
+    /// Coordinates of a cell of the slab.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        reason = "coordinates are far below 2^31"
+    )]
+    pub(super) fn coordinates(&self, place: Place, lane: usize) -> [i32; 3] {
+        let mut cell = [0; 3];
+        cell[self.order[0]] = place.at[0] as i32;
+        cell[self.order[1]] = place.at[1] as i32;
+        cell[self.order[2]] = (place.at[2] + lane) as i32;
+        cell
+    }
+
+    /// The bodies of a covered cell from its owner: one with all of it, or several with their parts.
+    ///
+    /// # Safety
+    /// `owner` must be that of a cell that bodies cover.
+    #[inline(always)]
+    pub(super) unsafe fn shares(&self, owner: u32) -> (u32, &[Share]) {
+        if owner & SHARED == 0 {
+            (owner, &[])
+        } else {
+            // SAFETY: `owner` was made by `Cover::cover`.
+            (owner, unsafe {
+                &*self.shared.add((owner & !SHARED) as usize)
+            })
+        }
+    }
+
+    /// Velocities of the solids in the covered ones of `N::WIDTH` cells.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    unsafe fn velocities<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        velocity: &mut [[f64; WIDEST]; 3],
+    ) {
+        for lane in 0..N::WIDTH {
+            let cell = place.cell + lane;
+            // SAFETY: promised by the caller.
+            if unsafe { self.fraction.add(cell).read() } <= 0.0 {
+                continue;
+            }
+            let at = self.coordinates(place, lane);
+            // SAFETY: the cell is covered.
+            let (owner, shares) = unsafe { self.shares(self.owner.add(cell).read()) };
+            let mut mean = [0.0; 3];
+            if shares.is_empty() {
+                // SAFETY: slots were made by `Cover::make_room`.
+                mean = unsafe { self.velocity::<L, Q>(owner, at) };
+            } else {
+                let all = total(shares);
+                for share in shares {
+                    // SAFETY: as above.
+                    let v = unsafe { self.velocity::<L, Q>(share.slot, at) };
+                    let part = f64::from(share.fraction) / all;
+                    mean = [
+                        mean[0] + part * v[0],
+                        mean[1] + part * v[1],
+                        mean[2] + part * v[2],
+                    ];
+                }
+            }
+            velocity[0][lane] = mean[0];
+            velocity[1][lane] = mean[1];
+            velocity[2][lane] = mean[2];
+        }
+    }
+
+    /// # Safety
+    /// The slot must exist.
+    #[inline(always)]
+    unsafe fn velocity<L: Lattice<Q>, const Q: usize>(
+        &self,
+        slot: u32,
+        cell: [i32; 3],
+    ) -> [f64; 3] {
+        // SAFETY: promised by the caller.
+        let solid = unsafe { &*self.solids.add(slot as usize) };
+        if L::DIMENSION == 2 {
+            solid.velocity::<2>(solid.raw(cell))
+        } else {
+            solid.velocity::<3>(solid.raw(cell))
+        }
+    }
+
+    /// Adds the force of a cell to its bodies, by their parts.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`], of a covered cell.
+    #[inline(always)]
+    pub(super) unsafe fn act<L: Lattice<Q>, const Q: usize>(
+        &self,
+        place: Place,
+        lane: usize,
+        force: [f64; 3],
+    ) {
+        let at = self.coordinates(place, lane);
+        // SAFETY: promised by the caller; each worker has sums of its own.
+        let ((owner, shares), sums) = unsafe {
+            (
+                self.shares(self.owner.add(place.cell + lane).read()),
+                &mut *self.sums.add(place.worker),
+            )
+        };
+        let mut give = |slot: u32, part: f64| {
+            // SAFETY: slots were made by `Cover::make_room`.
+            let raw = unsafe { (*self.solids.add(slot as usize)).raw(at) };
+            let force = force.map(|f| part * f);
+            if L::DIMENSION == 2 {
+                sums.add::<2>(slot, raw, force);
+            } else {
+                sums.add::<3>(slot, raw, force);
+            }
+        };
+        if shares.is_empty() {
+            give(owner, 1.0);
+        } else {
+            let all = total(shares);
+            for share in shares {
+                give(share.slot, f64::from(share.fraction) / all);
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The operator whose drag in slow flow does not depend on the viscosity.
+//!
+//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at ten cells a diameter.
+//! Steady slow flow on a lattice depends on the product of the times of the symmetric and antisymmetric parts alone if every time of a cell
+//! scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E 68 (2003) 066614), so that a cell gets
+//!
+//! ```text
+//! t⁺ = t / (1 - ε),     t⁻ = t' (1 - ε),     S = -σ (ρu - ρu_s),   σ = 2 C t ε / (1 - ε),    C = ¾
+//! ```
+//!
+//! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts, u at the middle of the step, and (1 - ε) F of the body force. t⁺
+//! is exact for shear along a flat wall: a cell of which 1 - ε is fluid has 1/(1 - ε) times the viscosity. A full cell reverses the
+//! antisymmetric part and keeps the symmetric part: half-way bounce-back. The operator is the fluid's own, with its two parts scaled.
+
+use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, Model, SolidCollision};
+use crate::lbm::collision::along;
+use crate::lbm::collision::trt::AntisymmetricRate;
+use crate::lbm::lanes::Lanes;
+use crate::lbm::lattice::{Lattice, unroll};
+
+/// How much a partly filled cell drags beside being stiffer: the one number of the matched operator that is fitted, to Zick and
+/// Homsy's drag of a simple cubic array of spheres 8 to 12 cells across.
+const DRAG: f64 = 0.75;
+
+/// See the module.
+#[derive(Clone, Copy, Debug)]
+pub struct ViscosityMatched;
+
+impl Model for ViscosityMatched {
+    fn documentation(&self) -> &'static str {
+        "Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; for BGK and TRT. It uses no weighting."
+    }
+
+    fn describe(&self) -> &'static str {
+        "matched to the viscosity"
+    }
+
+    fn measured_rows(&self) -> [&'static str; 2] {
+        [
+            "blocks: viscosity matched",
+            "blocks in gaps: viscosity matched",
+        ]
+    }
+
+    fn weighted(&self) -> bool {
+        false
+    }
+
+    fn needs_two_rates(&self) -> bool {
+        true
+    }
+
+    fn lightest(&self, body: &LightBody) -> DensityRatios {
+        let (fails, holds) = if body.flat {
+            (0.4, body.falls(0.22, 1.35, 0.5))
+        } else {
+            let (slow, fast) = (body.falls(0.27, 1.1, 0.46), body.falls(0.325, 1.45, 0.5));
+            (0.39, body.rises(slow, fast))
+        };
+        DensityRatios::of(body, fails, holds, 0.05)
+    }
+}
+
+impl SolidCollision for ViscosityMatched {
+    #[inline(always)]
+    fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        self,
+        fluid: &CoveredFluid,
+        cell: &Cell<N>,
+        before: &[N; Q],
+        g: &mut [N; Q],
+    ) -> Act<N> {
+        let zero = N::splat(0.0);
+        let one = N::splat(1.0);
+        let half = N::splat(0.5);
+        let shallow = cell.shallow;
+        let time = one / cell.omega - half;
+        let leak = N::splat(LEAK) * time / (one + time);
+        // Of the force, and of what resists.
+        let water = one - cell.fraction;
+        let open = cell.fraction.mul_add(leak, water);
+        let odd_time = match fluid.antisymmetric {
+            AntisymmetricRate::AsSymmetric => time,
+            AntisymmetricRate::Magic(magic) => N::splat(magic) / time,
+        };
+        let of_even = open * (time + half) / open.mul_add(half, time);
+        let of_odd = (odd_time + half) / odd_time.mul_add(open, half);
+        let pull = N::splat(DRAG) * time * cell.fraction;
+        let pull = (pull + pull) / (open + pull);
+        let rho = cell.drho + one;
+        let mut force = [zero; 3];
+        let mut gain = [zero; 3];
+        let mut rest = [zero; 3];
+        unroll!(axes a < 3 => {
+            force[a] = (cell.ru[a] - cell.m[a]) * N::splat(2.0);
+            let own = force[a] * water;
+            rest[a] = zero - pull * own.mul_add(half, cell.m[a]);
+            gain[a] = own + (rest[a] + pull * cell.rs[a]);
+        });
+        let even_s = cell.even::<L, Q>(0, cell.ss, zero);
+        let mixed = of_even.mul_add(g[0] - before[0], before[0]);
+        g[0] = shallow.where_zero(even_s, cell.fraction.where_zero(g[0], mixed));
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            let c = L::C[i];
+            let three = N::splat(3.0 * L::W[i]);
+            let (cs, ms) = (along(c, &cell.us), along(c, &cell.rs));
+            let even_s = cell.even::<L, Q>(i, cell.ss, ms * cs);
+            let odd_s = three * ms;
+            let (x, y) = (before[i], before[j]);
+            let (p, q) = (g[i] - x, g[j] - y);
+            let even = of_even * ((p + q) * half);
+            // What the operator does to the odd part beside adding the force.
+            let odd = (p - q) * half - three * along(c, &force);
+            let odd = of_odd.mul_add(odd, three * along(c, &gain));
+            let (on_i, on_j) = (x + (even + odd), y + (even - odd));
+            g[i] = shallow.where_zero(even_s + odd_s, cell.fraction.where_zero(g[i], on_i));
+            g[j] = shallow.where_zero(even_s - odd_s, cell.fraction.where_zero(g[j], on_j));
+        });
+        Act {
+            rest,
+            scale: pull * rho,
+            share: one,
+        }
+    }
+
+    fn share(self, _: &CoveredFluid, fraction: f64) -> f64 {
+        fraction
+    }
+}

@@ -1,0 +1,36 @@
+//! An eddy viscosity is one file and one line: the toy is its file and its line in the list below.
+
+#![allow(unreachable_pub, reason = "a list of models makes public items")]
+
+use super::*;
+
+eddy_viscosities! {
+    /// Eddy viscosities of this test.
+    Models:
+    toy Toy,
+}
+
+#[test]
+fn an_eddy_viscosity_is_one_file_and_one_line() {
+    let toy: Models = serde_json::from_str(r#"{"toy": {"factor": 2}}"#).unwrap();
+    assert!(serde_json::from_str::<Models>(r#"{"toy": {}}"#).is_err());
+    assert_eq!(toy.describe().model, "toy, factor 2");
+    assert!(toy.check("turbulence", 2).is_none());
+    let mut gradient = [[0.0; 3]; 3];
+    gradient[0][1] = 0.01;
+    assert_eq!(toy.viscosity(&gradient), 0.02);
+    assert_eq!(toy.fraction(&gradient), (0.02, 1.0));
+    let schema = schemars::schema_for!(Models).to_value();
+    assert_eq!(schema["oneOf"][0]["description"], "A toy.");
+}
+
+/// WALE is refused in 2-D at its place in the case.
+#[test]
+fn models_judge_their_domain() {
+    let wale: EddyViscosity = serde_json::from_str(r#"{"wale": {}}"#).unwrap();
+    assert!(wale.check("fluid.turbulence", 3).is_none());
+    let finding = wale.check("fluid.turbulence", 2).unwrap();
+    assert_eq!(finding.path, "fluid.turbulence.wale");
+    let smagorinsky: EddyViscosity = serde_json::from_str(r#"{"smagorinsky": {}}"#).unwrap();
+    assert!(smagorinsky.check("fluid.turbulence", 2).is_none());
+}
