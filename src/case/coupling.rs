@@ -1,15 +1,15 @@
-//! How fluid and solids act on each other.
+//! Coupling of fluid and solids.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The action of fluid and solids on each other.
+/// Method that couples fluid and solids.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Coupling {
-    /// Moving bounce-back with momentum exchange (A-10 … A-16).
+    /// Moving bounce-back with momentum exchange.
     BounceBack(BounceBack),
-    /// Partially saturated cells (B-19 … B-26).
+    /// Partially saturated cells.
     PartiallySaturated(PartiallySaturated),
 }
 
@@ -24,22 +24,20 @@ impl Coupling {
     }
 }
 
-/// Moving bounce-back: a link from fluid to solid returns its population with the velocity of the surface, and
-/// the momentum it gives up is the force on the solid.
+/// Moving bounce-back (Ladd 1994): a link from fluid to solid returns its population with the velocity of the surface, and the momentum
+/// exchanged on the link is the force on the solid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BounceBack {
-    /// Where on a link the surface lies.
+    /// Position of the surface on a link.
     pub scheme: Scheme,
-    /// Whether the force is the mean of the last two half-steps; it removes an oscillation of period 2 dt.
+    /// Whether forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
     pub force_average: bool,
-    /// Radius the fluid sees over the radius of contact, for grains only: below 1 a dense 2-D packing is
-    /// permeable.
+    /// Hydraulic radius of a grain over its contact radius [1]. A value below 1 makes a dense 2-D packing permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
-    /// A fluid node with at least this many solid neighbours returns its populations as if the surface were at rest
-    /// (A-15, narrow gaps); 0 never does. Without it 5 of the eight in 2-D and never in 3-D, where a flat surface alone has
-    /// 5 of 18, or 9 of 26.
+    /// Fluid nodes with at least this many solid neighbours treat the surface as at rest, which stabilises narrow gaps; 0 turns this off.
+    /// Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone accounts for 5 of 18 or 9 of 26.
     #[schemars(range(min = 0, max = 26))]
     pub drop_wall_velocity_at_solid_neighbours: Option<u32>,
 }
@@ -65,32 +63,32 @@ impl Default for BounceBack {
     }
 }
 
-/// Where on a link the surface lies.
+/// Position of the surface on a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Scheme {
-    /// In its middle: robust, first order for curved surfaces.
+    /// Half-way: robust, first order at curved surfaces.
     #[default]
     HalfWay,
-    /// Where the surface crosses it: second order on smooth surfaces; about 1.5 at the edges of polyhedra.
+    /// At the exact intersection: second order at smooth surfaces, order 1.5 at edges of polyhedra.
     Interpolated,
 }
 
-/// Partially saturated cells: a cell that solids fill in part collides as water and as solid, by the part that is filled (B-19). For
-/// bodies of any shape; forces change smoothly as bodies move.
+/// Partially saturated cells (Noble and Torczynski 1998): the collision in a cell is weighted between fluid and solid by its solid
+/// fraction. Works for bodies of any shape; forces change smoothly as bodies move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PartiallySaturated {
-    /// What a solid does to the populations of a cell. Without it: matched to the viscosity in slow flow (BGK or TRT, a relaxation
-    /// time of at least 0.52, no turbulence model), else bounce-back of the non-equilibrium part, which holds at high Reynolds numbers.
+    /// Solid collision operator. Default: `viscosity_matched` in slow flow (BGK or TRT, relaxation time of at least 0.52, no turbulence
+    /// model), else `non_equilibrium_bounce_back`, which stays stable at high Reynolds numbers.
     pub solid_operator: Option<SolidOperator>,
-    /// How much a filled part counts.
+    /// Weighting of the solid fraction.
     pub weighting: Weighting,
-    /// How the filled part of a cell is found.
+    /// Method that computes the solid fraction of a cell.
     pub solid_fraction: SolidFraction,
-    /// Whether the water that moves with a body inside it is left out of the body's inertia. Without it a body is heavier by the
-    /// water that it displaces.
+    /// Whether the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the displaced fluid adds to the
+    /// mass of the body.
     pub exclude_inner_fluid: bool,
 }
 
@@ -105,44 +103,44 @@ impl Default for PartiallySaturated {
     }
 }
 
-/// What a solid does to the populations of a cell.
+/// Solid collision operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum SolidOperator {
-    /// Bounce-back of what departs from equilibrium (Noble and Torczynski 1998, E-07).
+    /// Bounce-back of the non-equilibrium part (Noble and Torczynski 1998).
     NonEquilibriumBounceBack,
-    /// Equilibrium at the velocity of the solid, the departure relaxed by the rate of the water.
+    /// Equilibrium at the velocity of the solid; the non-equilibrium part relaxes at the rate of the fluid.
     Superposition,
-    /// Bounce-back of what departs from equilibrium at the velocity of the solid (Holdych 2003).
+    /// Bounce-back of the non-equilibrium part relative to the velocity of the solid (Holdych 2003).
     BounceBackAboutSolid,
-    /// Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; for BGK and
-    /// TRT. It asks no weighting.
+    /// Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend on the viscosity. For BGK and
+    /// TRT. It uses no weighting.
     ViscosityMatched,
 }
 
-/// How much a filled part ε counts.
+/// Weighting B of the solid fraction ε.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Weighting {
     /// B = ε.
     Fraction,
-    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): where the surface is felt depends less on the viscosity (E-08).
+    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): the effective surface depends less on the viscosity (Noble and Torczynski 1998).
     #[default]
     Viscous,
 }
 
-/// How the filled part of a cell is found (B-25).
+/// Method that computes the solid fraction of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum SolidFraction {
-    /// Closed forms, to rounding.
+    /// Closed forms, exact to rounding.
     #[default]
     Exact,
-    /// This many points along each edge of a cell.
+    /// Sampling with this many points along each edge of a cell.
     Samples(#[schemars(range(min = 1, max = 32))] u32),
-    /// From the distance of its centre from the surface: the cheapest, about 0.02 off in the cells at the surface of a sphere.
+    /// From the distance between cell centre and surface: cheapest, with errors of about 0.02 in cells at the surface of a sphere.
     Linear,
 }

@@ -185,7 +185,7 @@ pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margi
 fn mach(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let (h, dt, nu) = (scene.grid.spacing, flow.time_step, flow.kinematic_viscosity);
     let c = h / dt;
-    let most = scene.guards.max_mach;
+    let most = scene.guards.max_lattice_velocity;
     for speed in speeds(scene, flow) {
         let mach = speed.value / c;
         if mach > most || mach.is_nan() {

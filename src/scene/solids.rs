@@ -8,7 +8,7 @@ use super::{blocks, material, rain, sample, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::{Face, Rotation, Vector};
 use crate::case::grains::{
-    Amount, Grading, GrainSource as Written, Growth, Radii, Rain as WrittenRain, SizeClass,
+    Amount, Deposition as WrittenRain, Grading, GrainSource as Written, Growth, Radii, SizeClass,
 };
 use crate::case::solids::{Motion as WrittenMotion, Shape, WallShape, WallStage};
 use crate::dem::Surface;
@@ -518,7 +518,7 @@ pub(crate) fn grains(
         .collect();
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Rain(written) => falls(case, written, grid, findings)?,
+        Written::Deposition(written) => falls(case, written, grid, findings)?,
         Written::File { path } => sample(
             &case.directory.join(path),
             path,
@@ -686,13 +686,13 @@ fn falls(
     grid: &Grid,
     findings: &mut Findings,
 ) -> Option<Source> {
-    let path = "grains.initial.rain";
+    let path = "grains.initial.deposition";
     let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
         let class = |c: &SizeClass| rain::Class {
             min: c.min,
             max: c.max,
-            part: c.part,
+            part: c.fraction,
         };
         list.iter().map(class).collect()
     };

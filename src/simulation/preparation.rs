@@ -8,7 +8,7 @@ use super::agreement;
 use super::folder::RunFolder;
 use super::watch::Watch;
 use crate::case::contact::Scaled;
-use crate::case::grains::{Amount, Growth, Radii, Rain as WrittenRain};
+use crate::case::grains::{Amount, Deposition as WrittenRain, Growth, Radii};
 use crate::checkpoint::{self, State};
 use crate::dem::particles::Particles;
 use crate::dem::relax::unbalanced_text;

@@ -32,7 +32,7 @@ fn every_choice_has_a_reason_and_keeps_all_limits() {
         for word in [
             "spacing",
             "relaxation_time",
-            "mach",
+            "lattice_velocity",
             "collision",
             "coupling",
         ] {
@@ -73,7 +73,12 @@ fn examples_without_their_numerics_still_plan() {
         let text = solver::case::examples::find(name).unwrap().text;
         let mut set = vec!["domain.spacing=null".to_owned()];
         if text.contains("lattice_boltzmann") {
-            for field in ["relaxation_time", "time_step", "reference_velocity", "mach"] {
+            for field in [
+                "relaxation_time",
+                "time_step",
+                "reference_velocity",
+                "lattice_velocity",
+            ] {
                 set.push(format!("{lattice}.{field}=null"));
             }
         }

@@ -190,7 +190,7 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             let (low, high) = growth.radii.bounds();
             radii.extend([low, high]);
         }
-        Some(GrainSource::Rain(rain)) => {
+        Some(GrainSource::Deposition(rain)) => {
             let (Grading::ByCount(classes) | Grading::ByMass(classes)) = &rain.grading;
             radii.extend(classes.iter().flat_map(|class| [class.min, class.max]));
         }

@@ -21,7 +21,7 @@ use decomposition::Communicator;
 pub(super) enum Kind {
     /// Its numbers are not finite.
     NotFinite,
-    /// It moves faster than `guards.max_mach`.
+    /// It moves faster than `guards.max_lattice_velocity`.
     TooFast,
     /// Its density is further from that at rest than `guards.max_compression`.
     TooDense,
@@ -108,8 +108,8 @@ fn state<Sp: Space, S: Stored>(
     Some(match kind {
         Kind::NotFinite => "is not finite".into(),
         Kind::TooFast => format!(
-            "moves at {mach}, above guards.max_mach = {}; its density is {density}",
-            guards.max_mach
+            "moves at {mach}, above guards.max_lattice_velocity = {}; its density is {density}",
+            guards.max_lattice_velocity
         ),
         Kind::TooDense => format!(
             "has a density {density}, beyond guards.max_compression = {}; it moves at {mach}",
