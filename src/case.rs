@@ -26,6 +26,7 @@ pub mod fluid;
 pub mod geometry;
 pub mod grains;
 pub mod observe;
+pub mod reference;
 pub mod restart;
 pub mod set;
 pub mod solids;

@@ -5,6 +5,7 @@
 //! is handed over to [`Engine`] by `main`.
 
 mod manual;
+mod reference;
 mod usage;
 
 use crate::case::{Document, examples, schema};
@@ -72,6 +73,15 @@ enum Command {
         /// Of what.
         #[arg(default_value = "case")]
         of: Text,
+    },
+    /// Write the reference of all parameters of a case: one page for each section.
+    Reference {
+        /// Format of the pages.
+        #[arg(long, default_value = "html")]
+        format: reference::Format,
+        /// Folder for the pages; files of the same names are replaced.
+        #[arg(long, value_name = "DIR", default_value = "reference")]
+        output: PathBuf,
     },
     /// List the ready cases, or print one.
     Example {
@@ -317,6 +327,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
         Command::Plan { case, stability } => plan(&case, stability),
         Command::Schema { of: Text::Case } => say(&pretty(&schema())),
         Command::Schema { of: Text::Study } => say(&pretty(&study::schema())),
+        Command::Reference { format, output } => {
+            reference::write(format, &output).and_then(|text| say(&text))
+        }
         Command::Example { name, json } => example(name.as_deref(), json),
         Command::Info { file, json } => (engine.info)(&file, json).and_then(|text| say(&text)),
         Command::Restart {
