@@ -3,12 +3,12 @@
     test,
     allow(clippy::float_cmp, reason = "tests compare bits on purpose")
 )]
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets, in the schema too"
-)]
 
 pub mod analysis;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
 pub mod case;
 pub mod checkpoint;
 pub mod cli;

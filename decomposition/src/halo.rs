@@ -3,7 +3,7 @@
 //! Place in the step: fill the send buffers from the outermost planes, `start`, compute the planes
 //! that need no neighbour, `finish`, read what came and compute the faces. The bytes are the
 //! caller's: only the populations that leave on a side need to be packed (3 of the 9 of D2Q9, 9 of
-//! the 27 of D3Q27, A-01 and following).
+//! the 27 of D3Q27).
 //!
 //! ```text
 //!   lower neighbour        this slab         upper neighbour

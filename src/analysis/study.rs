@@ -1,4 +1,4 @@
-//! The erosion law across runs: reads run folders, fits each cohesion, writes tables and figures.
+//! The erosion law across runs: reads run folders, fits each cohesion, writes tables and figures.
 //!
 //! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is used
 //! where it is there. A run that is still going on, or was stopped, has no such summary yet: pressure, cohesion and hole
@@ -1136,7 +1136,7 @@ mod tests {
         );
     }
 
-    /// what the cut left loose goes at any cohesion; without a broken bond nothing eroded.
+    /// Grains that the cut left loose leave at any cohesion; without a broken bond nothing eroded.
     #[test]
     fn loose_grains_are_no_erosion() {
         let root = tempfile::tempdir().unwrap();

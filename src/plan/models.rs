@@ -108,7 +108,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 Lattice::D2q9 => ("D2Q9", "the domain is 2-D"),
                 Lattice::D3q19 => (
                     "D3Q19",
-                    "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
+                    "the domain is 3-D; the smallest velocity set that is accurate at these velocities",
                 ),
                 Lattice::D3q27
                     if matches!(

@@ -155,8 +155,8 @@ impl Guards {
     /// What there is to say of the water in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
-            [Some(now), Some(most)] => format!("Mach {now:.3} (largest {most:.3})"),
-            _ => "Mach -".into(),
+            [Some(now), Some(most)] => format!("lattice velocity {now:.3} (largest {most:.3})"),
+            _ => "lattice velocity -".into(),
         };
         text += "  density ";
         match self.squeezed[0] {

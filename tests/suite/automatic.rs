@@ -162,7 +162,7 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_mach_number() {
             .chosen
             .limits
             .iter()
-            .find(|l| l.what.starts_with("Mach"));
+            .find(|l| l.what.starts_with("lattice velocity"));
         let step = mach.unwrap().time_step / plan.scene.grid.spacing;
         let cells = plan.scene.grid.cell_count();
         assert!(cells >= last.0 && step <= last.1, "{level}: {cells} cells");

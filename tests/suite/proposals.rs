@@ -40,7 +40,7 @@ const MORE: &[(&str, &str, &[&str])] = &[
         ],
     ),
     (
-        "a Mach number without its velocity",
+        "a lattice velocity without its reference velocity",
         "couette",
         &["fluid.lattice_boltzmann.lattice_velocity=0.1"],
     ),

@@ -53,7 +53,7 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     }
 }
 
-/// What stands in the table where a block leaves less water beside it than its own width: the water that it displaces has to pass there.
+/// Rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through the gap.
 fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     match obstacle {
         "blocks: viscosity matched" => "blocks in gaps: viscosity matched",

@@ -101,7 +101,7 @@ fn state<Sp: Space, S: Stored>(
     let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
     let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let guards = &plan.scene.guards;
-    let mach = format!("Mach {} (|u|/C), {} m/s", number(speed), {
+    let mach = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
         number(units.velocity_to_si(speed))
     });
     let density = density(drho, plan);
