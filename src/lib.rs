@@ -3,6 +3,10 @@
     test,
     allow(clippy::float_cmp, reason = "tests compare bits on purpose")
 )]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
 
 pub mod analysis;
 #[allow(
@@ -12,16 +16,32 @@ pub mod analysis;
 pub mod case;
 pub mod checkpoint;
 pub mod cli;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod coupling;
 pub mod crew;
 pub mod darcy;
 pub mod dem;
 pub mod error;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod lbm;
 pub mod output;
 pub mod plan;
 pub mod random;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod scene;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod simulation;
 pub mod sweep;
 pub mod units;

@@ -36,15 +36,15 @@ pub struct Page {
     pub name: String,
     /// Parameters in the order of the page.
     pub parameters: Vec<Parameter>,
-    /// The section as a ready case writes it.
+    /// The section as it may be written.
     pub example: Option<Example>,
 }
 
-/// A section of a ready case.
+/// An example of a section.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
-    /// Name of the ready case.
-    pub case: &'static str,
+    /// Name of the ready case that writes it; none where no case does and the defaults are shown.
+    pub case: Option<&'static str>,
     /// The section in an object of its own, without annotations.
     pub value: Value,
 }
@@ -146,7 +146,7 @@ pub fn pages() -> Vec<Page> {
         pages.push(Page {
             name: name.to_owned(),
             parameters: section.to_vec(),
-            example: shortest(&cases, name),
+            example: instructive(&cases, name).or_else(|| defaults(&section[0])),
         });
     }
     pages
@@ -157,17 +157,34 @@ fn section_of(path: &str) -> &str {
     path.split(['.', '[']).next().unwrap_or(path)
 }
 
-/// The section in the case that writes it most briefly, without empty ones.
-fn shortest(cases: &[(&'static str, Value)], section: &str) -> Option<Example> {
+/// The longest example of a section that a page shows, as compact JSON [characters].
+const LONGEST_SECTION: usize = 900;
+
+/// The section in the case that uses it most, within a page; without one the shortest.
+fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example> {
     cases
         .iter()
         .filter_map(|(case, tree)| Some((*case, tree.get(section)?)))
         .filter(|(_, value)| value.to_string().len() > 2)
-        .min_by_key(|(_, value)| value.to_string().len())
+        .max_by_key(|(_, value)| {
+            let length = value.to_string().len();
+            let fits = length <= LONGEST_SECTION;
+            (fits, if fits { length } else { usize::MAX - length })
+        })
         .map(|(case, value)| Example {
-            case,
+            case: Some(case),
             value: serde_json::json!({ section: value }),
         })
+}
+
+/// The section with its defaults.
+fn defaults(section: &Parameter) -> Option<Example> {
+    let mut value = section.default.clone()?;
+    value.as_object_mut()?.retain(|_, value| !value.is_null());
+    Some(Example {
+        case: None,
+        value: serde_json::json!({ section.key(): value }),
+    })
 }
 
 /// The first value of every known path.
@@ -217,7 +234,7 @@ impl<'a> Reader<'a> {
             Some(options) => (0..options.len())
                 .flat_map(|n| self.alternatives(&format!("{pointer}/anyOf/{n}")))
                 .collect(),
-            None if node.get("type").is_some_and(|t| t == "null") => Vec::new(),
+            None if node.is_null() || node.get("type").is_some_and(|t| t == "null") => Vec::new(),
             None => vec![pointer.to_owned()],
         }
     }
@@ -232,7 +249,9 @@ impl<'a> Reader<'a> {
             let items = format!("{one}/items");
             let inner = (self.alternatives(&items).into_iter()).filter(|at| !at.starts_with(one));
             meaning.extend(
+                // The comment of an alternative that is written in place does not describe the field.
                 std::iter::once(one.clone())
+                    .filter(|at| !at.starts_with(pointer))
                     .chain(inner)
                     .filter_map(|at| described(&at))
                     .filter(|text| !meaning.contains(text))

@@ -41,9 +41,9 @@ pub struct Prepared {
     pub text: String,
     /// Hash of the text.
     pub hash: String,
-    /// Planned time on one core [s].
+    /// Planned time on one core \[s\].
     pub seconds: f64,
-    /// Planned memory of all ranks [bytes].
+    /// Planned memory of all ranks \[bytes\].
     pub memory: f64,
 }
 

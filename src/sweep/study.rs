@@ -1,5 +1,10 @@
 //! A study as written: a base case, variations, outputs and references.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets"
+)]
+
 use crate::analysis::expression;
 use crate::analysis::measure::{Measure, Norm, Take};
 use crate::case::{check, text};

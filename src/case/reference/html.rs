@@ -50,8 +50,10 @@ fn text(pages: &[Page], page: &Page) -> String {
         let json = serde_json::to_string_pretty(&example.value).unwrap_or_default();
         let _ = write!(
             body,
-            "<details><summary>Example: <code>solver example {}</code></summary>\n<pre>{}</pre>\n</details>\n",
-            example.case,
+            "<details><summary>{}</summary>\n<pre>{}</pre>\n</details>\n",
+            example.case.map_or("Defaults".to_owned(), |case| format!(
+                "Example: <code>solver example {case}</code>"
+            )),
             escaped(&json)
         );
     }

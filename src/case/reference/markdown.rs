@@ -40,8 +40,10 @@ fn text(pages: &[Page], page: &Page) -> String {
         let json = serde_json::to_string_pretty(&example.value).unwrap_or_default();
         let _ = write!(
             out,
-            "From `solver example {}`:\n\n```json\n{json}\n```\n\n",
-            example.case
+            "{}:\n\n```json\n{json}\n```\n\n",
+            example.case.map_or("Defaults".to_owned(), |case| format!(
+                "From `solver example {case}`"
+            ))
         );
     }
     for parameter in &page.parameters {
