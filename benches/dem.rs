@@ -21,9 +21,10 @@ use solver::dem::{
     Space, Surface, Volume, Wall,
 };
 use solver::error::Error;
+use solver::preparation::growth::{Packing, PackingSettings, Sizes, Stop};
+use solver::preparation::numbering::curve_order;
+use solver::preparation::supervision::Supervision;
 use solver::random::Stream;
-use solver::scene::packing::{Packing, Preparation, Sizes, Stop, curve_order};
-use solver::scene::waiting::Waiting;
 
 const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
     normal_stiffness: 150e6,
@@ -74,8 +75,8 @@ fn report<S: Space>(
 }
 
 /// About 2,000 discs of the piping paper.
-fn discs() -> Preparation<Plane> {
-    Preparation {
+fn discs() -> PackingSettings<Plane> {
+    PackingSettings {
         lower: Vector2::zeros(),
         upper: Vector2::new(10.5e-3, 7.2e-3),
         periodic: [false; 3],
@@ -420,7 +421,7 @@ fn main() -> Result<(), Error> {
         |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word.as_str()));
     if wanted("discs") {
         let start = Instant::now();
-        let packing = discs().pack(&Waiting::silent())?;
+        let packing = discs().pack(&Supervision::none())?;
         println!(
             "packing {:?} in {:.1} s",
             packing.report,

@@ -17,8 +17,8 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use solver::dem::{Body, Motion, Particles, Search, Space, Volume};
+use solver::preparation::numbering::curve_order;
 use solver::random::Stream;
-use solver::scene::packing::curve_order;
 
 /// Bodies in a box of edge `length`.
 struct Scene {

@@ -10,5 +10,4 @@ pub mod erosion_law;
 pub mod expression;
 pub mod ground_collapse;
 pub mod measure;
-pub mod plot;
 pub mod study;

@@ -1,7 +1,6 @@
 //! The commands. This is the only room that prints to the terminal.
 //!
-//! All errors of a case are found before MPI starts, by every rank and with the same result; only the first rank reports them. What needs
-//! the rest of the program (running, restarting, reading outputs) comes from `main` as an [`Engine`].
+//! All errors of a case are found before MPI starts, by every rank and with the same result; only the first rank reports them.
 
 mod manual;
 mod reference;
@@ -9,29 +8,33 @@ mod usage;
 
 use crate::case::{Document, examples, schema};
 use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
-use crate::output::picture::PictureOptions;
+use crate::figures::erosion_law::Published;
+use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
+use crate::provenance;
 use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
-use crate::sweep::{Say, Sweep, Task, study};
+use crate::sweep::{Sweep, Task, study};
+use crate::{figures, output, simulation, sweep};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 /// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version = VERSION, about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION.as_str(), about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
 /// With the commit, by which a sweep knows whether a member was run by this program. `--version` says more.
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("SOLVER_COMMIT"), ")");
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
 
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
 
@@ -126,6 +129,9 @@ enum Command {
         /// Folder for CSV and SVG files.
         #[arg(long, value_name = "DIR", default_value = ".")]
         output: PathBuf,
+        /// Published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
+        #[arg(long, value_name = "C,TAU,K")]
+        published: Option<Published>,
         /// Print the fit as JSON.
         #[arg(long)]
         json: bool,
@@ -253,37 +259,16 @@ struct Stability {
     allow_unstable: bool,
 }
 
-/// What the rest of the program does for the commands; returned text is printed by the first rank.
-#[derive(Clone, Copy, Debug)]
-pub struct Engine {
-    /// Runs a plan.
-    pub run: fn(Plan, RunOptions) -> Result<(), Error>,
-    /// Goes on from a folder, with changed fields.
-    pub restart: fn(&Path, &[String], RunOptions) -> Result<(), Error>,
-    /// Describes a file; as JSON or not.
-    pub info: fn(&Path, bool) -> Result<String, Error>,
-    /// Draws a run; returns a line about the file.
-    pub picture: fn(&Path, &PictureOptions) -> Result<String, Error>,
-    /// Fits the erosion law of runs, writes files to a folder; as JSON or not.
-    pub erosion_law: fn(&[PathBuf], &Path, bool) -> Result<String, Error>,
-    /// Carries out a sweep; the function takes lines for the reader.
-    pub sweep: fn(&Sweep, Say<'_>) -> Result<(), Error>,
-    /// Says which libraries, processor and settings this program was built with and runs on, a line for each.
-    pub version: fn() -> String,
-    /// Searches a critical gradient; as JSON or not.
-    pub critical_gradient: fn(&Search, bool) -> Result<String, Error>,
-}
-
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
-pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i32 {
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
     // flag itself is never looked at.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|first| first == "--version") {
-        let text = format!("solver {VERSION}\n{}", (engine.version)());
+        let text = format!("solver {}\n{}", *VERSION, simulation::versions::report());
         return ended(print(&text));
     }
     let arguments = match with_default_command(arguments) {
@@ -320,7 +305,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 overwrite,
                 ..options(run, case.json, begun)
             };
-            start(&case, options, engine)
+            start(&case, options)
         }
         Command::Validate { case, stability } => validate(&case, stability),
         Command::Plan { case, stability } => plan(&case, stability),
@@ -330,14 +315,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             reference::write(format, &output).and_then(|text| print(&text))
         }
         Command::Example { name, json } => example(name.as_deref(), json),
-        Command::Info { file, json } => (engine.info)(&file, json).and_then(|text| print(&text)),
+        Command::Info { file, json } => {
+            output::info::info(&file, json).and_then(|text| print(&text))
+        }
         Command::Restart {
             directory,
             set,
             run,
             json,
         } => judged(
-            (engine.restart)(&directory, &set, options(run, json, begun)),
+            simulation::run::restart(&directory, &set, options(run, json, begun)),
             &directory,
         ),
         Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
@@ -345,22 +332,19 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
             .map_err(|e| Error::Internal(format!("the manual page: {e}")))
             .and_then(|page| put(&page)),
         Command::Picture { run, options } => {
-            (engine.picture)(&run, &options).and_then(|text| print(&text))
+            figures::picture::picture(&run, &options).and_then(|text| print(&text))
         }
         Command::Sweep {
             study,
             output,
             task,
             max_walltime,
-        } => sweep(
-            &Sweep {
-                study,
-                output,
-                task: task.task(),
-                max_walltime,
-            },
-            engine,
-        ),
+        } => sweep(&Sweep {
+            study,
+            output,
+            task: task.task(),
+            max_walltime,
+        }),
         Command::CriticalGradient {
             case,
             stability,
@@ -391,13 +375,17 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, engine: &Engine) -> i
                 allow_unstable: stability.allow_unstable,
             };
             judged(
-                (engine.critical_gradient)(&search, case.json).and_then(|text| print(&text)),
+                simulation::critical::command(&search, case.json).and_then(|text| print(&text)),
                 &case.case,
             )
         }
-        Command::ErosionLaw { runs, output, json } => {
-            (engine.erosion_law)(&runs, &output, json).and_then(|text| print(&text))
-        }
+        Command::ErosionLaw {
+            runs,
+            output,
+            published,
+            json,
+        } => figures::erosion_law::command(&runs, &output, published, json)
+            .and_then(|text| print(&text)),
     };
     ended(result)
 }
@@ -443,23 +431,23 @@ fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, E
     Ok(arguments)
 }
 
-fn start(case: &CaseArgs, options: RunOptions, engine: &Engine) -> Result<(), Error> {
+fn start(case: &CaseArgs, options: RunOptions) -> Result<(), Error> {
     let plan = prepare(case)?;
     show(&plan, case)?;
     let stability = Stability {
         allow_unstable: options.allow_unstable,
     };
     judge(&plan.warnings, case, stability)?;
-    report_problems((engine.run)(plan, options))
+    report_problems(simulation::run::run(plan, options))
 }
 
 /// The members are processes of their own: only the first rank runs them, should somebody have started several.
-fn sweep(sweep: &Sweep, engine: &Engine) -> Result<(), Error> {
+fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
     // A reader that has gone away is no reason to stop.
-    report_problems((engine.sweep)(sweep, &|line| drop(print(line))))
+    report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
 /// The folder of a case where none is named.

@@ -21,10 +21,10 @@ pub mod cli;
     reason = "units stand in brackets in comments"
 )]
 pub mod coupling;
-pub mod crew;
 pub mod darcy;
 pub mod dem;
 pub mod error;
+pub mod figures;
 #[allow(
     rustdoc::broken_intra_doc_links,
     reason = "units stand in brackets in comments"
@@ -32,6 +32,8 @@ pub mod error;
 pub mod lbm;
 pub mod output;
 pub mod plan;
+pub mod preparation;
+pub mod provenance;
 pub mod random;
 #[allow(
     rustdoc::broken_intra_doc_links,
@@ -44,4 +46,5 @@ pub mod scene;
 )]
 pub mod simulation;
 pub mod sweep;
+pub mod thread_pool;
 pub mod units;

@@ -23,7 +23,6 @@ mod fluid;
 mod grains;
 pub mod info;
 mod order;
-pub mod picture;
 mod planes;
 mod probes;
 mod schedule;

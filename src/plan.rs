@@ -4,11 +4,13 @@
 
 mod bodies;
 pub(crate) mod contacts;
+pub(crate) mod critical_step;
 pub mod drag;
 pub mod envelope;
 pub mod estimate;
 pub mod interval;
 mod light_bodies;
+pub mod margin;
 pub mod models;
 pub mod report;
 mod stability;
@@ -22,9 +24,9 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, at_most, number, refused};
 use crate::scene::grid::{count, whole};
 use crate::units::LatticeUnits;
-use envelope::Margin;
 use estimate::Estimate;
 use interval::Interval;
+use margin::Margin;
 use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -212,7 +214,7 @@ impl Plan {
 /// Those of a plan that it goes on from stay.
 fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option<Clock> {
     let time = &scene.time;
-    let critical = envelope::critical_solid_time_step(scene);
+    let critical = critical_step::critical_solid_time_step(scene);
     let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
     let (time_step, solid_steps) = if let Some(like) = like {
         (like.time_step, like.solid_steps_per_step)

@@ -6,25 +6,28 @@
 pub mod auto;
 pub mod block;
 pub mod blocks;
+pub mod bodies;
+pub mod boundaries;
 pub mod collapse;
 pub mod contact;
 pub mod findings;
 pub mod flow;
+pub mod grading;
+pub mod grains;
 pub mod grid;
-pub mod numbering;
+pub mod initial;
+mod motion;
 pub mod observe;
-pub mod packing;
+mod overlaps;
 pub(crate) mod pairs;
 pub mod profile;
-pub mod rain;
 pub mod rock;
 pub mod sample;
 pub(crate) mod saved;
 pub mod seepage;
-pub mod solids;
 pub(crate) mod speed;
 pub(crate) mod stl;
-pub mod waiting;
+pub mod walls;
 
 use crate::case::contact::Contact;
 use crate::case::coupling::{Coupling, SolidOperator};
@@ -54,15 +57,15 @@ pub struct Scene {
     /// The seepage, if any: there is one fluid at most.
     pub seepage: Option<seepage::Seepage>,
     /// The grains, if any.
-    pub grains: Option<solids::Grains>,
+    pub grains: Option<grains::Grains>,
     /// The blocks, if any.
     pub blocks: Option<blocks::Blocks>,
     /// The contact law, if anything can touch.
     pub contact: Option<contact::ContactTable>,
     /// Plane walls, those on faces of the domain last.
-    pub walls: Vec<solids::Wall>,
+    pub walls: Vec<walls::Wall>,
     /// Named bodies.
-    pub bodies: Vec<solids::Body>,
+    pub bodies: Vec<bodies::Body>,
     /// The coupling, where there are fluid and solids.
     pub coupling: Option<Coupling>,
     /// Duration and steps, as written.
@@ -153,13 +156,13 @@ impl Scene {
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
         let contact = contact::ContactTable::resolve(case, &names, &mut findings);
-        let walls = solids::walls(case, &grid, &names, &mut findings);
-        let bodies = solids::bodies(case, &grid, &names, &mut findings);
-        let grains = solids::grains(case, &grid, &names, &mut findings);
+        let walls = walls::walls(case, &grid, &names, &mut findings);
+        let bodies = bodies::bodies(case, &grid, &names, &mut findings);
+        let grains = grains::grains(case, &grid, &names, &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
         // A run that goes on has left its start behind.
         if like.is_none() {
-            solids::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+            overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
             blocks::overlaps(
                 case,
                 blocks.as_ref(),
@@ -248,7 +251,7 @@ impl Scene {
     /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then blocks.
     pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
-            let free = body.mobility == solids::Mobility::Free;
+            let free = body.mobility == bodies::Mobility::Free;
             body.solid
                 .as_ref()
                 .map(|solid| (solid, body.material, free))
@@ -277,7 +280,7 @@ impl Scene {
 
     /// Lets go of the listed grains once they stand in the run: some hundred bytes of each.
     pub fn forget_sample(&mut self) {
-        use solids::GrainSource::{File, List};
+        use grains::GrainSource::{File, List};
         if let Some(List(grains) | File { grains, .. }) =
             self.grains.as_mut().map(|grains| &mut grains.source)
         {

@@ -15,6 +15,7 @@ pub mod guards;
 pub mod phases;
 pub mod preparation;
 pub mod progress;
+mod recorders;
 pub mod removal;
 mod resume;
 pub mod run;

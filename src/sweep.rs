@@ -48,7 +48,7 @@ pub struct Sweep {
 pub enum Task {
     /// Run what is missing, then write the table.
     Run,
-    /// Say which members there are, what they will cost, and which are done.
+    /// Report which members there are, what they will cost, and which are done.
     List,
     /// Run one member, by its number in the list.
     Member(usize),
@@ -59,13 +59,13 @@ pub enum Task {
 }
 
 /// Takes lines for the reader.
-pub type Say<'a> = &'a dyn Fn(&str);
+pub type Report<'a> = &'a dyn Fn(&str);
 
-/// Carries out a sweep; `say` takes lines for the reader.
+/// Carries out a sweep; `report` takes lines for the reader.
 ///
 /// # Errors
 /// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
-pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
+pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(format!("the study: {e}")))?;
@@ -81,7 +81,7 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
         output.display()
     );
     match sweep.task {
-        Task::List => list(&study, &members, &output, say),
+        Task::List => list(&study, &members, &output, report),
         Task::Slurm => {
             for path in [file, &output] {
                 let text = path.display().to_string();
@@ -94,10 +94,10 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
                     ));
                 }
             }
-            say(&slurm::script(&study, members.len(), file, &output));
+            report(&slurm::script(&study, members.len(), file, &output));
             Ok(())
         }
-        Task::Collect => collect(&study, &members, beside, &output, say),
+        Task::Collect => collect(&study, &members, beside, &output, report),
         Task::Member(number) => {
             let chosen = number.checked_sub(1).and_then(|n| members.get(n));
             let member = chosen.ok_or_else(|| {
@@ -108,12 +108,12 @@ pub fn command(sweep: &Sweep, say: Say<'_>) -> Result<(), Error> {
                     format!("use 1 to {}", members.len()),
                 )
             })?;
-            run(&study, std::slice::from_ref(member), &output, sweep, say)
+            run(&study, std::slice::from_ref(member), &output, sweep, report)
         }
         Task::Run => {
             enough_cores(&study)?;
-            run(&study, &members, &output, sweep, say)?;
-            collect(&study, &members, beside, &output, say)
+            run(&study, &members, &output, sweep, report)?;
+            collect(&study, &members, beside, &output, report)
         }
     }
 }
@@ -154,13 +154,13 @@ fn run(
     members: &[Member],
     output: &Path,
     sweep: &Sweep,
-    say: Say<'_>,
+    report: Report<'_>,
 ) -> Result<(), Error> {
-    let runner = Runner::new(study, output, sweep.max_walltime, say)?;
+    let runner = Runner::new(study, output, sweep.max_walltime, report)?;
     runner.run(members)
 }
 
-fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Result<(), Error> {
+fn list(study: &Study, members: &[Member], output: &Path, report: Report<'_>) -> Result<(), Error> {
     let limit = study.run.time_limit;
     let version = solver_version()?;
     let width = members.iter().map(|m| m.name.len()).max().unwrap_or(0);
@@ -183,14 +183,14 @@ fn list(study: &Study, members: &[Member], output: &Path, say: Say<'_>) -> Resul
             }
             None => format!("{:29}", "not run"),
         };
-        say(&format!(
+        report(&format!(
             "{:4}  {:width$}  {line}  {:19}  {state}",
             n + 1,
             member.name,
             member.verdict.name()
         ));
     }
-    say(&format!(
+    report(&format!(
         "{} members, about {seconds:.0} core-seconds as planned",
         members.len()
     ));
@@ -202,7 +202,7 @@ fn collect(
     members: &[Member],
     beside: &Path,
     output: &Path,
-    say: Say<'_>,
+    report: Report<'_>,
 ) -> Result<(), Error> {
     let table = table::Table::of(study, members, beside, output);
     let mut files = vec![
@@ -211,7 +211,7 @@ fn collect(
     ];
     if let Some(axes) = &study.map {
         let map = picture::Map::of(axes, study, members, &table);
-        say(&map.confusion());
+        report(&map.confusion());
         files.push(("map.csv", map.to_csv()));
         files.push(("map.svg", map.figure().to_svg()));
     }
@@ -220,8 +220,8 @@ fn collect(
         io::atomic::write(&output.join(name), text.as_bytes())
             .map_err(|e| Error::Io(e.to_string()))?;
     }
-    say(&table.summary(members));
+    report(&table.summary(members));
     let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
-    say(&format!("{} in {}", names.join(", "), output.display()));
+    report(&format!("{} in {}", names.join(", "), output.display()));
     Ok(())
 }

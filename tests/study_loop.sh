@@ -13,7 +13,7 @@ cat >"$work/solver" <<'SOLVER'
 #!/usr/bin/env bash
 set -u
 if [ "$1" = erosion-law ]; then
-  echo "fit of $(($# - 3)) runs"
+  echo "fit of $(($# - 5)) runs"
   exit 0
 fi
 how=start

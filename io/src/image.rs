@@ -9,7 +9,7 @@ use crate::data::{Column, index, signed};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, Mode, Part, product};
-use crate::series::Moment;
+use crate::moment::Moment;
 
 /// One rank's box of a lattice and the columns on it. A rank may hold no cells.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use crate::data::{Column, Data, Kind, index, signed};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, Mode, Part};
-use crate::series::Moment;
+use crate::moment::Moment;
 
 /// What joins the points.
 #[derive(Clone, Copy, Debug)]

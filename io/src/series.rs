@@ -10,49 +10,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic;
 use crate::data::check_name;
-use crate::error::{Error, Result};
-use crate::fields::FileInfo;
+use crate::error::Result;
 use crate::group::{Group, on_root};
-use crate::hdf::{Attribute, Content, Mode};
+use crate::hdf::Mode;
 use crate::image::{self, Image};
 use crate::mesh::{self, Mesh};
+use crate::moment::Moment;
 use crate::plain;
 use crate::xdmf;
-
-/// When an output was written.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Moment {
-    /// Step from the start of the simulation.
-    pub step: u64,
-    /// Time, s.
-    pub time: f64,
-}
-
-impl Moment {
-    pub(crate) fn describe(self, content: &mut Content) {
-        content.folder(
-            "/output",
-            &[
-                (
-                    "step",
-                    Attribute::Int(i64::try_from(self.step).unwrap_or(i64::MAX)),
-                ),
-                ("time", Attribute::Float(self.time)),
-            ],
-        );
-    }
-
-    pub(crate) fn of(info: &FileInfo, path: &Path) -> Result<Self> {
-        let get = |name| info.attribute("/output", name);
-        match (
-            get("step").and_then(serde_json::Value::as_u64),
-            get("time").and_then(serde_json::Value::as_f64),
-        ) {
-            (Some(step), Some(time)) => Ok(Self { step, time }),
-            _ => Err(Error::corrupt(path, "does not say its step and time")),
-        }
-    }
-}
 
 /// The steps of one kind of output. Rank 0 keeps them; the other ranks only take part.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::fields::{DatasetInfo, FileInfo, inspect};
 use crate::image;
 use crate::mesh::MIXED;
-use crate::series::Moment;
+use crate::moment::Moment;
 
 /// The `<Grid>` of one heavy file and when it was written. The text is empty where the file holds no cells: readers
 /// complain about empty grids, so the index leaves them out.

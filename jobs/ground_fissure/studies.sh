@@ -10,7 +10,7 @@
 #   --end SECONDS  physical time of a run; default that of the case
 #   --limit TIME   wall time after which a member is given up (timeout(1)); default 30m
 #
-# Environment: SOLVER (the binary), FIGURES (the example `fissure_studies`); default those in target/release of this checkout.
+# Environment: SOLVER (the binary), FIGURES (`studies.rs`, built by `cargo build --release --example fissure_studies`); default those in target/release of this checkout.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)

@@ -215,7 +215,8 @@ fit() {
     echo "study: no member has a record yet" >&2
     return 1
   fi
-  "$solver" erosion-law "${folders[@]}" --output "$output/figures"
+  # The paper: C/d = 0.506 N/m, tau_c = 9e-4 Pa, k_d = 9.1 s/m.
+  "$solver" erosion-law "${folders[@]}" --published 0.506,9e-4,9.1 --output "$output/figures"
 }
 
 case $command in

@@ -13,10 +13,10 @@ mutants=${1:-20000}
 first=${2:-0}
 checkpoints=${3:-1000}
 
-cargo test --test suite --no-run
+cargo test --release --test suite --no-run
 ulimit -v 4194304
 SOLVER_MUTANTS=$mutants SOLVER_MUTANTS_FROM=$first \
-  cargo test --test suite -- mutants_are_planned --nocapture --test-threads 1
+  cargo test --release --test suite -- mutants_are_planned --nocapture --test-threads 1
 if [ "$checkpoints" -gt 0 ]; then
-  SOLVER_CHECKPOINT_MUTANTS=$checkpoints cargo test --test suite -- no_signed_mutant --nocapture --test-threads 1
+  SOLVER_CHECKPOINT_MUTANTS=$checkpoints cargo test --release --test suite -- no_signed_mutant --nocapture --test-threads 1
 fi

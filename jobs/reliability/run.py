@@ -181,9 +181,13 @@ class Bench:
             while time.monotonic() - job.begun < moment and job.process.poll() is None:
                 time.sleep(0.01)
             alive = job.process.poll() is None
+            ranks_there = job.processes()
             job.kill(self.chance)
             killed = time.monotonic()
             code = job.wait()
+            # Ranks whose mpirun was killed live until they miss it, and keep the folder until then.
+            while any(map(lives, ranks_there)) and time.monotonic() - killed < LINGER:
+                time.sleep(0.01)
             if time.monotonic() - killed > LINGER:
                 raise Failure(f"ended {time.monotonic() - killed:.1f} s after a kill")
             story.append(f"{how} on {ranks}, {'killed' if alive else 'ended'} at {moment:.1f} s")
@@ -327,6 +331,14 @@ class Bench:
             return "5"
         finally:
             subprocess.run(["umount", "-l", folder], check=False)
+
+
+def lives(process):
+    try:
+        text = pathlib.Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[0] != "Z"
 
 
 def mounted(folder, options):

@@ -16,6 +16,7 @@ pub mod fit;
 pub mod hole;
 pub mod rate;
 pub mod record;
+mod statistics;
 
 pub use fit::{
     CohesionTrend, FitOptions, Interval, Law, LinearLaw, RatePoint, cohesion_trend, fit_law,

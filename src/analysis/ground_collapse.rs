@@ -55,7 +55,6 @@
 //! Everything here is a function of the list of all grains in rising order of id. It is evaluated on one rank.
 
 pub mod clusters;
-pub mod figures;
 pub mod measure;
 pub mod record;
 pub mod stages;

@@ -9,12 +9,12 @@
 //! with the same bits.
 
 use super::solid_fraction::{Form, faces};
-use crate::crew;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{BodyLink, Load, Plane, Rigid, add_force};
 use crate::lbm::populations::Populations;
+use crate::thread_pool;
 use std::collections::HashMap;
 
 /// A cell outside the domain: the faces' business.
@@ -129,7 +129,7 @@ const PER_THREAD: usize = 16;
 
 /// Threads for work on so many bodies.
 fn threads(bodies: usize) -> usize {
-    crew::threads().min(bodies / PER_THREAD).max(1)
+    thread_pool::threads().min(bodies / PER_THREAD).max(1)
 }
 
 #[expect(
@@ -401,10 +401,10 @@ impl BodyMap {
             .resize_with(threads.max(self.found.len()), Vec::new);
         let mut buffers = std::mem::take(&mut self.found);
         let shared = (
-            crew::evenly(&mut buffers[..threads], threads),
-            crew::evenly(&mut looks, threads),
+            thread_pool::evenly(&mut buffers[..threads], threads),
+            thread_pool::evenly(&mut looks, threads),
         );
-        crew::each_of(threads, shared, |_, (found, looks)| {
+        thread_pool::each_of(threads, shared, |_, (found, looks)| {
             let found = &mut found[0];
             for look in looks {
                 let body = &self.bodies[look.body];
@@ -699,7 +699,7 @@ impl BodyMap {
         let again = self.relink.iter().filter(|again| **again).count();
         // Pieces in which about as many bodies are linked again as pay for a thread.
         let least = links.len() * PER_THREAD / again.max(1);
-        crew::each_item(&mut links, least, |k, links| {
+        thread_pool::each_item(&mut links, least, |k, links| {
             if self.relink[k] {
                 self.link(k, populations, links);
             }

@@ -12,7 +12,7 @@ pub(super) mod blocks;
 
 use super::particles::{Load, Mobility, Motion, Particles};
 use super::space::{Components, Space};
-use crate::crew;
+use crate::thread_pool;
 
 /// How velocities change.
 #[derive(Clone, Copy, Debug)]
@@ -135,13 +135,13 @@ fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool
     if !parallel {
         return drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
     }
-    let threads = crew::threads();
-    let mut fastest = [Fastest::default(); crew::MOST];
+    let threads = thread_pool::threads();
+    let mut fastest = [Fastest::default(); thread_pool::MOST];
     let shared = (
-        crew::evenly(&mut fastest[..threads], threads),
-        crew::evenly(motion, threads),
+        thread_pool::evenly(&mut fastest[..threads], threads),
+        thread_pool::evenly(motion, threads),
     );
-    crew::each_of(threads, shared, |piece, (fastest, motion)| {
+    thread_pool::each_of(threads, shared, |piece, (fastest, motion)| {
         let part = owned * piece / threads..owned * (piece + 1) / threads;
         let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
         let (contact, mobility) = (&contact[part.clone()], &mobility[part]);

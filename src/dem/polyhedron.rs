@@ -27,6 +27,7 @@
 mod analytic_centre;
 pub mod contact;
 mod cut;
+mod error;
 pub mod force;
 mod hull;
 mod linear_program;
@@ -37,10 +38,11 @@ pub mod shape;
 
 pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub(crate) use cut::across;
+pub use error::ShapeError;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Attitude, Damping};
-pub use shape::{Polyhedron, ShapeError, Solid};
+pub use shape::{Polyhedron, Solid};
 
 use nalgebra::Vector3;
 

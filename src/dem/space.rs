@@ -256,6 +256,15 @@ impl Space for Volume {
     }
 }
 
+/// A vector of the space from three components.
+pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
+    let mut vector = S::Vector::default();
+    for (a, &x) in v.iter().enumerate().take(S::DIMENSION) {
+        vector.set(a, x);
+    }
+    vector
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

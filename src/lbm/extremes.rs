@@ -3,7 +3,7 @@
 use super::fluid::Fluid;
 use super::lanes::Stored;
 use super::populations::Extremes;
-use crate::crew;
+use crate::thread_pool;
 
 /// What stands out in the rows of a slab, in the order of [`super::populations::Populations::rows`]; room that is used again.
 #[derive(Clone, Debug, Default)]
@@ -26,10 +26,10 @@ impl Rows {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
         let rows = cells[slow] * cells[middle];
-        let pieces = crew::threads().min(cells[slow]).max(1);
+        let pieces = thread_pool::threads().min(cells[slow]).max(1);
         self.threads.resize_with(pieces, Share::default);
         let half = fluid.half_force();
-        crew::each_item(&mut self.threads, 1, |piece, share| {
+        thread_pool::each_item(&mut self.threads, 1, |piece, share| {
             share.found.clear();
             for row in rows * piece / pieces..rows * (piece + 1) / pieces {
                 let mut at = [0; 3];

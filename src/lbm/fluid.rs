@@ -17,7 +17,7 @@ use super::saturation::{self, Cover, Covered, Method, Open, Solids};
 use super::turbulence::smagorinsky::Smagorinsky;
 use super::turbulence::wale::Wale;
 use super::turbulence::{self, Eddies, Eddy, Model, Resolved, View};
-use crate::crew;
+use crate::thread_pool;
 use decomposition::Domain;
 use std::ops::Range;
 
@@ -413,7 +413,7 @@ impl<S: Stored> Fluid<S> {
                 domain,
             )?),
         };
-        let threads = crew::threads();
+        let threads = thread_pool::threads();
         let tau = setup.relaxation_time;
         let boundaries = Boundaries::new(
             &populations,
@@ -628,7 +628,7 @@ impl<S: Stored> Fluid<S> {
             unsafe { self.pass.pass(shared, force, planes, 0) };
             return;
         }
-        crew::each(threads, |t| {
+        thread_pool::each(threads, |t| {
             // SAFETY: the shares of planes are disjoint, and each worker has one.
             unsafe { self.pass.pass(shared, force, share(&planes, threads, t), t) };
         });
@@ -640,7 +640,7 @@ impl<S: Stored> Fluid<S> {
         let threads = self.workers(&planes);
         let parity = self.populations.parity();
         let (pass, boundaries) = (&self.pass, &self.boundaries);
-        crew::each(threads, |t| {
+        thread_pool::each(threads, |t| {
             let share = share(&planes, threads, t);
             let walled = inner(&share);
             for plane in share {

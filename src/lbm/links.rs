@@ -21,7 +21,7 @@
 use super::boundary::quanta;
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
-use crate::crew;
+use crate::thread_pool;
 
 /// The two numbers of a link and where it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +155,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     let table = Table::new(populations);
     let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
     let numbers = &numbers;
-    crew::each_item(loads, 32, |k, load| {
+    thread_pool::each_item(loads, 32, |k, load| {
         let (links, motion, faces) = (&links[k], &motion[k], faces(k));
         // Kept in registers while the links pass.
         let mut sum = *load;

@@ -5,13 +5,13 @@
 //!   weighting a partly covered cell becomes permeable as τ approaches ½: a stream at τ = 0.50006 passed through a plate of half a cell, and
 //!   through a plate of one cell that straddled two, with less than 4 % of its force on the plate.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::Coupling;
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::blocks::Blocks;
 use crate::scene::findings::{Findings, length_of, number};
-use crate::scene::solids::GrainSource;
+use crate::scene::grains::GrainSource;
 
 /// Fewest cells in a diameter.
 const FEWEST_CELLS: f64 = 4.0;

@@ -28,13 +28,14 @@ mod blocks;
 mod network;
 
 use super::Clock;
-use super::envelope::{Margin, critical_solid_time_step, margin, moving};
+use super::critical_step::{critical_solid_time_step, moving};
+use super::margin::{Margin, margin};
 use crate::dem::contact::hertz_mindlin::deepest;
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_least, at_most, number};
-use crate::scene::solids::GrainSource;
+use crate::scene::grains::GrainSource;
 
 /// Springs (N/m) and dashpots (N s/m) of a contact: normal, shear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -7,7 +7,7 @@
 //! the cap of the permeability; unstable is what fails in the fullest cell of the listed grains, or in the densest packing of equal grains.
 
 use super::Clock;
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::darcy::{self as case, Drag, Equations, PorosityMethod};
 use crate::coupling::drag::{Bed, DragLaw, Grain};
 use crate::darcy::permeability::kozeny_carman;
@@ -16,8 +16,8 @@ use crate::darcy::{Enclosure, Grid, MeanDiameter, Method, Openness, Pores};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
-use crate::scene::solids::GrainSource;
 
 /// Compares the interval with the shortest time of drag.
 pub(super) fn check(
@@ -78,7 +78,7 @@ pub(super) fn check(
 
 /// Radius and material of the smallest grain.
 fn lightest(scene: &Scene) -> Option<(f64, usize)> {
-    let kinds = super::envelope::moving(scene).into_iter();
+    let kinds = super::critical_step::moving(scene).into_iter();
     kinds
         .map(|(material, radius)| (radius, material))
         .min_by(|a, b| a.0.total_cmp(&b.0))

@@ -4,106 +4,22 @@
 //! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
 
 use super::Clock;
+use super::critical_step::{Critical, critical_solid_time_step};
+use super::margin::{Margin, margin, slower_clock};
 use crate::error::Remedy;
 use crate::scene::Scene;
-use crate::scene::contact::{ContactTable, Law, TimeLimits};
+use crate::scene::boundaries::Condition;
+use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_most, number};
-use crate::scene::flow::{Condition, Flow, Initial, PATH};
+use crate::scene::flow::{Flow, PATH};
 use crate::scene::grid::count;
-use crate::scene::solids::{GrainSource, Mobility};
+use crate::scene::initial::Initial;
 use crate::scene::speed::{passage, pressure_difference, speeds};
-use serde::Serialize;
-
-/// A limit and where the case stands.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Margin {
-    /// Which limit.
-    pub limit: String,
-    /// Where the case stands.
-    pub value: f64,
-    /// The limit.
-    pub allowed: f64,
-    /// How much of the limit is used; above 1 it is crossed.
-    pub used: f64,
-    /// JSON path of what decides it.
-    pub path: String,
-}
 
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
-
-/// The critical time step and the grain that decides it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Critical {
-    /// The shortest limit of any grain \[s\].
-    pub(crate) time_step: f64,
-    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh \[s\].
-    pub(crate) limits: TimeLimits,
-}
-
-/// Material and radius (m) of spheres and discs that move by forces, the smallest of each source.
-pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
-    let mut moving: Vec<(usize, f64)> = Vec::new();
-    if let Some(grains) = &scene.grains {
-        match &grains.source {
-            GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
-                moving.extend(list.iter().map(|g| (g.material, g.radius)))
-            }
-            _ => moving.extend(
-                grains
-                    .radii
-                    .map(|(smallest, _)| (grains.material, smallest)),
-            ),
-        }
-    }
-    for region in &scene.regions {
-        if let crate::scene::observe::Action::Generate {
-            radii, material, ..
-        } = &region.action
-        {
-            moving.push((*material, radii.bounds().0));
-        }
-    }
-    let spheres = scene.bodies.iter().filter(|b| b.solid.is_none());
-    let free = spheres.filter(|b| b.mobility == Mobility::Free);
-    moving.extend(free.map(|b| (b.material, b.radius)));
-    moving
-}
-
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
-/// with all its faces in touch.
-pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
-    let contact = scene.contact.as_ref()?;
-    let of_spheres = moving(scene)
-        .into_iter()
-        .filter(|(material, _)| *material < contact.materials)
-        .map(|(material, radius)| {
-            contact.time_limits(material, radius, scene.mass(material, radius))
-        });
-    let of_blocks = scene
-        .polyhedra()
-        .filter(|(_, _, free)| *free)
-        .map(|(solid, material, _)| {
-            let mass = scene.density(material) * solid.shape.volume();
-            contact.time_limits_of_block(material, &solid.shape, mass)
-        });
-    let mut shortest: Option<TimeLimits> = None;
-    for limits in of_spheres.chain(of_blocks) {
-        if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {
-            continue;
-        }
-        shortest = Some(shortest.map_or(limits, |known| TimeLimits {
-            spring: known.spring.min(limits.spring),
-            rayleigh: known.rayleigh.zip(limits.rayleigh).map(|(a, b)| a.min(b)),
-        }));
-    }
-    shortest.map(|limits| Critical {
-        time_step: limits.shorter(),
-        limits,
-    })
-}
 
 /// All limits; those crossed become findings.
 pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Vec<Margin> {
@@ -172,16 +88,6 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     margins
 }
 
-pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margin {
-    Margin {
-        limit: limit.into(),
-        value,
-        allowed,
-        used: value / allowed,
-        path: path.into(),
-    }
-}
-
 fn lattice_velocity(
     scene: &Scene,
     flow: &Flow,
@@ -245,24 +151,6 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
         number(finer)
     );
     slower_clock(flow, h, dt / flow.time_step, text)
-}
-
-/// The least relaxation time that is proposed: below it stability is asked of the operator and the walls, not of the clock.
-const LEAST_PROPOSED: f64 = 0.505;
-
-/// Proposes `part` of the time step through whatever fixes it, where that leaves a relaxation time with which runs hold.
-pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Remedy {
-    let dt = at_most(part * flow.time_step);
-    let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);
-    let remedy = Remedy::from(text);
-    if part >= 1.0 || 0.5 + above < LEAST_PROPOSED {
-        return remedy;
-    }
-    match flow.fixed_by {
-        "relaxation_time" => remedy.set(format!("{PATH}.relaxation_time"), 0.5 + at_most(above)),
-        "time_step" | "accuracy" => remedy.set(format!("{PATH}.time_step"), dt),
-        _ => remedy,
-    }
 }
 
 /// The lattice takes pressure for density: dp/(rho c_s²) must stay small.

@@ -22,13 +22,13 @@
 //!
 //! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells that keep their water: without it they are borne better.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::grid::count;
-use crate::scene::solids::Mobility;
 
 /// Density ratios of a body of some size.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,13 +15,14 @@
 //! the second have rates of their own, beyond the map. Streams and channels run with it at a thousand
 //! times these values: where the border lies depends on what makes the eddies.
 
-use super::envelope::{Margin, margin};
+use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Collision;
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
-use crate::scene::flow::{Condition, Flow};
+use crate::scene::flow::Flow;
 use crate::scene::speed;
 
 /// Bounds of the cell Reynolds number up to a Mach number.
@@ -232,7 +233,7 @@ pub(super) fn check(
                 speed.what,
                 number(mach),
             ),
-            super::envelope::slower_clock(
+            super::margin::slower_clock(
                 flow,
                 scene.grid.spacing,
                 slower / mach,

@@ -7,6 +7,9 @@ use crate::error::{Problem, Remedy, Severity};
 use serde_json::Value;
 use std::cell::OnceCell;
 
+/// The path of the lattice fluid in a case.
+pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
+
 /// The findings so far.
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {

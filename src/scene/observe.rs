@@ -1,9 +1,10 @@
 //! Regions, probes, outputs and analysis of a scene.
 
 use super::block::Block;
+use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
+use super::grains::check_radii;
 use super::grid::Grid;
-use super::solids::{Body, check_radii};
 use super::{material, unique};
 use crate::case::Case;
 use crate::case::fluid::Fluid;

@@ -3,8 +3,23 @@
 //! A header names the columns: `x`, `y`, `z` (3-D only), `radius` in m, and optionally `material`; other columns are
 //! skipped. Numbers are written with all their digits: a sample read back is the sample written.
 
-use super::solids::Grain;
+use serde::Serialize;
 use std::fmt::Write;
+
+/// A grain of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Grain {
+    /// Centre [m].
+    pub position: [f64; 3],
+    /// Radius [m].
+    pub radius: f64,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
+    /// Rotation rate [rad/s].
+    pub angular_velocity: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+}
 
 /// The sample as CSV; `materials` are the names behind the indices.
 #[must_use]

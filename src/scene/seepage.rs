@@ -2,8 +2,8 @@
 
 use super::block::Block;
 use super::findings::{Findings, number};
+use super::grains::Grains;
 use super::grid::{Grid, count, whole};
-use super::solids::Grains;
 use super::unique;
 use crate::case::Case;
 use crate::case::darcy::{self, Darcy, SeepageCondition};

@@ -8,7 +8,9 @@
 pub(crate) mod settling;
 
 use super::Scene;
-use super::flow::{BodyForce, Condition, Flow, Initial, PATH, Patch, VelocityProfile};
+use super::boundaries::{Condition, Patch, VelocityProfile};
+use super::flow::{BodyForce, Flow, PATH};
+use super::initial::Initial;
 use crate::case::boundary::Fluctuations;
 
 /// A velocity the fluid will reach.

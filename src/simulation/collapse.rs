@@ -10,7 +10,6 @@ use super::table::{Table, agreed, append};
 use super::view::View;
 use crate::analysis::erosion_law::{Row, read_rows};
 use crate::analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
-use crate::analysis::ground_collapse::figures;
 use crate::analysis::ground_collapse::measure::{
     Above, Cells, Grain, Ground, Limits, Point, Sample,
 };
@@ -22,6 +21,7 @@ use crate::analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Threshol
 use crate::darcy::overlap::sphere_box;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
+use crate::figures::ground_collapse as figures;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::collapse::GroundCollapse;
@@ -50,9 +50,9 @@ struct Left {
     mass: f64,
 }
 
-/// What a restart needs; on ranks other than 0 what left and the start alone are kept up.
+/// The state of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct State {
+pub struct State {
     start: Option<Start>,
     ground: Option<Ground>,
     points: Vec<Left>,
@@ -248,13 +248,14 @@ impl CollapseRecorder {
         agreed(domain, drawn)
     }
 
-    /// What a checkpoint keeps, the same on every rank; the tables are on disk, synced, when it returns.
+    /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables are on disk, synced,
+    /// when it returns.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
-    pub fn state(&self, domain: &Domain) -> Result<Value, Error> {
+    /// [`Error::Io`] on every rank when a table cannot be written.
+    pub fn state(&self, domain: &Domain) -> Result<Option<State>, Error> {
         if self.asked.is_none() {
-            return Ok(Value::Null);
+            return Ok(None);
         }
         let tables = &self.tables;
         let synced = [
@@ -271,25 +272,23 @@ impl CollapseRecorder {
         // What rank 0 knows is the whole of it.
         let mut bytes = serde_json::to_vec(&self.state).map_err(broken)?;
         domain.communicator().broadcast_bytes(0, &mut bytes);
-        serde_json::from_slice(&bytes).map_err(broken)
+        serde_json::from_slice(&bytes).map(Some).map_err(broken)
     }
 
     /// Takes back [`Self::state`].
     ///
     /// # Errors
-    /// [`Error::Io`] where it is not such a state.
-    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
+    /// [`Error::Io`] where the state is missing or does not fit the case.
+    pub fn restore(&mut self, state: Option<State>) -> Result<(), Error> {
         let Some(asked) = &self.asked else {
             return Ok(());
         };
-        if state.is_null() {
+        let Some(state) = state else {
             return Err(Error::Io(
                 "the checkpoint holds no ground as it was at time 0, since its run did not ask for it; take `analysis.ground_collapse` out, or start anew"
                     .into(),
             ));
-        }
-        let state: State = serde_json::from_value(state.clone())
-            .map_err(|error| Error::Io(format!("state of the collapse record: {error}")))?;
+        };
         if state.points.len() != asked.points.len() {
             return Err(Error::Io(format!(
                 "{} seepage points saved, {} here",

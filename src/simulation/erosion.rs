@@ -40,8 +40,8 @@ use crate::dem::{BondBreak, Failure};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
+use crate::scene::boundaries::Condition;
 use crate::scene::contact::Law;
-use crate::scene::flow::Condition;
 use crate::scene::grid::{count, whole};
 use crate::scene::observe::{Action, ErosionLaw};
 use decomposition::{Domain, ExactSum, Fixed};
@@ -67,9 +67,9 @@ struct Start {
     packing: f64,
 }
 
-/// What a restart needs.
+/// The state of the recorder in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct State {
+pub struct State {
     start: Option<Start>,
     /// Solid fraction beside the hole as the water sees it, at the first row.
     intact: Option<f64>,
@@ -420,28 +420,23 @@ impl ErosionRecorder {
         agreed(domain, append(&mut self.bonds, &lines))
     }
 
-    /// What a checkpoint keeps, the same on every rank; the tables are on disk, synced, when it returns.
+    /// The state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
-    pub fn state(&mut self, domain: &Domain) -> Result<Value, Error> {
+    /// [`Error::Io`] on every rank when a table cannot be written.
+    pub fn state(&mut self, domain: &Domain) -> Result<State, Error> {
         self.flush(domain)?;
         let synced = [&self.removed, &self.bonds, &self.rows]
             .into_iter()
             .flatten()
             .try_for_each(Table::sync);
         agreed(domain, synced)?;
-        serde_json::to_value(&self.state).map_err(|error| Error::Internal(error.to_string()))
+        Ok(self.state.clone())
     }
 
     /// Takes back [`Self::state`].
-    ///
-    /// # Errors
-    /// [`Error::Io`] where it is not such a state.
-    pub fn restore(&mut self, state: &Value) -> Result<(), Error> {
-        self.state = serde_json::from_value(state.clone())
-            .map_err(|error| Error::Io(format!("state of the erosion record: {error}")))?;
-        Ok(())
+    pub fn restore(&mut self, state: State) {
+        self.state = state;
     }
 
     /// The value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none where the case asks for no erosion

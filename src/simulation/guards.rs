@@ -32,7 +32,7 @@ pub use failure::of_solids;
 use failure::{Failure, Kind};
 use look::{At, Look, Order};
 use openings::Openings;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Steps between balances; each costs about one fluid step.
@@ -43,6 +43,19 @@ const SMALLEST_FORCE: [f64; 2] = [1e-11, 1e-7];
 /// Errors of the balance of a step up to which rounding explains them, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
 const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
+
+/// The meters of the guards in a checkpoint. A number that is not finite is null there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct State {
+    mass_error: Option<f64>,
+    momentum_error: Option<f64>,
+    mach: Option<f64>,
+    /// Density deviation of largest size, and its cell.
+    squeezed: Option<(Option<f64>, Option<u64>)>,
+    openings: openings::State,
+    warned: [bool; 2],
+}
 
 /// The guards of a run.
 #[derive(Clone, Debug, Default)]
@@ -81,32 +94,30 @@ impl Guards {
         }
     }
 
-    /// What a checkpoint keeps of the meters: tables print them, and go on after a restart as if there had been none.
+    /// The meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
     #[must_use]
-    pub fn state(&self) -> Value {
-        json!({
-            "mass_error": self.mass_error,
-            "momentum_error": self.momentum_error,
-            "mach": self.speed[1],
-            "squeezed": self.squeezed[1].map(|at| json!([at.value, at.cell])),
-            "openings": self.openings.state(),
-            "warned": self.warned,
-        })
+    pub fn state(&self) -> State {
+        State {
+            mass_error: self.mass_error,
+            momentum_error: self.momentum_error,
+            mach: self.speed[1],
+            squeezed: self.squeezed[1].map(|at| (Some(at.value), Some(at.cell))),
+            openings: self.openings.state(),
+            warned: self.warned,
+        }
     }
 
-    /// Takes back what [`Self::state`] gave; numbers that are missing count as never measured.
-    pub fn restore(&mut self, state: &Value) {
-        let number = |name: &str| state[name].as_f64();
-        self.mass_error = number("mass_error");
-        self.momentum_error = number("momentum_error");
-        self.speed[1] = number("mach");
-        let at = &state["squeezed"];
-        self.squeezed[1] = at[0]
-            .as_f64()
-            .zip(at[1].as_u64())
+    /// Takes back [`Self::state`]; numbers that are missing count as never measured.
+    pub fn restore(&mut self, state: State) {
+        self.mass_error = state.mass_error;
+        self.momentum_error = state.momentum_error;
+        self.speed[1] = state.mach;
+        self.squeezed[1] = state
+            .squeezed
+            .and_then(|(value, cell)| value.zip(cell))
             .map(|(value, cell)| At { value, cell });
-        self.openings.restore(&state["openings"]);
-        self.warned = [0, 1].map(|n| state["warned"][n].as_bool().unwrap_or(false));
+        self.openings.restore(state.openings);
+        self.warned = state.warned;
     }
 
     /// Largest relative error of the mass balance of any step that was balanced.

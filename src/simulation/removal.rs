@@ -24,7 +24,6 @@ use crate::scene::observe::Action;
 use decomposition::Domain;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// A grain that was taken out, and by which region.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,9 +53,9 @@ struct Made {
     batches: u32,
 }
 
-/// What a restart needs.
+/// The counts in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct State {
+pub struct State {
     /// The next free id; none until first needed.
     next_id: Option<u64>,
     /// Per region of the scene.
@@ -281,12 +280,10 @@ impl Removal {
         Ok(born)
     }
 
-    /// The counts, for a checkpoint; the same on every rank.
-    ///
-    /// # Errors
-    /// Where they cannot be written as JSON.
-    pub fn state(&self) -> Result<Value, Error> {
-        serde_json::to_value(&self.state).map_err(|error| Error::Internal(error.to_string()))
+    /// The counts for a checkpoint; the same on every rank.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.state.clone()
     }
 
     /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a new one, and
@@ -296,11 +293,9 @@ impl Removal {
     /// [`Error::Io`] where they are not those of a run with as many regions.
     pub fn restore(
         &mut self,
-        state: &Value,
+        state: &State,
         origins: Option<&[Option<usize>]>,
     ) -> Result<(), Error> {
-        let state: State = serde_json::from_value(state.clone())
-            .map_err(|error| Error::Io(format!("counts of the regions: {error}")))?;
         let regions = self.state.taken.len();
         let same: Vec<Option<usize>> = (0..state.taken.len()).map(Some).collect();
         let origins = origins.unwrap_or(&same);
@@ -550,18 +545,14 @@ mod tests {
         let again = removal.leaving(&mut particles, &plan, &serial(), 8, 0.6);
         assert!(again.unwrap().is_empty());
 
-        let saved = removal.state().unwrap();
+        let saved = removal.state();
         let mut other = Removal::new(&plan);
         let text = serde_json::to_string(&saved).unwrap();
         other
             .restore(&serde_json::from_str(&text).unwrap(), None)
             .unwrap();
         assert_eq!(other.taken(), removal.taken());
-        assert!(
-            other
-                .restore(&serde_json::json!({"taken": []}), None)
-                .is_err()
-        );
+        assert!(other.restore(&State::default(), None).is_err());
     }
 
     const SPRING: &str = r#"{"name": "spring", "box": {"from": [0.002, 0.001], "to": [0.004, 0.002]},
@@ -632,7 +623,7 @@ mod tests {
             first.appearing(&mut resumed, &plan, &domain, time).unwrap();
         }
         let mut second = Removal::new(&plan);
-        second.restore(&first.state().unwrap(), None).unwrap();
+        second.restore(&first.state(), None).unwrap();
         for step in 6..20_u32 {
             let time = f64::from(step) * 1e-3;
             second

@@ -16,10 +16,12 @@ use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::output::together::Together;
 use crate::plan::{Plan, steps_number};
+use crate::preparation::rest::SavedRest;
+use crate::provenance;
 use crate::scene::findings::refused;
 use crate::scene::grid::whole;
 use crate::scene::observe::Action;
-use crate::scene::solids::Wall;
+use crate::scene::walls::Wall;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Found;
 use io::marks::{Marks, check, cut_back};
@@ -46,7 +48,7 @@ pub(super) enum Stage {
     /// A sample in the making.
     Sample,
     /// Bonded grains on their way to rest.
-    Settling(Value),
+    Rest(SavedRest),
     /// The fluid on its way to being steady, after so many steps.
     WarmUp(u64),
 }
@@ -71,7 +73,11 @@ impl Resumed {
             return Ok(Stage::Sample);
         }
         if !stage["settling"].is_null() {
-            return Ok(Stage::Settling(stage["settling"].clone()));
+            return serde_json::from_value(stage["settling"].clone())
+                .map(Stage::Rest)
+                .map_err(|_| {
+                    Error::Io("the saved preparation does not say how far it was".into())
+                });
         }
         stage["warm_up"].as_u64().map(Stage::WarmUp).ok_or_else(|| {
             Error::Io(format!(
@@ -88,8 +94,8 @@ pub(super) fn attributes(plan: &Plan) -> Value {
         "case": plan.case_text,
         "case_hash": plan.case_hash,
         "scales": scales(plan),
-        "version": env!("CARGO_PKG_VERSION"),
-        "commit": env!("SOLVER_COMMIT"),
+        "version": provenance::VERSION,
+        "commit": provenance::commit(),
     })
 }
 
@@ -278,7 +284,7 @@ pub(super) fn cut_tables_back(
 fn tell_version(found: &Found) {
     let of = |key: &str| found.manifest.attributes[key].as_str().unwrap_or("unknown");
     let (version, commit) = (of("version"), of("commit"));
-    let mine = (env!("CARGO_PKG_VERSION"), env!("SOLVER_COMMIT"));
+    let mine = (provenance::VERSION, provenance::commit());
     if (version, commit) != mine {
         log::warn!(
             "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ from those of one program",

@@ -14,6 +14,7 @@ use crate::dem::contact::hertz_mindlin::{self, HertzMindlin};
 use crate::dem::contact::linear::{self, Linear};
 use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
+pub use crate::dem::space::vector;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
 use crate::error::{Error, Problem, Severity};
@@ -25,13 +26,15 @@ use crate::lbm::initial::Field;
 use crate::lbm::synthetic::Modes;
 use crate::lbm::turbulence::Model;
 use crate::plan::{self, Plan};
+use crate::scene::bodies::Mobility;
+use crate::scene::boundaries;
+use crate::scene::boundaries::{Condition as Written, VelocityProfile};
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
-use crate::scene::flow::{
-    self, BodyForce, Condition as Written, Flow, Initial, Lattice, VelocityProfile,
-};
+use crate::scene::flow::{BodyForce, Flow, Lattice};
 use crate::scene::grid::{Grid, count};
+use crate::scene::initial::Initial;
 use crate::scene::profile::Table;
-use crate::scene::solids::{Grain, Mobility};
+use crate::scene::sample::Grain;
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
 use std::sync::Arc;
@@ -129,7 +132,7 @@ fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
     }
 }
 
-fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
+fn patch(plan: &Plan, patch: &boundaries::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
     let cells = plan.scene.grid.cells;
     let axis = patch.face.axis();
     let upper = patch.face.is_max();
@@ -217,7 +220,7 @@ fn patch(plan: &Plan, patch: &flow::Patch, units: &LatticeUnits) -> Result<Patch
 fn synthetic(
     written: &Fluctuations,
     plan: &Plan,
-    patch: &flow::Patch,
+    patch: &boundaries::Patch,
     profile: &Profile,
     units: &LatticeUnits,
 ) -> Result<Synthetic, Error> {
@@ -259,7 +262,13 @@ fn synthetic(
 }
 
 /// A parabola over the patch along the inward normal; in 3-D the product of two.
-fn parabola(axis: usize, upper: bool, patch: &flow::Patch, dimension: usize, peak: f64) -> Profile {
+fn parabola(
+    axis: usize,
+    upper: bool,
+    patch: &boundaries::Patch,
+    dimension: usize,
+    peak: f64,
+) -> Profile {
     let (from, to) = (patch.from.map(count), patch.to.map(count));
     let inward = if upper { -peak } else { peak };
     Box::new(move |position| {
@@ -372,15 +381,6 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
         }
         Initial::File(_) => return None,
     })
-}
-
-/// A vector of the space from three components.
-pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
-    let mut vector = S::Vector::default();
-    for (a, &x) in v.iter().enumerate().take(S::DIMENSION) {
-        vector.set(a, x);
-    }
-    vector
 }
 
 /// A spin of the space from the vector of rotation.

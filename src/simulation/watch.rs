@@ -17,7 +17,7 @@
 //! request that reaches any rank is heard.
 
 use crate::error::Error;
-use crate::scene::waiting::Request;
+use crate::preparation::supervision::{Request, Requests};
 use decomposition::Communicator;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -104,33 +104,6 @@ impl Watch {
         })
     }
 
-    /// Steps until ranks should ask again; the same on all.
-    #[must_use]
-    pub fn steps(&self) -> u64 {
-        self.steps
-    }
-
-    /// The strongest request of any rank. Collective.
-    pub fn ask(&mut self, communicator: &Communicator) -> Request {
-        let took = u64::try_from(self.asked.elapsed().as_millis())
-            .unwrap_or(u64::MAX)
-            .min(u64::from(u32::MAX));
-        // The largest time counts where nobody asks for anything, and nothing else needs it.
-        let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
-        self.asked = Instant::now();
-        let (request, took) = (all >> 32, all & u64::from(u32::MAX));
-        if took > PACE[0] {
-            self.steps = (self.steps / 2).max(1);
-        } else if took < PACE[1] {
-            self.steps = (2 * self.steps).min(MOST_STEPS);
-        }
-        match request {
-            0 => Request::None,
-            1 => Request::Checkpoint,
-            _ => Request::Stop,
-        }
-    }
-
     /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other ranks.
     pub fn attend(&mut self, communicator: &Communicator) {
         loop {
@@ -207,5 +180,31 @@ impl Watch {
     #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.start.elapsed()
+    }
+}
+
+impl Requests for Watch {
+    fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    fn ask(&mut self, communicator: &Communicator) -> Request {
+        let took = u64::try_from(self.asked.elapsed().as_millis())
+            .unwrap_or(u64::MAX)
+            .min(u64::from(u32::MAX));
+        // The largest time counts where nobody asks for anything, and nothing else needs it.
+        let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
+        self.asked = Instant::now();
+        let (request, took) = (all >> 32, all & u64::from(u32::MAX));
+        if took > PACE[0] {
+            self.steps = (self.steps / 2).max(1);
+        } else if took < PACE[1] {
+            self.steps = (2 * self.steps).min(MOST_STEPS);
+        }
+        match request {
+            0 => Request::None,
+            1 => Request::Checkpoint,
+            _ => Request::Stop,
+        }
     }
 }

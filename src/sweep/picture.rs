@@ -5,10 +5,10 @@ use super::members::Member;
 use super::record::Outcome;
 use super::study::{Cost, Study};
 use super::table::{Row, Table};
-use crate::analysis::plot::{
+use crate::error::Verdict;
+use crate::figures::plot::{
     Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
 };
-use crate::error::Verdict;
 use std::fmt::Write as _;
 
 /// Error against cost, with a panel for each cost.

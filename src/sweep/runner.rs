@@ -7,7 +7,7 @@
 //! Environment, as for the scripts under `jobs`: SOLVER (the program; this one without it), LAUNCH (what starts MPI;
 //! `mpirun -n RANKS` without it, and nothing for one rank).
 
-use super::Say;
+use super::Report;
 use super::members::Member;
 use super::record::{FILE, Outcome, Record};
 use super::study::{Refused, Run, Study};
@@ -36,7 +36,7 @@ pub struct Runner<'a> {
     run: &'a Run,
     allow_unstable: bool,
     output: &'a Path,
-    say: Say<'a>,
+    report: Report<'a>,
     solver: PathBuf,
     version: String,
     stop: Arc<AtomicBool>,
@@ -100,7 +100,7 @@ impl<'a> Runner<'a> {
         study: &'a Study,
         output: &'a Path,
         walltime: Option<Duration>,
-        say: Say<'a>,
+        report: Report<'a>,
     ) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR2};
         fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;
@@ -113,7 +113,7 @@ impl<'a> Runner<'a> {
             run: &study.run,
             allow_unstable: study.refused == Refused::Run,
             output,
-            say,
+            report,
             solver: solver()?,
             version: solver_version()?,
             stop,
@@ -137,7 +137,7 @@ impl<'a> Runner<'a> {
         let mut planned: f64 = queue.iter().map(|(_, m)| seconds(m)).sum();
         if queue.len() < members.len() {
             let done = members.len() - queue.len();
-            (self.say)(&format!("{done} of {} members need no run", members.len()));
+            (self.report)(&format!("{done} of {} members need no run", members.len()));
         }
         let mut jobs: Vec<Job<'_>> = Vec::new();
         let (mut spent, mut of_plan, mut stopped) = (0.0, 0.0, 0_usize);
@@ -195,7 +195,7 @@ impl<'a> Runner<'a> {
         } else {
             format!(" ({})", record.message)
         };
-        (self.say)(&format!(
+        (self.report)(&format!(
             "member {} of {count}: {} {}{why} after {:.1} s; about {left:.0} s left",
             job.number + 1,
             job.member.name,
@@ -379,8 +379,8 @@ fn last_words(folder: &Path) -> String {
         io::plain::text(&folder.join("errors.txt"), io::plain::LONGEST_CASE).unwrap_or_default();
     let mut lines = text.lines().rev().filter(|line| !line.trim().is_empty());
     let last = lines.clone().next();
-    let told = lines.find(|line| line.starts_with("solver:") || line.starts_with("error:"));
-    let line = told.or(last).unwrap_or_default();
+    let reported = lines.find(|line| line.starts_with("solver:") || line.starts_with("error:"));
+    let line = reported.or(last).unwrap_or_default();
     line.chars().take(300).collect()
 }
 

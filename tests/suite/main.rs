@@ -14,6 +14,7 @@ mod case_broken;
 mod case_commands;
 mod case_examples;
 mod case_mutants;
+mod circles;
 mod collapse;
 mod extremes;
 mod folders;

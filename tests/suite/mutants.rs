@@ -577,7 +577,7 @@ fn arguments(command: &str, mutant: &Mutant, text: &Path) -> Vec<String> {
 
 /// Cheap enough to be run for a few steps within the memory of the binary.
 fn runs(plan: &Plan) -> bool {
-    use solver::scene::solids::GrainSource;
+    use solver::scene::grains::GrainSource;
     let grown = plan.scene.grains.as_ref().is_some_and(|grains| {
         matches!(
             grains.source,
@@ -605,6 +605,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let (mut accepted, mut studies) = (0, 0);
     let mut slowest = (Duration::ZERO, 0);
+    let mut slow = 0;
     let mut codes: BTreeMap<(&str, i32), u64> = BTreeMap::new();
     let mut wrong = Vec::new();
     for seed in first..first + count {
@@ -629,6 +630,10 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         let judged = in_process(&mutant, folder.path());
         let taken = processor_time() - begun;
         slowest = slowest.max((taken, seed));
+        if long && taken > Duration::from_secs(1) && !mutant.study {
+            slow += 1;
+            println!("seed {seed}: {}: {taken:.2?}", mutant.what);
+        }
         let limit = if mutant.study { 6 * HANG } else { HANG };
         if taken > limit {
             wrong.push(format!("seed {seed}: {}: took {taken:?}", mutant.what));
@@ -667,7 +672,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         }
     }
     println!(
-        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest took {:.2?} (seed {}); through the binary {codes:?}; {} wrong",
+        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest took {:.2?} (seed {}), {slow} cases more than a second; through the binary {codes:?}; {} wrong",
         corpus.len(),
         slowest.0,
         slowest.1,

@@ -2,7 +2,7 @@
 //!
 //! `jobs/verification/run.sh` runs the long forms through the same comparison.
 
-#[path = "../../examples/verify/suite.rs"]
+#[path = "../../jobs/verification/suite.rs"]
 pub(crate) mod suite;
 
 use std::collections::BTreeMap;

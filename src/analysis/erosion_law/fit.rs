@@ -19,6 +19,7 @@
 
 use super::hole::as_f64;
 use super::rate::RateWindow;
+use super::statistics::{median, student};
 
 /// An interval of confidence, 95 % unless said otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -560,36 +561,6 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     (slope, -median(&mut intercepts) / slope)
 }
 
-/// The median; `NaN` of nothing.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    if values.len() % 2 == 1 {
-        values[half]
-    } else {
-        0.5 * (values[half - 1] + values[half])
-    }
-}
-
-/// Student's t for a two-sided interval of 95 %.
-pub(super) fn student(freedom: usize) -> f64 {
-    const TABLE: [f64; 30] = [
-        12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
-        2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056,
-        2.052, 2.048, 2.045, 2.042,
-    ];
-    match freedom {
-        // Two points leave nothing to judge by: the counting errors are all there is.
-        0 => 1.960,
-        1..=30 => TABLE[freedom - 1],
-        // Second-order expansion in 1 / freedom, right to 1e-3 here.
-        _ => 1.960 + 2.372 / as_f64(freedom),
-    }
-}
-
 /// What the fits of a cohesion series say together.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CohesionTrend {
@@ -709,26 +680,26 @@ impl SplitMix {
 }
 
 #[cfg(test)]
-pub(in crate::analysis) mod tests {
+pub(crate) mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
     /// Random numbers of the tests of this folder.
-    pub(in crate::analysis) struct Draws(SplitMix);
+    pub(crate) struct Draws(SplitMix);
 
     impl Draws {
-        pub(in crate::analysis) fn new(seed: u64) -> Self {
+        pub(crate) fn new(seed: u64) -> Self {
             Self(SplitMix::new(seed))
         }
         /// In (0, 1).
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        pub(in crate::analysis) fn uniform(&mut self) -> f64 {
+        pub(crate) fn uniform(&mut self) -> f64 {
             ((self.0.next() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
         }
-        pub(in crate::analysis) fn normal(&mut self) -> f64 {
+        pub(crate) fn normal(&mut self) -> f64 {
             (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
         }
-        pub(in crate::analysis) fn exponential(&mut self, rate: f64) -> f64 {
+        pub(crate) fn exponential(&mut self, rate: f64) -> f64 {
             -self.uniform().ln() / rate
         }
     }
@@ -979,12 +950,5 @@ pub(in crate::analysis) mod tests {
         );
         assert!(trend.reversals > 0 && !trend.critical_shear_increases);
         assert_eq!(cohesion_trend(&series[..1]), None);
-    }
-
-    #[test]
-    fn quantiles_are_students() {
-        assert_relative_eq!(student(8), 2.306);
-        assert_relative_eq!(student(40), 2.021, epsilon = 2e-3);
-        assert_relative_eq!(student(1_000_000), 1.960, epsilon = 1e-3);
     }
 }

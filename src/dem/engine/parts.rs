@@ -4,10 +4,10 @@
 //! part of its first, the lower id: pairs stand in order of their firsts, so that the pairs of a part are one piece of the list,
 //! and those that cross into another part cross into a later one. First each part computes its pairs that cross. Then it adds
 //! up for its own grains what earlier parts computed, which are the lower ids, and after that goes through its own pairs.
-//! Where ids follow space few pairs cross: [`crate::scene::numbering`].
+//! Where ids follow space few pairs cross: [`crate::preparation::numbering`].
 
 use super::*;
-use crate::crew;
+use crate::thread_pool;
 
 /// Where a part starts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -252,7 +252,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.wall_pairs
                 .partition_point(|pair| (pair.grain as usize) < grain)
         };
-        let count = crew::threads();
+        let count = thread_pool::threads();
         self.parts.cut(count, owned, [&pairs_below, &planes_below]);
     }
 
@@ -277,19 +277,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         } = &mut self.parts;
         let (cuts, count) = (&**cuts, failed.len());
         if crossings.iter().any(|crossing| !crossing.places.is_empty()) {
-            let pairs = crew::cut(&mut self.pairs, count, |part| cuts[part].pairs);
-            let shared = (crew::evenly(crossings, count), pairs);
-            crew::each_of(count, shared, |part, (crossing, pairs)| {
+            let pairs = thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs);
+            let shared = (thread_pool::evenly(crossings, count), pairs);
+            thread_pool::each_of(count, shared, |part, (crossing, pairs)| {
                 world.cross::<PERIODIC>(&cuts[part], &mut crossing[0], pairs);
             });
         }
         let shared = (
-            crew::evenly(failed, count),
-            crew::cut(&mut self.pairs, count, |part| cuts[part].pairs),
-            crew::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
-            crew::cut(&mut particles.contact, count, |part| cuts[part].grains),
+            thread_pool::evenly(failed, count),
+            thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs),
+            thread_pool::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
+            thread_pool::cut(&mut particles.contact, count, |part| cuts[part].grains),
         );
-        crew::each_of(count, shared, |part, (failed, pairs, planes, loads)| {
+        thread_pool::each_of(count, shared, |part, (failed, pairs, planes, loads)| {
             let share = Share::<S, L> {
                 pairs,
                 planes,

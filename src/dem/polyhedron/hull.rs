@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 
 use super::HalfSpace;
-use super::shape::ShapeError;
+use super::error::ShapeError;
 
 /// The most points of a hull.
 pub(super) const MOST: usize = 1000;

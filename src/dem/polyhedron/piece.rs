@@ -7,8 +7,9 @@ use nalgebra::Vector3;
 
 use super::HalfSpace;
 use super::cut::{Cut, count_f64};
+use super::error::ShapeError;
 use super::linear_program::{AFRESH, Verdict, solve};
-use super::shape::{Polyhedron, ShapeError, Solid, moments};
+use super::shape::{Polyhedron, Solid, moments};
 
 /// Corners closer to a plane than this over the size of the solid are on it.
 const ON: f64 = 1e-11;

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::HalfSpace;
 use super::cut::{Cut, count_f64, number};
+use super::error::ShapeError;
 use super::hull;
 use super::linear_program::{AFRESH, Verdict, solve};
 
@@ -15,79 +16,6 @@ use super::linear_program::{AFRESH, Verdict, solve};
 const FLAT: f64 = 1e-9;
 /// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single precision.
 const STL_PLANE: f64 = 2e-6;
-
-/// Why something is no block.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ShapeError {
-    /// Too few of what it is made from.
-    #[error("{found} {what}, where a block needs at least {least}")]
-    Few {
-        /// Vertices, half-spaces or triangles.
-        what: &'static str,
-        /// How many there are.
-        found: usize,
-        /// How many it takes.
-        least: usize,
-    },
-    /// Too many of what it is made from.
-    #[error("{found} {what}, where at most {most} are allowed")]
-    Many {
-        /// Vertices, half-spaces or triangles.
-        what: &'static str,
-        /// How many there are.
-        found: usize,
-        /// How many may be.
-        most: usize,
-    },
-    /// A number that is none, or a normal or an edge of no length.
-    #[error("{what} {index} is not finite or has no length")]
-    Unusable {
-        /// Vertex, half-space, edge or triangle.
-        what: &'static str,
-        /// Which one.
-        index: usize,
-    },
-    /// No volume.
-    #[error("the block is flat: {thickness:e} m thick over a width of {width:e} m")]
-    Flat {
-        /// Smallest extent (m).
-        thickness: f64,
-        /// Largest extent (m).
-        width: f64,
-    },
-    /// The half-spaces have no point in common.
-    #[error(
-        "the half-spaces have no point in common: each point is outside one of them by {gap:e} m or more"
-    )]
-    Empty {
-        /// How far outside the best point is (m).
-        gap: f64,
-    },
-    /// The half-spaces leave a direction open.
-    #[error("the half-spaces are not bounded towards ({}, {}, {})", .direction[0], .direction[1], .direction[2])]
-    Unbounded {
-        /// Unit vector in which the solid goes on.
-        direction: [f64; 3],
-    },
-    /// A corner outside the plane of a facet.
-    #[error(
-        "the surface is not convex: a corner stands {height:e} m outside the plane of triangle {triangle}"
-    )]
-    NotConvex {
-        /// Which triangle.
-        triangle: usize,
-        /// How far the corner stands out (m).
-        height: f64,
-    },
-    /// A surface with holes, or with triangles turned the wrong way.
-    #[error("the triangles do not close: they enclose {enclosed:e} m³ of a block of {volume:e} m³")]
-    NotClosed {
-        /// Volume by the sum over triangles (m³).
-        enclosed: f64,
-        /// Volume between their planes (m³).
-        volume: f64,
-    },
-}
 
 /// An edge between two faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

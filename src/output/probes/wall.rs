@@ -13,7 +13,8 @@ use crate::coupling::FluidView;
 use crate::error::Error;
 use crate::lbm::boundary::{Flux, from_quanta, quanta};
 use crate::lbm::lattice::{D2Q9, D3Q19, D3Q27, Velocities};
-use crate::scene::flow::{Condition, Flow, Lattice};
+use crate::scene::boundaries::Condition;
+use crate::scene::flow::{Flow, Lattice};
 use crate::scene::grid::{Grid, count};
 use decomposition::Communicator;
 

@@ -2,10 +2,11 @@
 
 use super::{Constants, Depth, Meeting, bonds, constants, limit, turning};
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::contact::{ContactTable, Law};
+use crate::scene::grains::GrainSource;
 use crate::scene::grid::Grid;
 use crate::scene::pairs::{self, Ball};
-use crate::scene::solids::{GrainSource, Mobility};
 use std::ops::ControlFlow;
 
 /// A grain or body; what does not move by forces has inverse masses of zero.

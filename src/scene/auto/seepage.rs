@@ -19,9 +19,9 @@ use super::step;
 use crate::case::darcy::SeepageCondition;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use crate::scene::grains::Grains;
 use crate::scene::grid::count;
 use crate::scene::seepage::{Patch, Seepage};
-use crate::scene::solids::Grains;
 
 const TABLE: &str = include_str!("measured_seepage.csv");
 /// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since another bed

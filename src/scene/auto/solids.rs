@@ -9,9 +9,10 @@ use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
 use crate::case::solids::Motion;
 use crate::error::Remedy;
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::contact::{ContactTable, fastest_approach};
 use crate::scene::findings::{Findings, number};
-use crate::scene::solids::{GrainSource, Mobility};
+use crate::scene::grains::GrainSource;
 use serde_json::json;
 
 /// Deepest overlap of a chosen spring, as a part of the diameter.

@@ -15,9 +15,11 @@ use super::Limit;
 use crate::case::coupling::{Coupling, SolidOperator};
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::scene::Scene;
+use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::growing_waves;
-use crate::scene::flow::{BodyForce, Condition, Flow, Initial, Lattice, PATH};
+use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
+use crate::scene::initial::Initial;
 use crate::scene::speed::{self, Speed};
 use crate::units::LatticeUnits;
 

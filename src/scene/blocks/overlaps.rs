@@ -2,9 +2,11 @@
 //! into an explosion. Walls of facets count where they reach into the largest sphere round the centroid; pairs of spheres are looked at in
 //! [`super::super::solids`].
 
+use super::super::bodies::{Body, Mobility};
 use super::super::findings::{Findings, number};
+use super::super::grains::{GrainSource, Grains};
 use super::super::grid::count;
-use super::super::solids::{Body, GrainSource, Grains, Mobility, Wall};
+use super::super::walls::Wall;
 use super::Blocks;
 use crate::case::Case;
 use crate::case::blocks::BlockSource;

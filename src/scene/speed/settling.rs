@@ -5,8 +5,9 @@
 //! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours make it slower.
 
 use super::super::Scene;
+use super::super::bodies::Mobility;
 use super::super::flow::Flow;
-use super::super::solids::{GrainSource, Mobility};
+use super::super::grains::GrainSource;
 use std::f64::consts::PI;
 
 /// Drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.

@@ -391,9 +391,7 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
 
     let at = half(&plan, 5);
     let mut second = ErosionRecorder::create(&plan, resumed.path(), &domain, Some(at)).unwrap();
-    second
-        .restore(&serde_json::from_str(&saved).unwrap())
-        .unwrap();
+    second.restore(serde_json::from_str(&saved).unwrap());
     let cut = tables(resumed.path());
     assert!(!cut[1].contains("\n1,0.5,7"), "{}", cut[1]);
     run(&mut second, &plan, 6, 9);

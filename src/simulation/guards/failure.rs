@@ -11,7 +11,7 @@ use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
-use crate::plan::envelope::Margin;
+use crate::plan::margin::Margin;
 use crate::scene::findings::number;
 use crate::scene::grid::count;
 use decomposition::Communicator;
@@ -142,7 +142,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         };
         (count(cells) + 0.5) * grid.spacing
     };
-    let holds = |patch: &&crate::scene::flow::Patch| {
+    let holds = |patch: &&crate::scene::boundaries::Patch| {
         let axis = patch.face.axis();
         (0..grid.dimension).all(|a| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]))
     };

@@ -12,7 +12,7 @@
 //! Both are warnings: of a domain that goes on filling the density ends the run (`guards.max_compression`).
 
 use decomposition::Communicator;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 use crate::coupling::lattice::LatticeFlow;
@@ -20,7 +20,7 @@ use crate::dem::space::Space;
 use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
-use crate::scene::flow::{Condition, Patch};
+use crate::scene::boundaries::{Condition, Patch};
 use crate::scene::grid::count;
 use crate::units::LatticeUnits;
 
@@ -62,6 +62,15 @@ impl Rates {
 /// The unit of flows.
 pub(super) fn unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2/s" } else { "m3/s" }
+}
+
+/// The looks of the window in a checkpoint. A number that is not finite is null there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(super) struct State {
+    settled: usize,
+    /// Inflow and outflow.
+    looks: Vec<[Option<f64>; 2]>,
 }
 
 /// What the openings let through.
@@ -196,22 +205,28 @@ impl Openings {
         (judged && mean.imbalance().abs() > IMBALANCE).then_some(mean)
     }
 
-    /// What a checkpoint keeps.
-    pub(super) fn state(&self) -> Value {
-        let looks: Vec<[f64; 2]> = self.looks.iter().map(|r| [r.inflow, r.outflow]).collect();
-        json!({ "settled": self.settled, "looks": looks })
+    /// The state for a checkpoint.
+    pub(super) fn state(&self) -> State {
+        State {
+            settled: self.settled,
+            looks: self
+                .looks
+                .iter()
+                .map(|rates| [Some(rates.inflow), Some(rates.outflow)])
+                .collect(),
+        }
     }
 
-    /// Takes back what [`Self::state`] gave; what is missing counts as never seen.
-    pub(super) fn restore(&mut self, state: &Value) {
-        let whole = |value: &Value| value.as_u64().and_then(|n| usize::try_from(n).ok());
-        self.settled = whole(&state["settled"]).unwrap_or(0);
-        let looks = state["looks"].as_array().into_iter().flatten();
-        self.looks = looks
-            .filter_map(|look| {
+    /// Takes back [`Self::state`].
+    pub(super) fn restore(&mut self, state: State) {
+        self.settled = state.settled;
+        self.looks = state
+            .looks
+            .into_iter()
+            .filter_map(|[inflow, outflow]| {
                 Some(Rates {
-                    inflow: look[0].as_f64()?,
-                    outflow: look[1].as_f64()?,
+                    inflow: inflow?,
+                    outflow: outflow?,
                 })
             })
             .collect();

@@ -5,7 +5,8 @@ use super::super::escape;
 use super::super::folder::RunFolder;
 use super::super::phases::{Phase, Phases};
 use super::super::progress::{Moment, Progress};
-use super::super::resume::{self};
+use super::super::recorders::Recorders;
+use super::super::resume;
 use super::super::watch::Watch;
 use super::{Ended, Start};
 use crate::checkpoint::Saved;
@@ -13,7 +14,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::together::Together;
 use crate::plan::Plan;
-use crate::scene::waiting::Request;
+use crate::preparation::supervision::{Request, Requests};
 use decomposition::Domain;
 use io::marks::Marker;
 use serde_json::{Value, json};
@@ -225,13 +226,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
         simulation.outputs.sync(&simulation.now.domain)?;
-        let recorder = simulation.recorder.state(&simulation.now.domain)?;
-        let collapse = simulation.collapse.state(&simulation.now.domain)?;
+        let recorders = Recorders {
+            recorder: simulation.recorder.state(&simulation.now.domain)?,
+            collapse: simulation.collapse.state(&simulation.now.domain)?,
+            removal: simulation.removal.state(),
+            guards: Some(simulation.guards.state()),
+        };
         let mut attributes = resume::attributes(&simulation.now.plan);
-        attributes["removal"] = simulation.removal.state()?;
-        attributes["recorder"] = recorder;
-        attributes["collapse"] = collapse;
-        attributes["guards"] = simulation.guards.state();
+        recorders.write(&mut attributes)?;
         attributes["typical_radius"] = self.notes["typical_radius"].clone();
         attributes["notes"] = self.notes.clone();
         let names = resume::tables(&simulation.now.plan);

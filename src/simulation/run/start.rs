@@ -7,8 +7,9 @@ use super::super::erosion::ErosionRecorder;
 use super::super::folder::RunFolder;
 use super::super::guards::Guards;
 use super::super::phases::Phases;
-use super::super::preparation::{self, Settling};
+use super::super::preparation;
 use super::super::progress::Progress;
+use super::super::recorders::{Recorders, saved_guards};
 use super::super::removal::Removal;
 use super::super::resume::{self, Resumed, Stage};
 use super::super::setup;
@@ -31,8 +32,9 @@ use crate::lbm::lanes::Level;
 use crate::output::Outputs;
 use crate::output::averages::Averages;
 use crate::plan::{Plan, steps_number};
-use crate::scene::flow::Initial;
-use crate::scene::waiting::Request;
+use crate::preparation::rest::Rest;
+use crate::preparation::supervision::{Request, Requests};
+use crate::scene::initial::Initial;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Reader;
 use io::marks::Marker;
@@ -104,8 +106,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
-        let (mut step, mut recorder_state, mut guards_state) = (0, Value::Null, Value::Null);
-        let mut collapse_state = Value::Null;
+        let (mut step, mut recorders, mut meters) = (0, None, None);
         let mut dem = None;
         let mut earlier: Option<Vec<f64>> = None;
         let mut kept = resume::attributes(&plan);
@@ -129,11 +130,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let attributes = reader.attributes().clone();
             step = found.manifest.step;
             notes = attributes["notes"].clone();
-            guards_state = attributes["guards"].clone();
+            meters = saved_guards(&attributes);
             if runs {
-                removal.restore(&attributes["removal"], resumed.regions.as_deref())?;
-                recorder_state = attributes["recorder"].clone();
-                collapse_state = attributes["collapse"].clone();
+                let saved = Recorders::read(&attributes)?;
+                removal.restore(&saved.removal, resumed.regions.as_deref())?;
+                recorders = Some(saved);
             }
             if solid {
                 // The first rank alone reads the grains, so that it alone may find them wrong.
@@ -211,17 +212,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         kept["typical_radius"] = notes["typical_radius"].clone();
         if !flowed && let Some(engine) = &mut dem {
             kept["notes"] = notes.clone();
-            let settling = match &stage {
-                Some(Stage::Settling(state)) => Some(Settling::restore(state)?),
-                _ => Settling::begin(&plan, engine, &mut particles, &domain)?,
+            let rest = match &stage {
+                Some(Stage::Rest(state)) => Some(Rest::restore(state.clone())),
+                _ => Rest::begin(&plan.scene, engine, &mut particles, &domain)?,
             };
-            if let Some(settling) = settling {
-                let keep = |settling: &Settling,
+            if let Some(rest) = rest {
+                let keep = |rest: &Rest,
                             particles: &Particles<Sp>,
                             dem: &Dem<Sp>,
                             watch: &mut Watch,
                             request: Request| {
-                    kept["preparation"] = json!({ "settling": settling.state() });
+                    kept["preparation"] = json!({ "settling": rest.state() });
                     let state = State::<Sp, S> {
                         fluid: None,
                         averages: None,
@@ -240,8 +241,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         &communicator,
                     )
                 };
-                let (line, report) =
-                    settling.run(engine, &mut particles, &domain, &mut watch, keep)?;
+                let (line, report) = rest.run(engine, &mut particles, &domain, &mut watch, keep)?;
                 progress.note(&line);
                 notes["settling"] = report;
             }
@@ -263,7 +263,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         let mut flow_age = 0.0;
         let mut guards = Guards::new(&plan);
-        guards.restore(&guards_state);
+        guards.restore(meters.unwrap_or_default());
         if !runs && let Some(flow) = flow.as_mut().and_then(Water::lattice_mut) {
             let begun = match stage {
                 Some(Stage::WarmUp(steps)) => steps,
@@ -277,7 +277,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                         (watch, guards): (&mut Watch, &Guards),
                         request: Request| {
                 kept["preparation"] = json!({ "warm_up": steps });
-                kept["guards"] = guards.state();
+                kept["guards"] = json!(guards.state());
                 let state = State::<Sp, S> {
                     fluid: Some(flow.fluid()),
                     averages: None,
@@ -322,14 +322,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             resumed_at,
         )?;
         let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
-        if resumed {
-            recorder.restore(&recorder_state)?;
+        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
+        if let Some(saved) = recorders {
+            recorder.restore(saved.recorder);
+            collapse.restore(saved.collapse)?;
         } else {
             recorder.set_flow_age(flow_age);
-        }
-        let mut collapse = CollapseRecorder::create(&plan, folder.path(), &domain, resumed_at)?;
-        if resumed {
-            collapse.restore(&collapse_state)?;
         }
         let lattice = flow.as_ref().and_then(Water::lattice);
         let mut averages = lattice.and_then(|flow| Averages::new(&plan, flow));
@@ -444,7 +442,7 @@ fn generates(plan: &Plan) -> bool {
 }
 
 /// Mean radius of the grains, or of the bodies and blocks: sets the skin of the lists, never a result. Collective.
-fn typical_radius(plan: &Plan, grains: &[crate::scene::solids::Grain], domain: &Domain) -> f64 {
+fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &Domain) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
         let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let of_blocks = blocks.map(|block| block.solid.shape.radius());

@@ -1,167 +1,27 @@
-//! Rain: a loose random cloud that falls onto the walls, settles, and is trimmed to a level (C-06, C-08).
+//! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
-//! Sizes come in classes, each a range of radii and a part of the grains by count or by mass. The cloud is placed by random
-//! sequential addition, the largest first, in a box above the walls; gravity then does the rest. Grains count as settled where
-//! their mean kinetic energy is a small part of m g d, and the mean resultant on a grain a small part of the mean contact force.
-//! Contacts may be softer while the grains fall: steps are larger then, and the stiffness is brought up to the case's in factors of
-//! ten, each with a rest. Grains above the level go last, and the rest settles once more. It runs on one rank and depends on
-//! the seed only. Sizes and places come from counter-based random numbers: [`crate::random`].
+//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the walls. Grains
+//! count as settled where their mean kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the
+//! mean contact force. Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of
+//! the case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones settle once more.
+//! The deposition runs on one rank and depends on the seed only. Sizes and places come from counter-based random numbers:
+//! [`crate::random`].
 
 use serde::{Deserialize, Serialize};
 
-use super::packing::curve_order;
-use super::waiting::{Reached, Waiting};
+use super::numbering::curve_order;
+use super::supervision::{Saved, Supervision};
 use crate::dem::relax::unbalanced_text;
 use crate::dem::{
     Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
 };
 use crate::error::Error;
 use crate::random::Stream;
-
-/// A range of radii (m), equally likely, and its part of the grains.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Class {
-    /// Smallest radius (m).
-    pub min: f64,
-    /// Largest radius (m).
-    pub max: f64,
-    /// Part of the number or of the mass.
-    pub part: f64,
-}
-
-impl Class {
-    /// Mean of the square or cube of the radius.
-    fn mean_power(&self, power: i32) -> f64 {
-        let (a, b) = (self.min, self.max);
-        if b - a > 1e-9 * b {
-            (b.powi(power + 1) - a.powi(power + 1)) / (f64::from(power + 1) * (b - a))
-        } else {
-            a.powi(power)
-        }
-    }
-}
-
-/// Classes of sizes, and what their parts are parts of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Grading {
-    /// Parts of the number of grains.
-    ByCount(Vec<Class>),
-    /// Parts of their mass.
-    ByMass(Vec<Class>),
-}
-
-impl Grading {
-    /// The classes.
-    #[must_use]
-    pub fn classes(&self) -> &[Class] {
-        match self {
-            Self::ByCount(classes) | Self::ByMass(classes) => classes,
-        }
-    }
-
-    /// How many grains of each class there are among `number` in a space of 2 or 3 dimensions.
-    ///
-    /// # Errors
-    /// A sentence where ranges or parts make no sense, or a class is left without a grain.
-    pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
-        let classes = self.classes();
-        if classes.is_empty() {
-            return Err("a grading needs a class".into());
-        }
-        for (n, class) in classes.iter().enumerate() {
-            if !(class.min > 0.0 && class.min <= class.max && class.max.is_finite()) {
-                return Err(format!(
-                    "class {n}: radii from {} to {} m",
-                    class.min, class.max
-                ));
-            }
-            if !(class.part > 0.0 && class.part <= 1.0) {
-                return Err(format!("class {n}: a part of {}", class.part));
-            }
-        }
-        let sum: f64 = classes.iter().map(|class| class.part).sum();
-        if (sum - 1.0).abs() > 1e-6 {
-            return Err(format!("the parts add up to {sum}, not to 1"));
-        }
-        let power = if dimension == 2 { 2 } else { 3 };
-        let weights: Vec<f64> = match self {
-            Self::ByCount(classes) => classes.iter().map(|class| class.part).collect(),
-            Self::ByMass(classes) => classes
-                .iter()
-                .map(|class| class.part / class.mean_power(power))
-                .collect(),
-        };
-        let total: f64 = weights.iter().sum();
-        let exact: Vec<f64> = weights.iter().map(|w| w / total * real(number)).collect();
-        let mut numbers: Vec<usize> = exact.iter().map(|x| floor(*x)).collect();
-        // The largest remainders get what rounding left.
-        let mut order: Vec<usize> = (0..classes.len()).collect();
-        order.sort_by(|&a, &b| {
-            exact[b]
-                .fract()
-                .total_cmp(&exact[a].fract())
-                .then(a.cmp(&b))
-        });
-        let left = number.saturating_sub(numbers.iter().sum());
-        for &k in order.iter().cycle().take(left) {
-            numbers[k] += 1;
-        }
-        if let Some(n) = numbers.iter().position(|n| *n == 0) {
-            return Err(format!(
-                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met",
-                classes[n].min, classes[n].max, exact[n]
-            ));
-        }
-        Ok(numbers)
-    }
-
-    /// Area (2-D) or volume (3-D) of `number` grains on average.
-    ///
-    /// # Errors
-    /// As [`Self::numbers`].
-    pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
-        let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
-        let power = if dimension == 2 { 2 } else { 3 };
-        let numbers = self.numbers(number, dimension)?;
-        let sums = self.classes().iter().zip(numbers);
-        Ok(sums
-            .map(|(class, n)| factor * real(n) * class.mean_power(power))
-            .sum())
-    }
-
-    /// Smallest and largest radius (m).
-    #[must_use]
-    pub fn bounds(&self) -> (f64, f64) {
-        self.classes()
-            .iter()
-            .fold((f64::INFINITY, 0.0), |(low, high), class| {
-                (low.min(class.min), high.max(class.max))
-            })
-    }
-
-    fn radii(&self, number: usize, dimension: usize, seed: u64) -> Result<Vec<f64>, String> {
-        let mut radii = Vec::with_capacity(number);
-        for (class, count) in self.classes().iter().zip(self.numbers(number, dimension)?) {
-            for _ in 0..count {
-                let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
-                radii.push(class.min + (class.max - class.min) * draw);
-            }
-        }
-        Ok(radii)
-    }
-}
-
-/// The solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs ends at 0.547, of equal
-/// spheres at 0.384.
-#[must_use]
-pub fn densest_cloud(dimension: usize) -> f64 {
-    if dimension == 2 { 0.45 } else { 0.3 }
-}
+use crate::scene::grading::Grading;
 
 /// What falls, onto what, and when it has settled.
 #[derive(Clone, Debug)]
-pub struct Rain<S: Space> {
+pub struct Deposition<S: Space> {
     /// Lower corner of the cloud's box (m).
     pub lower: S::Vector,
     /// Upper corner of the cloud's box (m).
@@ -242,17 +102,17 @@ const LANDED: f64 = 0.1;
 /// Steps between looks.
 const LOOK_EVERY: u64 = 500;
 
-impl<S: Space> Rain<S> {
+impl<S: Space> Deposition<S> {
     /// Lets it rain: centres and radii (m), along a curve through space.
     ///
     /// # Errors
     /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
     /// outside wants an end.
-    pub fn fall(&self, waiting: &Waiting<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
+    pub fn run(&self, supervision: &Supervision<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let (axis, up) = self.height_axis()?;
-        let mut falling = match waiting.take_up() {
-            Some(reached) => Falling::go_on(self, waiting, reached)?,
-            None => Falling::begin(self, waiting)?,
+        let mut falling = match supervision.take_saved() {
+            Some(saved) => Falling::resume(self, supervision, saved)?,
+            None => Falling::begin(self, supervision)?,
         };
         let last = self.laws.len().saturating_sub(1);
         loop {
@@ -306,7 +166,7 @@ impl<S: Space> Rain<S> {
     fn law(&self, stage: usize) -> Result<&Law, Error> {
         self.laws
             .get(stage)
-            .ok_or_else(|| Error::Internal(format!("rain has no law {stage}")))
+            .ok_or_else(|| Error::Internal(format!("deposition has no law {stage}")))
     }
 
     /// Grains at rest at these places.
@@ -333,7 +193,7 @@ impl<S: Space> Rain<S> {
         match (along.next(), along.next()) {
             (Some(axis), None) => Ok((axis, -self.gravity.get(axis).signum())),
             _ => Err(Error::Numerical(
-                "rain needs gravity along one axis of the domain".into(),
+                "deposition needs gravity along one axis of the domain".into(),
             )),
         }
     }
@@ -464,7 +324,28 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// How far the rain is: all that the next steps depend on beside the grains and their contacts.
+/// Radii [m] of the grains of a grading, drawn from the seed.
+fn radii(
+    grading: &Grading,
+    number: usize,
+    dimension: usize,
+    seed: u64,
+) -> Result<Vec<f64>, String> {
+    let mut radii = Vec::with_capacity(number);
+    for (class, count) in grading
+        .classes()
+        .iter()
+        .zip(grading.numbers(number, dimension)?)
+    {
+        for _ in 0..count {
+            let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
+            radii.push(class.min + (class.max - class.min) * draw);
+        }
+    }
+    Ok(radii)
+}
+
+/// How far the deposition is: all that the next steps depend on beside the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Which law, from the softest on.
@@ -480,19 +361,25 @@ struct Progress {
 
 /// Grains that fall or come to rest.
 struct Falling<'a, S: Space> {
-    rain: &'a Rain<S>,
-    waiting: &'a Waiting<'a, S>,
+    deposition: &'a Deposition<S>,
+    supervision: &'a Supervision<'a, S>,
     progress: Progress,
     particles: Particles<S>,
     dem: Dem<S>,
 }
 
 impl<'a, S: Space> Falling<'a, S> {
-    fn begin(rain: &'a Rain<S>, waiting: &'a Waiting<'a, S>) -> Result<Self, Error> {
-        let radii = rain
-            .grading
-            .radii(rain.number, S::DIMENSION, rain.seed)
-            .map_err(Error::Numerical)?;
+    fn begin(
+        deposition: &'a Deposition<S>,
+        supervision: &'a Supervision<'a, S>,
+    ) -> Result<Self, Error> {
+        let radii = radii(
+            &deposition.grading,
+            deposition.number,
+            S::DIMENSION,
+            deposition.seed,
+        )
+        .map_err(Error::Numerical)?;
         let progress = Progress {
             stage: 0,
             trimmed: false,
@@ -505,16 +392,16 @@ impl<'a, S: Space> Falling<'a, S> {
                 ..Report::default()
             },
         };
-        let places = rain.cloud(&radii)?;
+        let places = deposition.cloud(&radii)?;
         let grains: Vec<Placed<S>> = curve_order::<S>(&places)
             .into_iter()
             .map(|k| (places[k], radii[k]))
             .collect();
-        let (particles, bodies) = rain.particles(grains);
+        let (particles, bodies) = deposition.particles(grains);
         let mut falling = Self {
-            dem: rain.dem(rain.law(0)?, &bodies, false)?,
-            rain,
-            waiting,
+            dem: deposition.dem(deposition.law(0)?, &bodies, false)?,
+            deposition,
+            supervision,
             progress,
             particles,
         };
@@ -522,22 +409,22 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(falling)
     }
 
-    /// From what an earlier attempt reached.
-    fn go_on(
-        rain: &'a Rain<S>,
-        waiting: &'a Waiting<'a, S>,
-        reached: Reached<S>,
+    /// From what an earlier attempt saved.
+    fn resume(
+        deposition: &'a Deposition<S>,
+        supervision: &'a Supervision<'a, S>,
+        saved: Saved<S>,
     ) -> Result<Self, Error> {
-        let progress: Progress = serde_json::from_value(reached.progress)
-            .map_err(|e| Error::Io(format!("the saved rain: {e}")))?;
-        let mut particles = reached.particles;
+        let progress: Progress = serde_json::from_value(saved.progress)
+            .map_err(|e| Error::Io(format!("the saved deposition: {e}")))?;
+        let mut particles = saved.particles;
         let bodies = particles.body[..particles.owned()].to_vec();
-        let mut dem = rain.dem(rain.law(progress.stage)?, &bodies, progress.landed)?;
-        dem.restore(&reached.contacts)?;
+        let mut dem = deposition.dem(deposition.law(progress.stage)?, &bodies, progress.landed)?;
+        dem.restore(&saved.contacts)?;
         dem.prepare(&mut particles, &Alone)?;
         Ok(Self {
-            rain,
-            waiting,
+            deposition,
+            supervision,
             progress,
             particles,
             dem,
@@ -550,48 +437,48 @@ impl<'a, S: Space> Falling<'a, S> {
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
         self.progress.landed = !convergence.is_empty();
         self.progress.left = LOOK_EVERY;
-        let (particles, bodies) = self.rain.particles(grains);
-        let law = self.rain.law(self.progress.stage)?;
-        self.dem = self.rain.dem(law, &bodies, self.progress.landed)?;
+        let (particles, bodies) = self.deposition.particles(grains);
+        let law = self.deposition.law(self.progress.stage)?;
+        self.dem = self.deposition.dem(law, &bodies, self.progress.landed)?;
         self.particles = particles;
         Ok(())
     }
 
     /// Goes on until the grains have settled, or no more steps are allowed.
     fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
-        let rain = self.rain;
+        let deposition = self.deposition;
         loop {
             while self.progress.left > 0 {
                 let left = &mut self.progress.left;
-                self.waiting
+                self.supervision
                     .advance(&mut self.dem, &mut self.particles, left)?;
-                self.waiting.listen(&self.dem, &self.particles, || {
+                self.supervision.listen(&self.dem, &self.particles, || {
                     serde_json::to_value(&self.progress).map_err(|e| Error::Internal(e.to_string()))
                 })?;
             }
             let (dem, particles) = (&mut self.dem, &self.particles);
-            let now = rain.look(dem, particles, self.progress.began);
-            let settled =
-                now.kinetic_energy <= rain.kinetic_energy && now.unbalanced <= rain.unbalanced;
+            let now = deposition.look(dem, particles, self.progress.began);
+            let settled = now.kinetic_energy <= deposition.kinetic_energy
+                && now.unbalanced <= deposition.unbalanced;
             let report = &mut self.progress.report;
             report.convergence.push(now);
-            self.waiting.say(|| {
+            self.supervision.report(|| {
                 format!(
                     "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {} (until {:.0e})",
                     particles.owned(),
                     dem.steps(),
-                    rain.limit,
+                    deposition.limit,
                     now.kinetic_energy,
-                    rain.kinetic_energy,
+                    deposition.kinetic_energy,
                     unbalanced_text(now.unbalanced),
-                    rain.unbalanced
+                    deposition.unbalanced
                 )
             });
             if !self.progress.landed && now.kinetic_energy < LANDED && now.unbalanced < LANDED {
                 self.progress.landed = true;
-                dem.set_local_damping(rain.damping(true));
+                dem.set_local_damping(deposition.damping(true));
             }
-            if settled || dem.steps() >= rain.limit {
+            if settled || dem.steps() >= deposition.limit {
                 report.settled &= settled;
                 let statistics = dem.statistics(particles);
                 report.coordination = 2.0 * ratio(statistics.contacts, statistics.owned);
@@ -608,11 +495,6 @@ impl<'a, S: Space> Falling<'a, S> {
 #[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
 fn ratio(a: u64, b: u64) -> f64 {
     if b == 0 { 0.0 } else { a as f64 / b as f64 }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
-fn real(count: usize) -> f64 {
-    count as f64
 }
 
 #[expect(
@@ -634,10 +516,11 @@ fn whole(value: f64) -> i64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::waiting::tests::interrupted;
+    use super::super::supervision::tests::interrupted;
     use super::*;
     use crate::dem::contact::linear::{self, Linear};
     use crate::dem::{PairTable, Volume};
+    use crate::scene::grading::Class;
     use nalgebra::Vector3;
 
     fn classes() -> Vec<Class> {
@@ -662,10 +545,10 @@ mod tests {
         })
     }
 
-    fn small() -> Rain<Volume> {
+    fn small() -> Deposition<Volume> {
         let corner = Vector3::new(0.012, 0.012, 0.05);
         let region = Region::closed(Vector3::zeros(), corner, 1e-3);
-        Rain {
+        Deposition {
             lower: Vector3::new(0.0, 0.0, 0.01),
             upper: corner,
             region,
@@ -688,35 +571,14 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_met_by_count_and_by_mass() {
-        assert_eq!(
-            Grading::ByCount(classes()).numbers(47_702, 3).unwrap(),
-            vec![38_162, 9_540]
-        );
-        let numbers = Grading::ByMass(classes()).numbers(10_000, 3).unwrap();
-        assert_eq!(numbers.iter().sum::<usize>(), 10_000);
-        let mass = |k: usize| real(numbers[k]) * classes()[k].mean_power(3);
-        assert!((mass(1) / (mass(0) + mass(1)) - 0.2).abs() < 2e-4);
-    }
-
-    #[test]
-    fn gradings_that_cannot_be_are_refused() {
-        let refused =
-            |classes: Vec<Class>, number| Grading::ByMass(classes).numbers(number, 3).unwrap_err();
-        assert!(refused(classes(), 8).contains("class 1"));
-        assert!(refused(Vec::new(), 20).contains("needs a class"));
-        let mut wrong = classes();
-        wrong[0].part = 0.7;
-        assert!(refused(wrong.clone(), 100).contains("add up to"));
-        wrong[0].max = 1e-4;
-        assert!(refused(wrong, 100).contains("class 0"));
-        let crowded = Rain {
+    fn a_cloud_without_room_is_refused() {
+        let crowded = Deposition {
             number: 30_000,
             ..small()
         };
         assert!(
             crowded
-                .fall(&Waiting::silent())
+                .run(&Supervision::none())
                 .unwrap_err()
                 .to_string()
                 .contains("no room")
@@ -725,7 +587,7 @@ mod tests {
 
     #[test]
     fn rain_that_is_interrupted_comes_to_the_same_bits() {
-        let rain = Rain {
+        let deposition = Deposition {
             number: 120,
             grading: Grading::ByCount(vec![Class {
                 min: 0.8e-3,
@@ -735,9 +597,9 @@ mod tests {
             trim_above: Some(5e-3),
             ..small()
         };
-        let (grains, report) = rain.fall(&Waiting::silent()).unwrap();
+        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
         assert!(report.grains < report.fallen, "{report:?}");
-        let ((again, other), stops) = interrupted(|waiting| rain.fall(waiting));
+        let ((again, other), stops) = interrupted(|supervision| deposition.run(supervision));
         assert!(stops > 10, "{stops}");
         assert!(again == grains);
         assert_eq!(other, report);
@@ -746,8 +608,8 @@ mod tests {
     /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
     fn rain_settles_and_is_trimmed() {
-        let rain = small();
-        let (grains, report) = rain.fall(&Waiting::silent()).unwrap();
+        let deposition = small();
+        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
         assert!(report.settled, "{:?}", report.convergence.last());
         assert!(
             report.grains > 300 && report.grains < report.fallen,
@@ -760,8 +622,8 @@ mod tests {
         assert!(last.kinetic_energy <= 1e-3 && last.unbalanced <= 0.02);
         // The same seed gives the same bits.
         assert_eq!(
-            rain.cloud(&[1e-3; 50]).unwrap(),
-            rain.cloud(&[1e-3; 50]).unwrap()
+            deposition.cloud(&[1e-3; 50]).unwrap(),
+            deposition.cloud(&[1e-3; 50]).unwrap()
         );
         let mut particles = Particles::<Volume>::new();
         let mut weight = 0.0;
@@ -776,8 +638,8 @@ mod tests {
         }
         let mut dem = Dem::new(
             linear(1e4),
-            Settings::new(rain.region, 1e-7, 1e-4),
-            rain.walls.clone(),
+            Settings::new(deposition.region, 1e-7, 1e-4),
+            deposition.walls.clone(),
         )
         .unwrap();
         dem.prepare(&mut particles, &Alone).unwrap();

@@ -1,22 +1,22 @@
-//! A packing by growing radii.
+//! A packing by growing radii.
 //!
-//! A random, very loose cloud fills the box; the radii grow together in small stages while contacts push the grains apart,
-//! cohesion off; near the end the packing relaxes and the radii are adjusted until the mean overlap is what is asked. What
-//! results is the same for the same seed on any machine rank: it runs alone, and the caller hands it round.
+//! A random, very loose cloud fills the box. The radii grow together in small stages while contacts push the grains apart, without
+//! cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the requested value. The result
+//! depends on the seed only: it runs on one rank, and the caller distributes it.
 //!
-//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping paper. A packing that is to stand still when
-//! bonded and cut must therefore carry overlaps well below that: ask for a mean overlap of some 1e-6 diameters. The
-//! sizes are then the asked ones times one common factor close to 1, which is reported; with [`Stop::SolidFraction`] the factor
-//! is exactly 1 and the overlap what results.
+//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stand still when
+//! bonded and cut must carry overlaps well below that: request a mean overlap of about 1e-6 diameters. The sizes are then the
+//! requested ones times one common factor close to 1, which the report gives; with [`Stop::SolidFraction`] the factor is exactly 1 and
+//! the overlap follows.
 //!
 //! Sizes and places come from counter-based random numbers: [`crate::random`].
 
-use std::fmt::Write as _;
-use std::path::Path;
+mod cloud;
 
+use cloud::{put_neighbours_together, scatter};
 use serde::{Deserialize, Serialize};
 
-use super::waiting::{Reached, Waiting};
+use super::supervision::{Saved, Supervision};
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
     Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall,
@@ -45,15 +45,15 @@ pub enum Sizes {
 pub enum Stop {
     /// At the asked sizes, whatever the overlaps: their sum over the box is this solid fraction.
     SolidFraction(f64),
-    /// Where grains with contacts have this many each, on average; then at the overlap of [`Preparation::overlap`].
+    /// Where grains with contacts have this many each, on average; then at the overlap of [`PackingSettings::overlap`].
     Coordination(f64),
     /// Where the relaxed packing bears this mean overlap over the mean diameter.
     Overlap(f64),
 }
 
-/// What to pack, and how.
+/// What to pack, and settings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Preparation<S: Space> {
+pub struct PackingSettings<S: Space> {
     /// Lower corner of the box (m).
     pub lower: S::Vector,
     /// Upper corner of the box (m).
@@ -125,35 +125,25 @@ pub struct Packing<S: Space> {
     pub report: Report,
 }
 
-/// Which grains a box takes away.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Cut {
-    /// Those whose centre lies in it.
-    Centre,
-    /// Those that touch it.
-    Touch,
-}
-
 const SIZES: u32 = 1;
 const PLACES: u32 = 2;
 /// The cloud starts at this part of the final sizes.
 const CLOUD: f64 = 0.3;
-/// Growth per stage, and solid steps per stage.
+/// Growing per stage, and solid steps per stage.
 const STAGE_GROWTH: f64 = 2e-3;
 const STAGE_STEPS: u64 = 50;
 
-impl<S: Space> Preparation<S> {
+impl<S: Space> PackingSettings<S> {
     /// Packs.
     ///
     /// # Errors
     /// Where the request makes no sense, or the packing does not come about within the steps allowed; [`Error::Stopped`] where the
     /// outside wants an end.
-    pub fn pack(&self, waiting: &Waiting<'_, S>) -> Result<Packing<S>, Error> {
+    pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
-        let mut growth = match waiting.take_up() {
-            Some(reached) => Growth::go_on(self, radii, waiting, reached)?,
-            None => Growth::new(self, radii, waiting)?,
+        let mut growth = match supervision.take_saved() {
+            Some(saved) => Growing::resume(self, radii, supervision, saved)?,
+            None => Growing::new(self, radii, supervision)?,
         };
         growth.run()?;
         growth.packing()
@@ -213,7 +203,7 @@ impl<S: Space> Preparation<S> {
 struct Progress {
     /// Sizes over the asked ones.
     factor: f64,
-    /// Growth of a packing that falls apart, the next time it does.
+    /// Growing of a packing that falls apart, the next time it does.
     growth: f64,
     stage: Stage,
     /// Steps of the present batch, and those left of it.
@@ -225,9 +215,9 @@ struct Progress {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Stage {
-    /// Growth by small stages.
+    /// Growing by small stages.
     Grow,
-    /// Rounds of waiting for rest.
+    /// Rounds of supervision for rest.
     Rest {
         /// What the rest is for.
         purpose: Purpose,
@@ -255,9 +245,9 @@ enum Purpose {
 }
 
 /// A packing on its way.
-struct Growth<'a, S: Space> {
-    how: &'a Preparation<S>,
-    waiting: &'a Waiting<'a, S>,
+struct Growing<'a, S: Space> {
+    settings: &'a PackingSettings<S>,
+    supervision: &'a Supervision<'a, S>,
     /// Asked radii (m), by id.
     radii: Vec<f64>,
     mean_diameter: f64,
@@ -266,19 +256,19 @@ struct Growth<'a, S: Space> {
     particles: Particles<S>,
 }
 
-impl<'a, S: Space> Growth<'a, S> {
+impl<'a, S: Space> Growing<'a, S> {
     fn new(
-        how: &'a Preparation<S>,
+        settings: &'a PackingSettings<S>,
         radii: Vec<f64>,
-        waiting: &'a Waiting<'a, S>,
+        supervision: &'a Supervision<'a, S>,
     ) -> Result<Self, Error> {
-        let places = scatter(how, &radii)?;
+        let places = scatter(settings, &radii)?;
         let mut particles = Particles::new();
         for (id, (radius, position)) in (0..).zip(radii.iter().zip(places)) {
             // Masses of the final sizes throughout.
             let body = Body {
                 radius: radius * CLOUD,
-                ..Body::uniform::<S>(id, *radius, how.density, 0)
+                ..Body::uniform::<S>(id, *radius, settings.density, 0)
             };
             particles.insert(
                 body,
@@ -295,30 +285,30 @@ impl<'a, S: Space> Growth<'a, S> {
             batch: 0,
             left: 0,
         };
-        let mut growth = Self::with(how, radii, waiting, progress, particles)?;
+        let mut growth = Self::with(settings, radii, supervision, progress, particles)?;
         growth.grow();
         Ok(growth)
     }
 
-    /// From what an earlier attempt reached.
-    fn go_on(
-        how: &'a Preparation<S>,
+    /// From what an earlier attempt saved.
+    fn resume(
+        settings: &'a PackingSettings<S>,
         radii: Vec<f64>,
-        waiting: &'a Waiting<'a, S>,
-        reached: Reached<S>,
+        supervision: &'a Supervision<'a, S>,
+        saved: Saved<S>,
     ) -> Result<Self, Error> {
         let wrong = |what: String| Error::Io(format!("the saved growth of the sample: {what}"));
         let progress: Progress =
-            serde_json::from_value(reached.progress).map_err(|e| wrong(e.to_string()))?;
-        if reached.particles.owned() != radii.len() {
+            serde_json::from_value(saved.progress).map_err(|e| wrong(e.to_string()))?;
+        if saved.particles.owned() != radii.len() {
             return Err(wrong(format!(
                 "{} grains where the case has {}",
-                reached.particles.owned(),
+                saved.particles.owned(),
                 radii.len()
             )));
         }
-        let mut growth = Self::with(how, radii, waiting, progress, reached.particles)?;
-        growth.dem.restore(&reached.contacts)?;
+        let mut growth = Self::with(settings, radii, supervision, progress, saved.particles)?;
+        growth.dem.restore(&saved.contacts)?;
         growth.dem.prepare(&mut growth.particles, &Alone)?;
         if let Stage::Rest { .. } = progress.stage {
             growth.dem.set_local_damping(AT_REST);
@@ -327,18 +317,18 @@ impl<'a, S: Space> Growth<'a, S> {
     }
 
     fn with(
-        how: &'a Preparation<S>,
+        settings: &'a PackingSettings<S>,
         radii: Vec<f64>,
-        waiting: &'a Waiting<'a, S>,
+        supervision: &'a Supervision<'a, S>,
         progress: Progress,
         particles: Particles<S>,
     ) -> Result<Self, Error> {
         let mean_diameter = 2.0 * radii.iter().sum::<f64>() / real(radii.len());
         let parameters = Parameters {
-            normal_stiffness: how.stiffness_per_diameter,
+            normal_stiffness: settings.stiffness_per_diameter,
             stiffness_per_diameter: true,
             stiffness_ratio: 0.4,
-            friction: how.friction,
+            friction: settings.friction,
             normal_damping: 0.2,
             shear_damping: 0.2,
             attraction: false,
@@ -348,22 +338,26 @@ impl<'a, S: Space> Growth<'a, S> {
         });
         let grown: Vec<Body> = radii
             .iter()
-            .map(|radius| Body::uniform::<S>(0, *radius, how.density, 0))
+            .map(|radius| Body::uniform::<S>(0, *radius, settings.density, 0))
             .collect();
         let time_step = 0.2 * law.critical_time_step::<S>(&grown, 1);
         let region = Region {
-            lower: how.lower,
-            upper: how.upper,
-            periodic: how.periodic,
-            spacing: how.upper.get(0) - how.lower.get(0),
+            lower: settings.lower,
+            upper: settings.upper,
+            periodic: settings.periodic,
+            spacing: settings.upper.get(0) - settings.lower.get(0),
         };
-        let mut settings = Settings::new(region, time_step, 0.1 * mean_diameter);
-        settings.local_damping = WHILE_GROWING;
-        let closed = how.periodic.map(|periodic| !periodic);
-        let dem = Dem::new(law, settings, Wall::of_box(how.lower, how.upper, closed, 0))?;
+        let mut of_engine = Settings::new(region, time_step, 0.1 * mean_diameter);
+        of_engine.local_damping = WHILE_GROWING;
+        let closed = settings.periodic.map(|periodic| !periodic);
+        let dem = Dem::new(
+            law,
+            of_engine,
+            Wall::of_box(settings.lower, settings.upper, closed, 0),
+        )?;
         Ok(Self {
-            how,
-            waiting,
+            settings,
+            supervision,
             radii,
             mean_diameter,
             progress,
@@ -411,7 +405,7 @@ impl<'a, S: Space> Growth<'a, S> {
                 .iter()
                 .map(|r| S::measure(r * self.progress.factor))
                 .sum::<f64>()
-                / self.how.box_measure(),
+                / self.settings.box_measure(),
             coordination: if held > 0.0 { ends / held } else { 0.0 },
             rattlers: 1.0 - held / real(count),
             mean_overlap: if contacts > 0.0 {
@@ -431,9 +425,9 @@ impl<'a, S: Space> Growth<'a, S> {
         while self.progress.stage != Stage::Done {
             while self.progress.left > 0 {
                 let left = &mut self.progress.left;
-                self.waiting
+                self.supervision
                     .advance(&mut self.dem, &mut self.particles, left)?;
-                self.waiting.listen(&self.dem, &self.particles, || {
+                self.supervision.listen(&self.dem, &self.particles, || {
                     serde_json::to_value(self.progress).map_err(|e| Error::Internal(e.to_string()))
                 })?;
             }
@@ -479,7 +473,7 @@ impl<'a, S: Space> Growth<'a, S> {
 
     /// The sizes at which growth ends, over the asked ones.
     fn full_size(&self) -> f64 {
-        match self.how.stop {
+        match self.settings.stop {
             Stop::SolidFraction(_) => 1.0,
             Stop::Coordination(_) | Stop::Overlap(_) => f64::INFINITY,
         }
@@ -499,14 +493,14 @@ impl<'a, S: Space> Growth<'a, S> {
         if !grown {
             let now = self.look();
             let crowded = now.mean_overlap > 0.5 * STAGE_GROWTH;
-            let done = match self.how.stop {
+            let done = match self.settings.stop {
                 Stop::Coordination(wanted) => now.coordination >= wanted,
                 Stop::Overlap(_) => now.coordination >= JAMMED,
                 Stop::SolidFraction(_) => false,
             };
             grown = crowded && done;
         }
-        match self.how.stop {
+        match self.settings.stop {
             _ if !grown => self.grow(),
             Stop::SolidFraction(_) => self.rest(Purpose::Last),
             Stop::Coordination(_) | Stop::Overlap(_) => self.rest(Purpose::Coarse),
@@ -518,7 +512,7 @@ impl<'a, S: Space> Growth<'a, S> {
     fn tolerance(&self, purpose: Purpose) -> f64 {
         match purpose {
             Purpose::Coarse => COARSE,
-            Purpose::Last | Purpose::Fine => self.how.unbalanced,
+            Purpose::Last | Purpose::Fine => self.settings.unbalanced,
         }
     }
 
@@ -528,7 +522,7 @@ impl<'a, S: Space> Growth<'a, S> {
     }
 
     fn round(&mut self, purpose: Purpose, rounds: u32, apart: u32) {
-        let left = self.how.limit.saturating_sub(self.dem.steps());
+        let left = self.settings.limit.saturating_sub(self.dem.steps());
         let limit = left.clamp(1, 1000);
         self.progress.stage = Stage::Rest {
             purpose,
@@ -567,13 +561,13 @@ impl<'a, S: Space> Growth<'a, S> {
 
     /// Where sizes are free brings the mean overlap to what is asked, in steps down.
     fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
-        let target = match self.how.stop {
+        let target = match self.settings.stop {
             Stop::SolidFraction(_) => {
                 self.progress.stage = Stage::Done;
                 return;
             }
             Stop::Overlap(overlap) => overlap,
-            Stop::Coordination(_) => self.how.overlap,
+            Stop::Coordination(_) => self.settings.overlap,
         };
         let now = self.look();
         if purpose == Purpose::Fine
@@ -601,7 +595,7 @@ impl<'a, S: Space> Growth<'a, S> {
     }
 
     fn check_limit(&self) -> Result<(), Error> {
-        self.waiting.say(|| {
+        self.supervision.report(|| {
             let now = self.look();
             format!(
                 "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean overlap {:.1e} d",
@@ -613,13 +607,13 @@ impl<'a, S: Space> Growth<'a, S> {
                 now.mean_overlap
             )
         });
-        if self.dem.steps() < self.how.limit {
+        if self.dem.steps() < self.settings.limit {
             return Ok(());
         }
         let now = self.look();
         Err(Error::Numerical(format!(
             "no packing within {} steps: solid fraction {:.4}, {:.2} contacts per grain, mean overlap {:.2e} diameters",
-            self.how.limit, now.solid_fraction, now.coordination, now.mean_overlap
+            self.settings.limit, now.solid_fraction, now.coordination, now.mean_overlap
         )))
     }
 
@@ -635,7 +629,7 @@ impl<'a, S: Space> Growth<'a, S> {
                 radius: self.particles.body[k].radius,
             })
             .collect();
-        put_neighbours_together(&mut grains, self.how, 2.0 * self.mean_diameter);
+        put_neighbours_together(&mut grains, self.settings, 2.0 * self.mean_diameter);
         Ok(Packing { grains, report })
     }
 }
@@ -650,265 +644,6 @@ const AT_REST: f64 = 0.7;
 /// Steps between looks at a packing that rests, and rounds of up to a thousand steps before it counts as restless.
 const LOOK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
-
-/// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
-fn scatter<S: Space>(how: &Preparation<S>, radii: &[f64]) -> Result<Vec<S::Vector>, Error> {
-    let largest = radii.iter().copied().fold(0.0, f64::max) * CLOUD;
-    let cell = 2.0 * largest;
-    let mut counts = [1_usize; 3];
-    for (axis, count) in counts.iter_mut().enumerate().take(S::DIMENSION) {
-        let length = how.upper.get(axis) - how.lower.get(axis);
-        if length < 2.0 * largest {
-            return Err(Error::Numerical(format!(
-                "a box {length} m wide for grains of {largest} m"
-            )));
-        }
-        *count = floor((length / cell).max(1.0));
-    }
-    let total = counts.iter().product();
-    let mut cells: Vec<Vec<usize>> = vec![Vec::new(); total];
-    let cell_of = |at: &S::Vector, step: [isize; 3]| -> Option<usize> {
-        let mut index = 0;
-        for axis in (0..S::DIMENSION).rev() {
-            let length = how.upper.get(axis) - how.lower.get(axis);
-            let part = (at.get(axis) - how.lower.get(axis)) / length;
-            let place = floor(part * real(counts[axis])).min(counts[axis] - 1);
-            let place = place
-                .checked_add_signed(step[axis])
-                .filter(|place| *place < counts[axis]);
-            let place = match (place, how.periodic[axis]) {
-                (Some(place), _) => place,
-                (None, true) if step[axis] < 0 => counts[axis] - 1,
-                (None, true) => 0,
-                (None, false) => return None,
-            };
-            index = index * counts[axis] + place;
-        }
-        Some(index)
-    };
-    let mut order: Vec<usize> = (0..radii.len()).collect();
-    order.sort_by(|a, b| radii[*b].total_cmp(&radii[*a]).then(a.cmp(b)));
-    let mut places = vec![S::Vector::default(); radii.len()];
-    for &id in &order {
-        let radius = radii[id] * CLOUD;
-        let mut draws = Stream::new(how.seed, id as u64, PLACES);
-        let free = (0..2000).find_map(|_| {
-            let mut at = S::Vector::default();
-            for axis in 0..S::DIMENSION {
-                let margin = if how.periodic[axis] { 0.0 } else { radius };
-                let (low, high) = (how.lower.get(axis) + margin, how.upper.get(axis) - margin);
-                at.set(axis, low + (high - low) * draws.uniform());
-            }
-            let mut clear = true;
-            for_each_step::<S>(|step| {
-                for &other in cell_of(&at, step).map_or(&[][..], |index| &cells[index]) {
-                    let mut between = places[other] - at;
-                    for axis in (0..S::DIMENSION).filter(|&axis| how.periodic[axis]) {
-                        let length = how.upper.get(axis) - how.lower.get(axis);
-                        let d = between.get(axis);
-                        between.set(axis, d - length * (d / length).round());
-                    }
-                    clear &= between.length() >= radius + radii[other] * CLOUD;
-                }
-            });
-            clear.then_some(at)
-        });
-        let Some(at) = free else {
-            return Err(Error::Numerical(
-                "the loose cloud does not fit the box".into(),
-            ));
-        };
-        places[id] = at;
-        if let Some(index) = cell_of(&at, [0; 3]) {
-            cells[index].push(id);
-        }
-    }
-    Ok(places)
-}
-
-/// Calls `visit` for the cell itself and all its neighbours.
-fn for_each_step<S: Space>(mut visit: impl FnMut([isize; 3])) {
-    let deep = if S::DIMENSION == 3 { -1..=1 } else { 0..=0 };
-    for z in deep {
-        for y in -1..=1 {
-            for x in -1..=1 {
-                visit([x, y, z]);
-            }
-        }
-    }
-}
-
-/// Orders grains by strips along the longest axis, so that ids that are close stand close.
-fn put_neighbours_together<S: Space>(grains: &mut [Grain<S>], how: &Preparation<S>, strip: f64) {
-    let length = |axis: usize| how.upper.get(axis) - how.lower.get(axis);
-    let longest = (0..S::DIMENSION).fold(0, |best, axis| {
-        if length(axis) > length(best) {
-            axis
-        } else {
-            best
-        }
-    });
-    let mut axes: Vec<usize> = (0..S::DIMENSION).filter(|&axis| axis != longest).collect();
-    let last = axes.pop().unwrap_or(longest);
-    let place = |grain: &Grain<S>, axis: usize| {
-        floor(((grain.position.get(axis) - how.lower.get(axis)) / strip).max(0.0))
-    };
-    grains.sort_by(|a, b| {
-        let strips = |grain: &Grain<S>| {
-            let across: Vec<usize> = axes.iter().map(|&axis| place(grain, axis)).collect();
-            (place(grain, longest), across)
-        };
-        strips(a)
-            .cmp(&strips(b))
-            .then(a.position.get(last).total_cmp(&b.position.get(last)))
-            .then(a.position.get(longest).total_cmp(&b.position.get(longest)))
-    });
-}
-
-/// The order of `places` along a curve through space (Morton's), in cells of a 1024th of their extent: grains numbered so stand
-/// close where their ids are close, which is what makes contacts cheap to add up by id.
-#[must_use]
-pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
-    let mut low = [f64::INFINITY; 3];
-    let mut extent = 0.0_f64;
-    for axis in 0..S::DIMENSION {
-        let coordinates = || places.iter().map(|place| place.get(axis));
-        low[axis] = coordinates().fold(f64::INFINITY, f64::min);
-        extent = extent.max(coordinates().fold(f64::NEG_INFINITY, f64::max) - low[axis]);
-    }
-    let scale = if extent > 0.0 { 1024.0 / extent } else { 0.0 };
-    let code = |place: &S::Vector| {
-        let mut code = 0_u64;
-        for axis in 0..S::DIMENSION {
-            let cell = floor(((place.get(axis) - low[axis]) * scale).clamp(0.0, 1023.0));
-            for bit in 0..10 {
-                code |= u64::from(cell >> bit & 1 == 1) << (bit * S::DIMENSION + axis);
-            }
-        }
-        code
-    };
-    let codes: Vec<u64> = places.iter().map(code).collect();
-    let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by_key(|&k| codes[k]);
-    order
-}
-
-impl<S: Space> Packing<S> {
-    /// Takes away the grains in the box between two corners (m); returns how many.
-    pub fn cut(&mut self, lower: &S::Vector, upper: &S::Vector, cut: Cut) -> usize {
-        let before = self.grains.len();
-        self.grains.retain(|grain| {
-            let mut squared = 0.0;
-            for axis in 0..S::DIMENSION {
-                let x = grain.position.get(axis);
-                let outside = x - x.clamp(lower.get(axis), upper.get(axis));
-                squared += outside * outside;
-            }
-            match cut {
-                Cut::Centre => squared > 0.0,
-                Cut::Touch => squared >= grain.radius * grain.radius,
-            }
-        });
-        before - self.grains.len()
-    }
-
-    /// The packing as text: `#` lines with `provenance` and the report, a line of names, one line per grain. Numbers come back
-    /// bit by bit.
-    #[must_use]
-    pub fn to_csv(&self, provenance: &str) -> String {
-        let mut text = String::new();
-        for line in provenance.lines() {
-            let _ = writeln!(text, "# {line}");
-        }
-        if let Ok(report) = serde_json::to_string(&self.report) {
-            let _ = writeln!(text, "# report {report}");
-        }
-        text.push_str(if S::DIMENSION == 3 {
-            "x,y,z,radius\n"
-        } else {
-            "x,y,radius\n"
-        });
-        for grain in &self.grains {
-            for axis in 0..S::DIMENSION {
-                let _ = write!(text, "{:e},", grain.position.get(axis));
-            }
-            let _ = writeln!(text, "{:e}", grain.radius);
-        }
-        text
-    }
-
-    /// A packing from the text of [`Self::to_csv`], or from any such columns; the report is empty where there is none.
-    ///
-    /// # Errors
-    /// Where a line is not what it should be.
-    pub fn from_csv(text: &str) -> Result<Self, Error> {
-        let mut packing = Self {
-            grains: Vec::new(),
-            report: Report::default(),
-        };
-        let names = if S::DIMENSION == 3 {
-            "x,y,z,radius"
-        } else {
-            "x,y,radius"
-        };
-        let mut named = false;
-        for (number, line) in (1..).zip(text.lines()) {
-            let wrong = |what: &str| Error::Io(format!("packing, line {number}: {what}"));
-            if let Some(report) = line.strip_prefix("# report ") {
-                packing.report = serde_json::from_str(report)
-                    .map_err(|error| wrong(&format!("report: {error}")))?;
-            } else if line.starts_with('#') || line.trim().is_empty() {
-            } else if !named {
-                if line.trim() != names {
-                    return Err(wrong(&format!("the columns should be {names}")));
-                }
-                named = true;
-            } else {
-                let numbers = line
-                    .split(',')
-                    .map(|word| word.trim().parse::<f64>())
-                    .collect::<Result<Vec<_>, _>>()
-                    .map_err(|error| wrong(&error.to_string()))?;
-                if numbers.len() != S::DIMENSION + 1 || numbers.iter().any(|x| !x.is_finite()) {
-                    return Err(wrong("not one finite number per column"));
-                }
-                let mut position = S::Vector::default();
-                for (axis, number) in numbers.iter().enumerate().take(S::DIMENSION) {
-                    position.set(axis, *number);
-                }
-                let radius = numbers[S::DIMENSION];
-                if radius <= 0.0 {
-                    return Err(wrong("a radius that is not positive"));
-                }
-                packing.grains.push(Grain { position, radius });
-            }
-        }
-        if named {
-            Ok(packing)
-        } else {
-            Err(Error::Io("packing: no line of names".into()))
-        }
-    }
-
-    /// Writes [`Self::to_csv`] to a file.
-    ///
-    /// # Errors
-    /// Where the file cannot be written.
-    pub fn save(&self, path: &Path, provenance: &str) -> Result<(), Error> {
-        std::fs::write(path, self.to_csv(provenance))
-            .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
-    }
-
-    /// Reads a file written by [`Self::save`].
-    ///
-    /// # Errors
-    /// Where the file cannot be read or is not a packing.
-    pub fn load(path: &Path) -> Result<Self, Error> {
-        let text = io::plain::text(path, io::plain::LONGEST_INPUT)
-            .map_err(|error| Error::Io(error.to_string()))?;
-        Self::from_csv(&text)
-    }
-}
 
 #[expect(
     clippy::cast_possible_truncation,
@@ -934,14 +669,14 @@ fn usize_of(id: u64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::waiting::tests::interrupted;
+    use super::super::supervision::tests::interrupted;
     use super::*;
     use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
     use crate::dem::{Plane, Relaxation, Volume};
     use nalgebra::{Vector2, Vector3};
 
-    fn small() -> Preparation<Plane> {
-        Preparation {
+    fn small() -> PackingSettings<Plane> {
+        PackingSettings {
             lower: Vector2::new(0.0, 0.0),
             upper: Vector2::new(4e-3, 3e-3),
             periodic: [false; 3],
@@ -961,11 +696,11 @@ mod tests {
         }
     }
 
-    /// The packing is jammed, at rest, at the asked overlap; bonded and cut it stands still, and no bond breaks.
+    /// The packing is jammed, at rest, at the asked overlap; bonded and cut it stands still, and no bond breaks.
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
-        let how = small();
-        let mut packing = how.pack(&Waiting::silent()).unwrap();
+        let settings = small();
+        let mut packing = settings.pack(&Supervision::none()).unwrap();
         let report = packing.report;
         assert!((0.80..0.87).contains(&report.solid_fraction), "{report:?}");
         assert!((3.2..4.6).contains(&report.coordination), "{report:?}");
@@ -975,16 +710,17 @@ mod tests {
         for grain in &packing.grains {
             for axis in 0..2 {
                 let x = grain.position[axis];
-                assert!(x > 0.99 * grain.radius && x < how.upper[axis] - 0.99 * grain.radius);
+                assert!(x > 0.99 * grain.radius && x < settings.upper[axis] - 0.99 * grain.radius);
             }
         }
         let before = packing.grains.len();
-        let cut = packing.cut(
-            &Vector2::new(0.0, 1.3e-3),
-            &Vector2::new(4e-3, 1.7e-3),
-            Cut::Touch,
-        );
-        assert!(cut > 20 && packing.grains.len() == before - cut);
+        let [low, high] = [Vector2::new(0.0, 1.3e-3), Vector2::new(4e-3, 1.7e-3)];
+        packing.grains.retain(|grain| {
+            let nearest = grain.position.zip_zip_map(&low, &high, f64::clamp);
+            (grain.position - nearest).norm() >= grain.radius
+        });
+        let cut = before - packing.grains.len();
+        assert!(cut > 20);
 
         let parameters = cohesive_frictional::Parameters {
             normal_stiffness: 150e6,
@@ -1011,13 +747,13 @@ mod tests {
             );
         }
         let limit = law.critical_time_step::<Plane>(&particles.body, 1);
-        let settings = Settings::new(
-            Region::closed(how.lower, how.upper, 1e-4),
+        let of_engine = Settings::new(
+            Region::closed(settings.lower, settings.upper, 1e-4),
             0.2 * limit,
             2e-5,
         );
-        let walls = Wall::of_box(how.lower, how.upper, [true, true, false], 0);
-        let mut dem = Dem::new(law, settings, walls).unwrap();
+        let walls = Wall::of_box(settings.lower, settings.upper, [true, true, false], 0);
+        let mut dem = Dem::new(law, of_engine, walls).unwrap();
         let bonds = dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
         assert!(bonds > 300, "{bonds}");
         let until = Relaxation {
@@ -1035,32 +771,32 @@ mod tests {
 
     #[test]
     fn a_packing_that_is_interrupted_comes_to_the_same_bits() {
-        let how = Preparation {
+        let settings = PackingSettings {
             upper: Vector2::new(2e-3, 1.5e-3),
             periodic: [true, false, false],
             friction: 0.3,
             ..small()
         };
-        let straight = how.pack(&Waiting::silent()).unwrap();
-        let (packing, stops) = interrupted(|waiting| how.pack(waiting));
+        let straight = settings.pack(&Supervision::none()).unwrap();
+        let (packing, stops) = interrupted(|supervision| settings.pack(supervision));
         assert!(stops > 10, "{stops}");
         assert_eq!(packing, straight);
-        let given = Preparation {
+        let given = PackingSettings {
             stop: Stop::SolidFraction(0.845),
-            ..how
+            ..settings
         };
-        let (packing, _) = interrupted(|waiting| given.pack(waiting));
-        assert_eq!(packing, given.pack(&Waiting::silent()).unwrap());
+        let (packing, _) = interrupted(|supervision| given.pack(supervision));
+        assert_eq!(packing, given.pack(&Supervision::none()).unwrap());
     }
 
     #[test]
     fn a_packing_of_given_solid_fraction_has_the_asked_sizes() {
-        let how = Preparation {
+        let settings = PackingSettings {
             stop: Stop::SolidFraction(0.845),
             periodic: [true, false, false],
             ..small()
         };
-        let packing = how.pack(&Waiting::silent()).unwrap();
+        let packing = settings.pack(&Supervision::none()).unwrap();
         let report = packing.report;
         assert!((report.size_factor - 1.0).abs() < f64::EPSILON);
         assert!((report.solid_fraction - 0.845).abs() < 2e-3, "{report:?}");
@@ -1068,27 +804,30 @@ mod tests {
             report.mean_overlap > 0.0 && report.largest_overlap < 0.05,
             "{report:?}"
         );
-        let mut asked = how.radii().unwrap();
+        let mut asked = settings.radii().unwrap();
         let mut found: Vec<f64> = packing.grains.iter().map(|grain| grain.radius).collect();
         asked.sort_by(f64::total_cmp);
         found.sort_by(f64::total_cmp);
         assert_eq!(asked, found);
         assert_eq!(
             packing,
-            how.pack(&Waiting::silent()).unwrap(),
+            settings.pack(&Supervision::none()).unwrap(),
             "the same seed gives the same bits"
         );
         assert!(
             packing
-                != Preparation { seed: 12, ..how }
-                    .pack(&Waiting::silent())
-                    .unwrap()
+                != PackingSettings {
+                    seed: 12,
+                    ..settings
+                }
+                .pack(&Supervision::none())
+                .unwrap()
         );
     }
 
     #[test]
     fn spheres_pack_to_a_coordination() {
-        let how = Preparation::<Volume> {
+        let settings = PackingSettings::<Volume> {
             lower: Vector3::zeros(),
             upper: Vector3::new(0.01, 0.01, 0.01),
             periodic: [true; 3],
@@ -1106,35 +845,8 @@ mod tests {
             unbalanced: 2e-2,
             limit: 1_000_000,
         };
-        let report = how.pack(&Waiting::silent()).unwrap().report;
+        let report = settings.pack(&Supervision::none()).unwrap().report;
         assert!((0.57..0.68).contains(&report.solid_fraction), "{report:?}");
         assert!((4.0..7.5).contains(&report.coordination), "{report:?}");
-    }
-
-    #[test]
-    fn text_comes_back_bit_by_bit() {
-        let mut packing = Packing::<Plane> {
-            grains: Vec::new(),
-            report: Report {
-                grains: 3,
-                ..Report::default()
-            },
-        };
-        for k in 0..3 {
-            let mut draw = Stream::new(1, k, 0);
-            let position = Vector2::new(draw.uniform(), draw.uniform() / 3.0);
-            packing.grains.push(Grain {
-                position,
-                radius: draw.uniform() * 1e-5,
-            });
-        }
-        let text = packing.to_csv("made by hand\nfor a test");
-        assert!(text.starts_with("# made by hand\n# for a test\n# report {"));
-        assert_eq!(Packing::from_csv(&text).unwrap(), packing);
-        let wrong = text.replace("x,y,radius", "x,radius");
-        assert!(Packing::<Plane>::from_csv(&wrong).is_err());
-        assert!(Packing::<Volume>::from_csv(&text).is_err());
-        assert!(Packing::<Plane>::from_csv(&format!("{text}1,2\n")).is_err());
-        assert!(Packing::<Plane>::from_csv(&format!("{text}1,2,-1\n")).is_err());
     }
 }

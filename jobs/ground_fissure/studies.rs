@@ -14,8 +14,8 @@
 use serde_json::Value;
 use solver::analysis::erosion_law::read_rows;
 use solver::analysis::ground_collapse::record::{CollapseRecord, CollapseSummary};
-use solver::analysis::plot::{Axis, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use solver::error::Error;
+use solver::figures::plot::{Axis, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
 use solver::sweep::table::machine;
 use std::f64::consts::PI;
 use std::fmt::Write as _;

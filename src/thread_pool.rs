@@ -5,7 +5,7 @@
 //! go through here; uneven and longer work stays with `rayon`, whose number of threads holds for both. A helper looks for
 //! work for [`SPINS`] turns, gives way for [`YIELDS`] more, then sleeps: ranks that share a core lose little.
 //!
-//! Which thread does which piece decides nothing: pieces are disjoint, and whoever finds the crew at work for another
+//! Which thread does which piece decides nothing: pieces are disjoint, and whoever finds the pool at work for another
 //! does its own pieces itself.
 
 use std::cell::UnsafeCell;
@@ -20,7 +20,7 @@ const SPINS: u32 = 4000;
 /// Turns of giving way to other threads after that.
 const YIELDS: u32 = 200;
 
-/// What the crew is to do: a function of the number of the piece.
+/// What the pool is to do: a function of the number of the piece.
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 /// A function, its pieces, and how many threads do them.
@@ -54,12 +54,12 @@ struct Helper {
     sleeps: Arc<AtomicBool>,
 }
 
-struct Crew {
+struct Pool {
     board: Arc<Board>,
     helpers: Vec<Helper>,
 }
 
-static CREW: Mutex<Option<Crew>> = Mutex::new(None);
+static POOL: Mutex<Option<Pool>> = Mutex::new(None);
 
 /// The most threads that work is shared out to.
 pub const MOST: usize = 64;
@@ -76,14 +76,14 @@ pub fn threads() -> usize {
 /// Where `work` does.
 pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     if pieces > 1 {
-        let crew = match CREW.try_lock() {
-            Ok(crew) => Some(crew),
+        let pool = match POOL.try_lock() {
+            Ok(pool) => Some(pool),
             // A panic comes through only after all have finished.
-            Err(TryLockError::Poisoned(crew)) => Some(crew.into_inner()),
+            Err(TryLockError::Poisoned(pool)) => Some(pool.into_inner()),
             Err(TryLockError::WouldBlock) => None,
         };
-        if let Some(mut crew) = crew {
-            return crew.get_or_insert_with(Crew::new).run(pieces, &work);
+        if let Some(mut pool) = pool {
+            return pool.get_or_insert_with(Pool::new).run(pieces, &work);
         }
     }
     (0..pieces).for_each(work);
@@ -183,7 +183,7 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
-impl Crew {
+impl Pool {
     fn new() -> Self {
         Self {
             board: Arc::new(Board {
@@ -260,7 +260,7 @@ impl Helper {
         let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
         let seen = board.job.load(Ordering::Relaxed);
         std::thread::Builder::new()
-            .name(format!("crew {number}"))
+            .name(format!("pool {number}"))
             .spawn(move || help(&board, &flag, number, seen))
             .ok()
             .map(|handle| Self {

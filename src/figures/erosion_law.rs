@@ -1,0 +1,545 @@
+//! Tables and figures of the erosion law across runs: `solver erosion-law`.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `erosion_law.csv` | one row per cohesion: tau_c and k_d with intervals, or the bound |
+//! | `erosion_points.csv` | one row per window and one per whole run: stress three ways, rate, errors |
+//! | `erosion_readings.csv` | the law by each reading: runs or windows, stress by gradient, balance or traction |
+//! | `figure4.csv`, `.svg` | M_e / M_0 against time for each pressure |
+//! | `figure5.csv`, `.svg` | rate against stress with the fitted line, its band, error bars |
+//! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows; a published result |
+//! | `erosion_law.json` | the report |
+//!
+//! Figures 4 and 5 without a suffix are those of the cohesion of the published result, or else of the cohesion with the most runs;
+//! those of the others end in `_C<value>`.
+
+mod plots;
+mod tables;
+
+use crate::analysis::erosion_law::{Interval, Law};
+use crate::analysis::study::{self, CohesionReport, Reading, Report, Stress, close, points_of};
+use crate::error::Error;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// A published result that the figures mark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Published {
+    /// C/d [N/m].
+    pub cohesion: f64,
+    /// Critical shear stress \[Pa\].
+    pub critical_shear: f64,
+    /// Erosion coefficient [s/m].
+    pub coefficient: f64,
+}
+
+impl FromStr for Published {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .map(|word| word.trim().parse::<f64>())
+            .collect::<Result<_, _>>()
+            .map_err(|e| e.to_string())?;
+        match numbers[..] {
+            [cohesion, critical_shear, coefficient]
+                if numbers.iter().all(|x| *x > 0.0 && x.is_finite()) =>
+            {
+                Ok(Self {
+                    cohesion,
+                    critical_shear,
+                    coefficient,
+                })
+            }
+            _ => Err("three numbers above 0 are needed: C/d [N/m], tau_c [Pa], k_d [s/m]".into()),
+        }
+    }
+}
+
+/// Fits the runs and writes tables and figures into `output`, which is made if it does not exist.
+///
+/// # Errors
+/// [`Error::Io`] when a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
+pub fn run(runs: &[PathBuf], output: &Path, published: Option<Published>) -> Result<Report, Error> {
+    let mut report = study::fit(runs)?;
+    write_all(&mut report, output, published)?;
+    Ok(report)
+}
+
+/// `solver erosion-law`: the report of [`run`] as text or JSON.
+///
+/// # Errors
+/// As [`run`].
+pub fn command(
+    runs: &[PathBuf],
+    output: &Path,
+    published: Option<Published>,
+    json: bool,
+) -> Result<String, Error> {
+    let report = run(runs, output, published)?;
+    if json {
+        serde_json::to_string_pretty(&report).map_err(|e| Error::Internal(e.to_string()))
+    } else {
+        Ok(text(&report, published))
+    }
+}
+
+fn write_all(
+    report: &mut Report,
+    output: &Path,
+    published: Option<Published>,
+) -> Result<(), Error> {
+    let fail =
+        |path: &Path, error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
+    fs::create_dir_all(output).map_err(|error| fail(output, error))?;
+    let main = main_cohesion(&report.cohesions, published);
+    let mut files: Vec<(String, String)> = vec![
+        ("erosion_law.csv".to_owned(), tables::law(&report.cohesions)),
+        (
+            "erosion_points.csv".to_owned(),
+            tables::windows(&report.cohesions),
+        ),
+        (
+            "erosion_readings.csv".to_owned(),
+            tables::readings(&report.cohesions),
+        ),
+        ("figure4.csv".to_owned(), tables::series(&report.cohesions)),
+        ("figure5.csv".to_owned(), tables::line(&report.cohesions)),
+        ("figure6.csv".to_owned(), tables::law(&report.cohesions)),
+    ];
+    for (index, cohesion) in report.cohesions.iter().enumerate() {
+        let suffix = if index == main {
+            String::new()
+        } else {
+            format!("_C{}", cohesion.cohesion)
+        };
+        files.push((
+            format!("figure4{suffix}.svg"),
+            plots::eroded_mass(cohesion).to_svg(),
+        ));
+        files.push((
+            format!("figure5{suffix}.svg"),
+            plots::rate(cohesion).to_svg(),
+        ));
+    }
+    files.push((
+        "figure6.svg".to_owned(),
+        plots::law(&report.cohesions, published).to_svg(),
+    ));
+    for (name, text) in files {
+        let path = output.join(name);
+        fs::write(&path, text).map_err(|error| fail(&path, error))?;
+        report.files.push(path);
+    }
+    let path = output.join("erosion_law.json");
+    report.files.push(path.clone());
+    let text = serde_json::to_string_pretty(report)
+        .map_err(|error| Error::Internal(format!("the report as JSON: {error}")))?;
+    fs::write(&path, text + "\n").map_err(|error| fail(&path, error))
+}
+
+/// The cohesion whose figures have no suffix.
+fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> usize {
+    let of_published = |p: Published| cohesions.iter().position(|c| close(c.cohesion, p.cohesion));
+    published
+        .and_then(of_published)
+        .or_else(|| {
+            (0..cohesions.len())
+                .rev()
+                .max_by_key(|&k| cohesions[k].runs.len())
+        })
+        .unwrap_or(0)
+}
+
+/// A value with its interval as text: `9.1 [8.2, 10.0]`.
+fn with_interval(value: f64, interval: Interval) -> String {
+    format!(
+        "{} [{}, {}]",
+        digits(value),
+        digits(interval.low),
+        digits(interval.high)
+    )
+}
+
+/// Three significant digits.
+fn digits(value: f64) -> String {
+    if (0.01..1000.0).contains(&value.abs()) {
+        let decimals = match value.abs() {
+            100.0.. => 0,
+            10.0.. => 1,
+            1.0.. => 2,
+            0.1.. => 3,
+            _ => 4,
+        };
+        format!("{value:.decimals$}")
+    } else if value.abs() < f64::MIN_POSITIVE {
+        "0".to_owned()
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+/// Threshold, coefficient and R2 of a law, for the terminal.
+fn words(law: Option<&Law>) -> [String; 3] {
+    match law {
+        Some(Law::Fitted(fit)) => [
+            with_interval(fit.critical_shear, fit.critical_shear_interval),
+            with_interval(fit.coefficient, fit.coefficient_interval),
+            format!("{:.3}", fit.r_squared),
+        ],
+        Some(Law::LowerBound { at_least }) => [
+            format!(">= {}", digits(*at_least)),
+            "no erosion".to_owned(),
+            String::new(),
+        ],
+        Some(Law::Bracketed { above, below }) => [
+            format!("between {} and {}", digits(*above), digits(*below)),
+            "one stress erodes".to_owned(),
+            String::new(),
+        ],
+        None => ["no point".to_owned(), String::new(), String::new()],
+    }
+}
+
+/// The report for the terminal.
+fn text(report: &Report, published: Option<Published>) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_text(&mut text, report, published);
+    text
+}
+
+fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> std::fmt::Result {
+    writeln!(
+        f,
+        "{:>10}  {:>4}  {:>6}  {:>8}  {:>32}  {:>26}  {:>6}",
+        "C/d (N/m)", "runs", "points", "stress", "tau_c (Pa)", "k_d (s/m)", "R2"
+    )?;
+    for cohesion in &report.cohesions {
+        for (stress, name) in [(Stress::Gradient, "gradient"), (Stress::Balance, "balance")] {
+            let of =
+                |reading: &&Reading| reading.points == cohesion.points && reading.stress == stress;
+            let law = cohesion.readings.iter().find(of);
+            let [threshold, slope, fit] = words(law.and_then(|reading| reading.law.as_ref()));
+            writeln!(
+                f,
+                "{:>10}  {:>4}  {:>6}  {name:>8}  {threshold:>32}  {slope:>26}  {fit:>6}",
+                cohesion.cohesion,
+                cohesion.runs.len(),
+                points_of(cohesion, cohesion.points, stress).len(),
+            )?;
+        }
+    }
+    writeln!(
+        f,
+        "Stress by the gradient of the velocity at the faces (used by the figures) and by the balance of forces on the hole."
+    )?;
+    writeln!(f, "Intervals are 95 %.")?;
+    if let Some(p) = published {
+        writeln!(
+            f,
+            "Published at C/d = {} N/m: tau_c = {:.1e} Pa, k_d = {} s/m.",
+            p.cohesion, p.critical_shear, p.coefficient
+        )?;
+    }
+    if let Some(trend) = &report.trend {
+        if let (Some(slope), Some(interval)) = (
+            trend.coefficient_exponent,
+            trend.coefficient_exponent_interval,
+        ) {
+            writeln!(
+                f,
+                "k_d ~ C^{slope:.2} [{:.2}, {:.2}]: {}; (max - min)/mean of k_d = {:.2}",
+                interval.low,
+                interval.high,
+                if trend.coefficient_has_trend {
+                    "a trend"
+                } else {
+                    "no significant trend"
+                },
+                trend.coefficient_variation
+            )?;
+        }
+        writeln!(
+            f,
+            "tau_c {} with C",
+            if trend.critical_shear_increases {
+                "increases"
+            } else {
+                "does not increase steadily"
+            }
+        )?;
+    }
+    for warning in &report.warnings {
+        writeln!(f, "warning: {warning}")?;
+    }
+    for file in &report.files {
+        writeln!(f, "wrote {}", file.display())?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::erosion_law::fit::tests::Draws;
+    use crate::analysis::erosion_law::{
+        ErosionRecord, ErosionSummary, RemovedGrain, Row, read_rows, write_rows,
+    };
+
+    const PUBLISHED: Published = Published {
+        cohesion: 0.506,
+        critical_shear: 9e-4,
+        coefficient: 9.1,
+    };
+    const GRAIN: f64 = 8.5e-5;
+    const INITIAL: f64 = 0.12;
+    const LENGTH: f64 = 1.2e-2;
+
+    /// A run folder of a hole that follows the law: grains leave at random, the hole widens.
+    fn write_run(
+        root: &Path,
+        pressure: f64,
+        cohesion: f64,
+        law: (f64, f64),
+        summary: bool,
+    ) -> PathBuf {
+        let folder = root.join(format!("C{cohesion}_P{pressure}"));
+        fs::create_dir_all(&folder).unwrap();
+        let mut draws = Draws::new(1 + (pressure * 1e3).to_bits() % 1000);
+        let (mut width, mut mass, mut grains) = (8e-4, 0.0, 0_u64);
+        let (mut removed, mut records) = (Vec::new(), Vec::new());
+        let dt = 0.05;
+        for step in 0..=600_u32 {
+            let time = dt * f64::from(step);
+            let shear = pressure * width / (2.0 * LENGTH);
+            let jitter = |draws: &mut Draws| shear * (1.0 + 0.03 * draws.normal());
+            records.push(ErosionRecord {
+                step: u64::from(step) * 100,
+                time,
+                eroded_mass: mass,
+                eroded_fraction: mass / INITIAL,
+                eroded_grains: grains,
+                lower_face: 2e-3 - 0.5 * width,
+                upper_face: 2e-3 + 0.5 * width,
+                hole_width: width,
+                hole_length: LENGTH,
+                shear_gradient: jitter(&mut draws),
+                shear_balance: shear,
+                shear_traction: jitter(&mut draws),
+                pressure_difference: pressure,
+                discharge: 0.0,
+                bonds_broken: grains,
+                bonds_broken_inside: 0,
+                bonds_broken_at_wall: grains,
+                mach: 0.05,
+                mass_error: 0.0,
+            });
+            let expected = law.1 * (shear - law.0).max(0.0) * 2.0 * LENGTH * dt / GRAIN;
+            let mut clock = draws.exponential(1.0);
+            while clock < expected && mass + GRAIN < INITIAL {
+                mass += GRAIN;
+                width += GRAIN / (2200.0 * LENGTH);
+                removed.push(RemovedGrain {
+                    step: u64::from(step) * 100,
+                    time,
+                    id: grains,
+                    mass: GRAIN,
+                    radius: 1e-4,
+                    x: 1.68e-2,
+                    y: 2e-3,
+                    z: 0.0,
+                });
+                grains += 1;
+                clock += draws.exponential(1.0);
+            }
+        }
+        write_rows(&folder.join("erosion.csv"), &records).unwrap();
+        write_rows(&folder.join("removed.csv"), &removed).unwrap();
+        if summary {
+            let erosion = ErosionSummary {
+                cohesion,
+                pressure_difference: pressure,
+                ramp_end: 0.0,
+                initial_mass: INITIAL,
+                eroded_mass: mass,
+                hole_width: 8e-4,
+                hole_length: LENGTH,
+            };
+            let summary = serde_json::json!({"outcome": "done", "erosion": erosion});
+            fs::write(folder.join("summary.json"), summary.to_string()).unwrap();
+        } else {
+            let case = serde_json::json!({
+                "contact": {"cohesive_frictional": {"cohesion": {"per_diameter": {"value": cohesion, "source": "paper"}}}},
+                "fluid": {"lattice_boltzmann": {"boundaries": [
+                    {"condition": {"pressure": {"value": {"value": pressure + 1.0, "source": "paper"}}}},
+                    {"condition": {"pressure": {"value": 1.0}}},
+                    {"condition": {"no_slip": {}}},
+                ]}},
+            });
+            fs::write(folder.join("case.json"), case.to_string()).unwrap();
+        }
+        folder
+    }
+
+    const PRESSURES: [f64; 10] = [0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
+
+    /// `PLOT_TO` names a folder where a person can look at the figures.
+    fn figures(folder: &Path) -> PathBuf {
+        std::env::var_os("PLOT_TO").map_or_else(|| folder.join("out"), PathBuf::from)
+    }
+
+    #[test]
+    fn a_study_gives_the_laws_it_was_made_with() {
+        let root = tempfile::tempdir().unwrap();
+        let series = [(0.253, 6e-4), (0.506, 9e-4), (1.27, 2.4e-3), (12.7, 1.0)];
+        let mut runs = Vec::new();
+        for (cohesion, threshold) in series {
+            for pressure in PRESSURES {
+                runs.push(write_run(
+                    root.path(),
+                    pressure,
+                    cohesion,
+                    (threshold, 9.1),
+                    true,
+                ));
+            }
+        }
+        let output = figures(root.path());
+        let report = run(&runs, &output, Some(PUBLISHED)).unwrap();
+        assert_eq!(report.cohesions.len(), 4);
+        for (cohesion, (_, threshold)) in report.cohesions[..3].iter().zip(series) {
+            let Some(Law::Fitted(fit)) = &cohesion.law else {
+                panic!("{:?}", cohesion.law)
+            };
+            assert!(fit.coefficient_interval.contains(9.1), "{fit:?}");
+            assert!(fit.critical_shear_interval.contains(threshold), "{fit:?}");
+            assert!(fit.r_squared > 0.9);
+        }
+        let Some(Law::LowerBound { at_least }) = report.cohesions[3].law else {
+            panic!("{:?}", report.cohesions[3].law)
+        };
+        assert!((at_least / (0.5 * 8e-4 / (2.0 * LENGTH)) - 1.0).abs() < 0.01);
+        let trend = report.trend.as_ref().unwrap();
+        assert!(!trend.coefficient_has_trend && trend.critical_shear_increases);
+        for name in [
+            "erosion_law.csv",
+            "erosion_points.csv",
+            "figure4.csv",
+            "figure4.svg",
+            "figure4_C0.253.svg",
+            "figure5.csv",
+            "figure5.svg",
+            "figure6.csv",
+            "figure6.svg",
+            "erosion_law.json",
+        ] {
+            assert!(output.join(name).is_file(), "{name}");
+        }
+        let table = fs::read_to_string(output.join("erosion_law.csv")).unwrap();
+        let widths: Vec<usize> = table.lines().map(|line| line.split(',').count()).collect();
+        assert_eq!(widths, [15; 5], "{table}");
+        let shown = text(&report, Some(PUBLISHED));
+        assert!(
+            shown.contains("no erosion") && shown.contains("no significant trend"),
+            "{shown}"
+        );
+    }
+
+    /// Grains that the cut left without bonds leave at any cohesion; without a broken bond nothing eroded.
+    #[test]
+    fn loose_grains_are_no_erosion() {
+        let root = tempfile::tempdir().unwrap();
+        let runs: Vec<PathBuf> = [0.3, 0.5]
+            .map(|pressure| write_run(root.path(), pressure, 12.7, (1e-3, 9.1), true))
+            .into();
+        let law = |output: &str| {
+            run(&runs, &root.path().join(output), None)
+                .unwrap()
+                .cohesions
+                .remove(0)
+                .law
+        };
+        assert!(matches!(law("bonds"), Some(Law::Fitted(_))));
+        for folder in &runs {
+            let file = folder.join("erosion.csv");
+            let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
+            assert!(rows.last().unwrap().eroded_grains > 3);
+            for row in &mut rows {
+                row.bonds_broken = 0;
+            }
+            write_rows(&file, &rows).unwrap();
+        }
+        let found = law("none");
+        assert!(matches!(found, Some(Law::LowerBound { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn a_run_without_summary_is_read_from_its_case() {
+        let root = tempfile::tempdir().unwrap();
+        let with = write_run(root.path(), 0.3, 0.506, (9e-4, 9.1), true);
+        let first = run(&[with], &root.path().join("a"), None).unwrap();
+        let without = write_run(&root.path().join("b"), 0.3, 0.506, (9e-4, 9.1), false);
+        let second = run(&[without], &root.path().join("b"), None).unwrap();
+        let (a, b) = (&first.cohesions[0].runs[0], &second.cohesions[0].runs[0]);
+        assert!((a.pressure_difference - b.pressure_difference).abs() < 1e-12);
+        assert!(close(a.cohesion, b.cohesion));
+        assert_eq!(a.windows, b.windows);
+        assert_eq!(b.outcome, "unfinished");
+        assert_eq!(second.warnings.len(), 1);
+    }
+
+    #[test]
+    fn the_same_runs_give_the_same_files() {
+        let root = tempfile::tempdir().unwrap();
+        let mut runs: Vec<PathBuf> = PRESSURES
+            .iter()
+            .map(|&pressure| write_run(root.path(), pressure, 0.506, (9e-4, 9.1), true))
+            .collect();
+        run(&runs, &root.path().join("a"), None).unwrap();
+        runs.reverse();
+        run(&runs, &root.path().join("b"), None).unwrap();
+        for name in [
+            "erosion_law.csv",
+            "figure4.svg",
+            "figure5.svg",
+            "figure5.csv",
+            "figure6.svg",
+        ] {
+            let read =
+                |folder: &str| fs::read_to_string(root.path().join(folder).join(name)).unwrap();
+            assert_eq!(read("a"), read("b"), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let root = tempfile::tempdir().unwrap();
+        let error = run(&[], root.path(), None).unwrap_err().to_string();
+        assert!(error.contains("at least one run"), "{error}");
+        let error = run(&[root.path().join("nowhere")], root.path(), None)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("nowhere") && error.contains("erosion.csv"),
+            "{error}"
+        );
+        let folder = write_run(root.path(), 0.3, 0.506, (9e-4, 9.1), true);
+        fs::remove_file(folder.join("summary.json")).unwrap();
+        let error = run(std::slice::from_ref(&folder), root.path(), None)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("case.json"), "{error}");
+        fs::write(folder.join("case.json"), "{}").unwrap();
+        let error = run(std::slice::from_ref(&folder), root.path(), None)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("per_diameter"), "{error}");
+        fs::write(folder.join("erosion.csv"), ErosionRecord::header() + "\n").unwrap();
+        fs::write(folder.join("summary.json"), "{").unwrap();
+        assert!(run(&[folder], root.path(), None).is_err());
+    }
+}

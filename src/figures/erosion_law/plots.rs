@@ -1,0 +1,272 @@
+//! The plots of the erosion law.
+
+use super::{Published, digits};
+use crate::analysis::erosion_law::{ErosionRecord, Interval, Law, LinearLaw};
+use crate::analysis::study::{CohesionReport, measured, points};
+use crate::figures::plot::{
+    Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
+};
+use std::fmt::Write as _;
+
+/// At most 400 of the records, first and last among them: what a figure can show.
+pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
+    let count = records.len().min(400);
+    (0..count)
+        .map(|k| records[k * (records.len() - 1) / (count - 1).max(1)])
+        .collect()
+}
+
+/// Stresses at which the line of a fit is drawn.
+pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f64> {
+    let most = points(cohesion).iter().map(|p| p.shear).fold(0.0, f64::max);
+    let mut stresses: Vec<f64> = (0..=120_u32)
+        .map(|k| most * 1.04 * f64::from(k) / 120.0)
+        .collect();
+    stresses.push(fit.critical_shear);
+    stresses.sort_by(f64::total_cmp);
+    stresses
+}
+
+/// Eroded mass against time.
+pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
+    let count = cohesion.runs.len();
+    // The highest pressure first, as the curves lie.
+    let layers = cohesion
+        .runs
+        .iter()
+        .enumerate()
+        .rev()
+        .map(|(index, run)| {
+            let points = thinned(&run.records)
+                .iter()
+                .map(|record| (record.time, record.eroded_fraction))
+                .collect();
+            Layer::new(
+                Shape::Line {
+                    points,
+                    dashed: false,
+                },
+                &sequential(index, count),
+                &format!("{:.2}", run.pressure_difference),
+            )
+        })
+        .collect();
+    let top = cohesion
+        .runs
+        .iter()
+        .map(|run| run.eroded_fraction)
+        .fold(0.0, f64::max);
+    let y = Axis::linear("eroded mass M_{e} / M_{0}", "");
+    Figure {
+        panels: vec![Panel {
+            title: format!("Eroded mass, C/d = {} N/m", cohesion.cohesion),
+            x: Axis::linear("time", "s"),
+            y: if top > 0.5 {
+                y.over(0.0, 1.0)
+            } else {
+                y.over(0.0, (1.08 * top).max(1e-3))
+            },
+            layers,
+            legend: Legend::Right,
+            legend_title: "ΔP (Pa)".to_owned(),
+        }],
+    }
+}
+
+/// The same for a figure, `9.71·10^{-4}`.
+fn digits_in_figure(value: f64) -> String {
+    match digits(value).split_once('e') {
+        Some((mantissa, power)) => {
+            format!("{mantissa}·10^{{{}}}", power.replace('-', "\u{2212}"))
+        }
+        None => digits(value),
+    }
+}
+
+/// Erosion rate against shear stress.
+pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
+    let mut layers = Vec::new();
+    let mut title = format!("Erosion rate, C/d = {} N/m", cohesion.cohesion);
+    if let Some(Law::Fitted(fit)) = &cohesion.law {
+        let stresses = line_stresses(cohesion, fit);
+        let band = stresses
+            .iter()
+            .map(|&shear| {
+                let Interval { low, high } = fit.rate_interval(shear);
+                (shear, low, high)
+            })
+            .collect();
+        layers.push(Layer::new(
+            Shape::Band { points: band },
+            CATEGORY[1],
+            "95 % band",
+        ));
+        let line = stresses
+            .iter()
+            .map(|&shear| (shear, fit.rate(shear)))
+            .collect();
+        let label = format!(
+            "k_{{d}} = {} s/m, τ_{{c}} = {} Pa",
+            digits_in_figure(fit.coefficient),
+            digits_in_figure(fit.critical_shear)
+        );
+        layers.push(Layer::new(
+            Shape::Line {
+                points: line,
+                dashed: false,
+            },
+            CATEGORY[1],
+            &label,
+        ));
+        let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
+    }
+    for (eroding, label) in [(false, "no erosion"), (true, "runs, 95 % bars")] {
+        let marks: Vec<Mark> = cohesion
+            .runs
+            .iter()
+            .flat_map(|run| measured(run, cohesion.points))
+            .filter(|w| w.eroding == eroding)
+            .map(|w| Mark {
+                x: w.shear,
+                y: w.rate,
+                x_bar: None,
+                y_bar: eroding.then(|| {
+                    (
+                        (w.rate - 1.96 * w.rate_error).max(0.0),
+                        w.rate + 1.96 * w.rate_error,
+                    )
+                }),
+            })
+            .collect();
+        if !marks.is_empty() {
+            layers.push(Layer::new(
+                Shape::Marks {
+                    marks,
+                    style: if eroding {
+                        Style::Filled
+                    } else {
+                        Style::Hollow
+                    },
+                },
+                CATEGORY[0],
+                label,
+            ));
+        }
+    }
+    Figure {
+        panels: vec![Panel {
+            title,
+            x: Axis::linear("hydraulic shear stress τ_{h}", "Pa"),
+            y: Axis::linear("erosion rate", "kg m^{\u{2212}2} s^{\u{2212}1}"),
+            layers,
+            legend: Legend::TopLeft,
+            legend_title: String::new(),
+        }],
+    }
+}
+
+/// Critical shear stress and erosion coefficient against cohesion.
+pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) -> Figure {
+    let (mut thresholds, mut slopes, mut lower, mut brackets) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for cohesion in cohesions {
+        let x = cohesion.cohesion;
+        match &cohesion.law {
+            Some(Law::Fitted(fit)) => {
+                let bar = |interval: Interval| Some((interval.low, interval.high));
+                thresholds.push(Mark {
+                    y_bar: bar(fit.critical_shear_interval),
+                    ..Mark::at(x, fit.critical_shear)
+                });
+                slopes.push(Mark {
+                    y_bar: bar(fit.coefficient_interval),
+                    ..Mark::at(x, fit.coefficient)
+                });
+            }
+            Some(Law::LowerBound { at_least }) => lower.push((x, *at_least)),
+            Some(Law::Bracketed { above, below }) => brackets.push(Mark {
+                y_bar: Some((*above, *below)),
+                ..Mark::at(x, 0.5 * (above + below))
+            }),
+            None => {}
+        }
+    }
+    let mark_published = |value: fn(Published) -> f64| {
+        published.map(|p| {
+            Layer::new(
+                Shape::Marks {
+                    marks: vec![Mark::at(p.cohesion, value(p))],
+                    style: Style::Ring,
+                },
+                CATEGORY[2],
+                &format!("published, C/d = {} N/m", p.cohesion),
+            )
+        })
+    };
+    let marks = |marks: Vec<Mark>, style, label: &str| {
+        Layer::new(Shape::Marks { marks, style }, CATEGORY[1], label)
+    };
+    let mut first = Vec::new();
+    if !brackets.is_empty() {
+        first.push(marks(brackets, Style::Hollow, "bracket"));
+    }
+    if !lower.is_empty() {
+        first.push(Layer::new(
+            Shape::LowerBounds { points: lower },
+            CATEGORY[1],
+            "no erosion: lower bound",
+        ));
+    }
+    first.push(marks(thresholds, Style::Filled, "fit, 95 % interval"));
+    first.extend(mark_published(|p| p.critical_shear));
+    let top = slopes
+        .iter()
+        .filter_map(|mark| mark.y_bar)
+        .map(|bar| bar.1)
+        .chain(published.map(|p| p.coefficient))
+        .fold(0.0, f64::max);
+    let mut second = vec![marks(slopes, Style::Filled, "fit, 95 % interval")];
+    second.extend(mark_published(|p| p.coefficient));
+    // Both panels share the cohesions, with room for a point at either end.
+    let (low, high) = cohesions
+        .iter()
+        .map(|c| c.cohesion)
+        .filter(|c| *c > 0.0)
+        .chain(published.map(|p| p.cohesion))
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), c| {
+            (low.min(c), high.max(c))
+        });
+    let x = || {
+        let axis = Axis::log("cohesion C/d", "N/m");
+        // No cohesion is above 0 in a study of soil without bonds.
+        if high > 0.0 {
+            axis.over(low / 1.6, high * 1.6)
+        } else {
+            axis
+        }
+    };
+    let panel = |title: &str, y, layers, legend| Panel {
+        title: title.to_owned(),
+        x: x(),
+        y,
+        layers,
+        legend,
+        legend_title: String::new(),
+    };
+    Figure {
+        panels: vec![
+            panel(
+                "(a) Critical shear stress",
+                Axis::log("τ_{c}", "Pa"),
+                first,
+                Legend::TopLeft,
+            ),
+            panel(
+                "(b) Erosion coefficient",
+                Axis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 }),
+                second,
+                Legend::TopLeft,
+            ),
+        ],
+    }
+}

@@ -1,0 +1,77 @@
+//! The critical solid time step: that of the lightest grain or free body with its stiffest contact.
+
+use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
+use crate::scene::contact::TimeLimits;
+use crate::scene::grains::GrainSource;
+
+/// The critical time step and the grain that decides it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Critical {
+    /// The shortest limit of any grain [s].
+    pub(crate) time_step: f64,
+    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh [s].
+    pub(crate) limits: TimeLimits,
+}
+
+/// Material and radius (m) of spheres and discs that move by forces, the smallest of each source.
+pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
+    let mut moving: Vec<(usize, f64)> = Vec::new();
+    if let Some(grains) = &scene.grains {
+        match &grains.source {
+            GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
+                moving.extend(list.iter().map(|g| (g.material, g.radius)))
+            }
+            _ => moving.extend(
+                grains
+                    .radii
+                    .map(|(smallest, _)| (grains.material, smallest)),
+            ),
+        }
+    }
+    for region in &scene.regions {
+        if let crate::scene::observe::Action::Generate {
+            radii, material, ..
+        } = &region.action
+        {
+            moving.push((*material, radii.bounds().0));
+        }
+    }
+    let spheres = scene.bodies.iter().filter(|b| b.solid.is_none());
+    let free = spheres.filter(|b| b.mobility == Mobility::Free);
+    moving.extend(free.map(|b| (b.material, b.radius)));
+    moving
+}
+
+/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
+/// with all its faces in touch.
+pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
+    let contact = scene.contact.as_ref()?;
+    let of_spheres = moving(scene)
+        .into_iter()
+        .filter(|(material, _)| *material < contact.materials)
+        .map(|(material, radius)| {
+            contact.time_limits(material, radius, scene.mass(material, radius))
+        });
+    let of_blocks = scene
+        .polyhedra()
+        .filter(|(_, _, free)| *free)
+        .map(|(solid, material, _)| {
+            let mass = scene.density(material) * solid.shape.volume();
+            contact.time_limits_of_block(material, &solid.shape, mass)
+        });
+    let mut shortest: Option<TimeLimits> = None;
+    for limits in of_spheres.chain(of_blocks) {
+        if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {
+            continue;
+        }
+        shortest = Some(shortest.map_or(limits, |known| TimeLimits {
+            spring: known.spring.min(limits.spring),
+            rayleigh: known.rayleigh.zip(limits.rayleigh).map(|(a, b)| a.min(b)),
+        }));
+    }
+    shortest.map(|limits| Critical {
+        time_step: limits.shorter(),
+        limits,
+    })
+}

@@ -1,0 +1,49 @@
+//! A limit of the method and the distance of a case to it.
+
+use crate::error::Remedy;
+use crate::scene::findings::at_most;
+use crate::scene::flow::{Flow, PATH};
+use serde::Serialize;
+
+/// A limit and where the case stands.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Margin {
+    /// Which limit.
+    pub limit: String,
+    /// Where the case stands.
+    pub value: f64,
+    /// The limit.
+    pub allowed: f64,
+    /// How much of the limit is used; above 1 it is crossed.
+    pub used: f64,
+    /// JSON path of what decides it.
+    pub path: String,
+}
+
+pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margin {
+    Margin {
+        limit: limit.into(),
+        value,
+        allowed,
+        used: value / allowed,
+        path: path.into(),
+    }
+}
+
+/// The least relaxation time that is proposed: below it stability is asked of the operator and the walls, not of the clock.
+const LEAST_PROPOSED: f64 = 0.505;
+
+/// Proposes `part` of the time step through whatever fixes it, where that leaves a relaxation time with which runs hold.
+pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Remedy {
+    let dt = at_most(part * flow.time_step);
+    let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);
+    let remedy = Remedy::from(text);
+    if part >= 1.0 || 0.5 + above < LEAST_PROPOSED {
+        return remedy;
+    }
+    match flow.fixed_by {
+        "relaxation_time" => remedy.set(format!("{PATH}.relaxation_time"), 0.5 + at_most(above)),
+        "time_step" | "accuracy" => remedy.set(format!("{PATH}.time_step"), dt),
+        _ => remedy,
+    }
+}

@@ -1,0 +1,346 @@
+//! The grains at the start: grown, deposited, read or listed; then numbered, saved and cut; bonded and brought to rest.
+//!
+//! | step | file |
+//! |---|---|
+//! | a packing by growing radii | [`growth`] |
+//! | a deposition under gravity | [`deposition`] |
+//! | numbers along a curve through space | [`numbering`] |
+//! | bonds at the contacts, then rest under damping | [`rest`] |
+//! | reports, interruption and resumption | [`supervision`] |
+//!
+//! Packing and deposition run on one rank, so that the sample depends on the seed only.
+
+pub mod deposition;
+pub mod growth;
+pub mod numbering;
+pub mod rest;
+pub mod supervision;
+
+use crate::case::contact::Scaled;
+use crate::case::grains as case;
+use crate::dem::relax::unbalanced_text;
+use crate::dem::space::{Components, Space, vector};
+use crate::dem::{Law, Region, Wall};
+use crate::error::Error;
+use crate::plan::{Plan, contacts};
+use crate::scene::block::Block;
+use crate::scene::blocks::Blocks;
+use crate::scene::contact::ContactTable;
+use crate::scene::grading::Grading;
+use crate::scene::grains::GrainSource;
+use crate::scene::grid::count;
+use crate::scene::rock::list;
+use crate::scene::sample;
+use crate::scene::sample::Grain;
+use deposition::Deposition;
+use growth::{PackingSettings, Sizes, Stop};
+use serde_json::{Value, json};
+use std::path::Path;
+use supervision::Supervision;
+
+/// The prepared grains, for the run, the report and the summary.
+#[derive(Clone, Debug, Default)]
+pub struct Prepared {
+    /// The grains after cutting; on the first rank only.
+    pub grains: Vec<Grain>,
+    /// The entry of `summary.json`.
+    pub report: Value,
+    /// One line for the terminal.
+    pub line: String,
+}
+
+/// The parts of the engine of the run that a deposition uses too.
+pub struct Engine<'a, S: Space> {
+    /// The box of the grains.
+    pub region: Region<S>,
+    /// The walls, those that are gone as the run begins included.
+    pub walls: Vec<Wall<S>>,
+    /// The contact law of a table.
+    pub law: &'a dyn Fn(Option<&ContactTable>) -> Law,
+}
+
+/// Makes, reads or lists the grains of a scene, saves the sample where the case asks for it, and cuts it. One rank.
+///
+/// # Errors
+/// When the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
+pub fn prepare<S: Space>(
+    plan: &Plan,
+    folder: &Path,
+    engine: &Engine<'_, S>,
+    supervision: &Supervision<'_, S>,
+) -> Result<Prepared, Error> {
+    let mut prepared = Prepared::default();
+    if let Some(blocks) = &plan.scene.blocks {
+        prepared.line = save_blocks(plan, blocks, folder)?;
+    }
+    let Some(scene) = &plan.scene.grains else {
+        return Ok(prepared);
+    };
+    let dimension = plan.scene.grid.dimension;
+    let names: Vec<String> = plan
+        .scene
+        .materials
+        .iter()
+        .map(|m| m.name.clone())
+        .collect();
+    let mut all = match &scene.source {
+        GrainSource::List(list) => list.clone(),
+        GrainSource::File { grains, path } => {
+            prepared.line = format!("{} grains from {}", grains.len(), path.display());
+            grains.clone()
+        }
+        GrainSource::Rain {
+            block,
+            grading,
+            rain,
+        } => {
+            let (grains, report) =
+                deposition_of(plan, engine, block, grading, rain).run(supervision)?;
+            let last = report.convergence.last().copied().unwrap_or_default();
+            prepared.line = format!(
+                "{} of {} grains left of the deposition after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
+                report.grains,
+                report.fallen,
+                last.steps,
+                if report.settled {
+                    "settled"
+                } else {
+                    "NOT settled within the steps allowed"
+                },
+                report.coordination,
+                report.largest_overlap,
+                last.kinetic_energy,
+                unbalanced_text(last.unbalanced)
+            );
+            prepared.report = json!({ "rain": report });
+            grains
+                .iter()
+                .map(|(position, radius)| Grain {
+                    position: components(position),
+                    radius: *radius,
+                    velocity: [0.0; 3],
+                    angular_velocity: [0.0; 3],
+                    material: scene.material,
+                })
+                .collect()
+        }
+        GrainSource::Growth {
+            block,
+            number,
+            growth,
+        } => {
+            let packing = packing_of::<S>(plan, block, *number, growth).pack(supervision)?;
+            let r = &packing.report;
+            prepared.line = format!(
+                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {}, sizes x {:.4}",
+                r.grains,
+                r.steps,
+                r.solid_fraction,
+                r.coordination,
+                r.mean_overlap,
+                unbalanced_text(r.unbalanced),
+                r.size_factor
+            );
+            prepared.report = json!({ "growth": r });
+            packing
+                .grains
+                .iter()
+                .map(|g| Grain {
+                    position: components(&g.position),
+                    radius: g.radius,
+                    velocity: [0.0; 3],
+                    angular_velocity: [0.0; 3],
+                    material: scene.material,
+                })
+                .collect()
+        }
+    };
+    if let GrainSource::Rain { rain, .. } = &scene.source
+        && let Some(level) = rain.trim_above
+        && let Some(top) = prepared.report["rain"]["top"].as_f64()
+        && top < level
+    {
+        prepared.line = format!(
+            "{}; the surface stays {:.3e} m below the level of trimming: let more grains fall",
+            prepared.line,
+            level - top
+        );
+    }
+    if let GrainSource::Rain { .. } | GrainSource::Growth { .. } = &scene.source {
+        numbering::along_curve(&mut all);
+    }
+    if let Some(path) = &scene.save {
+        let text = sample::write(&all, dimension, &names);
+        io::atomic::write(&folder.join(path), text.as_bytes())
+            .map_err(|e| Error::Io(e.to_string()))?;
+    }
+    let before = all.len();
+    all.retain(|g| {
+        !scene
+            .cut
+            .iter()
+            .any(|(_, block)| block.touches(g.position, g.radius))
+    });
+    if !scene.cut.is_empty() {
+        let line = format!("{} of {before} grains left after cutting", all.len());
+        prepared.line = if prepared.line.is_empty() {
+            line
+        } else {
+            format!("{}; {line}", prepared.line)
+        };
+    }
+    prepared.grains = all;
+    Ok(prepared)
+}
+
+/// Saves the blocks where the case asks for it; returns a line about them.
+fn save_blocks(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Error> {
+    if let Some(path) = &blocks.save {
+        let text = list::write(blocks.list.iter().map(|block| {
+            let name = plan.scene.materials[block.material].name.as_str();
+            (&block.solid, name, block.fixed)
+        }));
+        io::atomic::write(&folder.join(path), text.as_bytes())
+            .map_err(|e| Error::Io(e.to_string()))?;
+    }
+    Ok(format!(
+        "{} blocks of {:.4} m3 in all, {} of them fixed",
+        blocks.number, blocks.volume, blocks.fixed
+    ))
+}
+
+/// Three components; those that are not there are zero.
+fn components<C: Components>(vector: &C) -> [f64; 3] {
+    std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
+}
+
+/// The deposition of a plan.
+fn deposition_of<S: Space>(
+    plan: &Plan,
+    engine: &Engine<'_, S>,
+    block: &Block,
+    grading: &Grading,
+    written: &case::Deposition,
+) -> Deposition<S> {
+    let scene = &plan.scene;
+    let material = scene.grains.as_ref().map_or(0, |g| g.material);
+    let mut laws = Vec::new();
+    let with = |stiffness: Option<f64>| {
+        let mut table = scene.contact.clone();
+        for pair in table.iter_mut().flat_map(|table| &mut table.parameters) {
+            if let Some(stiffness) = stiffness {
+                pair.normal_stiffness = Scaled::Absolute(stiffness);
+            }
+            if let Some(angle) = written.friction_angle_degrees {
+                pair.friction_coefficient = angle.to_radians().tan();
+            }
+        }
+        (engine.law)(table.as_ref())
+    };
+    if let (Some(soft), Some(table)) = (written.falling_stiffness, &scene.contact) {
+        let mean = grading.bounds().0 + grading.bounds().1;
+        let full = table.pair(material, material).normal_stiffness.at(mean);
+        let mut stiffness = soft;
+        while stiffness < full * (1.0 - 1e-9) {
+            laws.push(with(Some(stiffness)));
+            stiffness *= 10.0;
+        }
+    }
+    laws.push(with(None));
+    Deposition {
+        lower: vector::<S>(block.from),
+        upper: vector::<S>(block.to),
+        region: engine.region,
+        // They move once the run begins.
+        walls: (engine.walls.iter().cloned())
+            .map(|wall| Wall {
+                velocity: S::Vector::default(),
+                ..wall
+            })
+            .collect(),
+        grading: grading.clone(),
+        number: written.number as usize,
+        seed: written.seed,
+        density: scene.materials[material].density.unwrap_or(1000.0),
+        material: index(material),
+        laws,
+        materials: index(scene.materials.len().max(1)),
+        gravity: vector::<S>(scene.gravity),
+        local_damping: written.local_damping,
+        trim_above: written.trim_above,
+        kinetic_energy: written.stop.kinetic_energy,
+        unbalanced: written.stop.unbalanced_force,
+        limit: u64::from(written.stop.at_most_steps),
+        step_ratio: STEP_RATIO.min(MORE_CONTACTS * contacts::of_packing(scene)),
+    }
+}
+
+/// Solid step of falling grains over the critical one, where no strong dashpots shorten it.
+const STEP_RATIO: f64 = 0.2;
+/// Contacts of a grain in the densest packing over those in a deposited one: 12 to 6.
+const MORE_CONTACTS: f64 = 2.0;
+
+/// The packing of a plan.
+fn packing_of<S: Space>(
+    plan: &Plan,
+    block: &Block,
+    number: usize,
+    growth: &case::Growth,
+) -> PackingSettings<S> {
+    let scene = &plan.scene;
+    let material = scene.grains.as_ref().map_or(0, |g| g.material);
+    let mean = if S::DIMENSION == 2 {
+        std::f64::consts::PI * growth.radii.mean_power(2)
+    } else {
+        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3)
+    };
+    let mean_diameter = 2.0 * growth.radii.mean_power(1);
+    let pair = scene.contact.as_ref().map(|c| c.pair(material, material));
+    let stiffness = pair.map_or(1e6, |p| {
+        // Elastic spheres grow with springs as stiff as they are at an overlap of 1e-4 of the diameter: E* d sqrt(1e-4).
+        let elastic = 1e-2 * p.moduli[0];
+        p.normal_stiffness.at(mean_diameter) / mean_diameter + elastic
+    });
+    let friction = growth.friction_angle_degrees.map_or_else(
+        || pair.map_or(0.0, |p| p.friction_coefficient),
+        |angle| angle.to_radians().tan(),
+    );
+    PackingSettings {
+        lower: vector::<S>(block.from),
+        upper: vector::<S>(block.to),
+        periodic: std::array::from_fn(|a| {
+            // A box from face to face of a periodic axis is periodic itself.
+            scene.grid.periodic[a]
+                && block.from[a] <= 0.0
+                && block.to[a] >= scene.grid.size[a] * (1.0 - 1e-12)
+        }),
+        sizes: match &growth.radii {
+            case::Radii::Uniform { min, max } => Sizes::Uniform {
+                smallest: 2.0 * min,
+                largest: 2.0 * max,
+            },
+            case::Radii::List(radii) => Sizes::List(
+                (0..number)
+                    .map(|n| 2.0 * radii[n % radii.len().max(1)])
+                    .collect(),
+            ),
+        },
+        solid_fraction: match growth.amount {
+            case::Amount::SolidFraction(fraction) => fraction,
+            case::Amount::Number(_) => (count(number) * mean / block.measure()).min(0.95),
+        },
+        stop: Stop::Overlap(growth.stop.mean_overlap),
+        seed: growth.seed,
+        density: scene.materials[material].density.unwrap_or(1000.0),
+        stiffness_per_diameter: stiffness,
+        friction,
+        overlap: growth.stop.mean_overlap,
+        unbalanced: growth.stop.unbalanced_force,
+        limit: u64::from(growth.stop.at_most_steps),
+    }
+}
+
+/// An index of a material or a count of materials as the engine stores it.
+fn index(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}

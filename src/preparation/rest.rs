@@ -1,0 +1,197 @@
+//! Rest of bonded grains before the run, without the fluid.
+//!
+//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the water moved, and
+//! the report gives their number. Everything stands still meanwhile, driven bodies too; then each grain and body gets the velocity of
+//! the case.
+
+use super::supervision::{Request, Requests};
+use crate::dem::particles::Particles;
+use crate::dem::relax::unbalanced_text;
+use crate::dem::space::{Components, Space};
+use crate::dem::{Dem, Relaxation, Stillness};
+use crate::error::Error;
+use crate::scene::Scene;
+use decomposition::Domain;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::HashMap;
+
+/// Velocity and spin by id.
+type Velocities = HashMap<u64, [f64; 6]>;
+
+/// Velocity and spin of whatever moves, by id, the same on all ranks: grains may change their rank before they are needed.
+/// Collective.
+fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
+    let mut mine = Vec::new();
+    for k in 0..particles.owned() {
+        let motion = &particles.motion[k];
+        let velocity: [f64; 6] = std::array::from_fn(|n| match n {
+            0..3 if n < S::DIMENSION => motion.velocity.get(n),
+            3.. if n - 3 < S::Spin::COUNT => motion.spin.get(n - 3),
+            _ => 0.0,
+        });
+        if velocity.iter().any(|v| v.to_bits() != 0) {
+            mine.extend(particles.body[k].id.to_le_bytes());
+            mine.extend(velocity.iter().flat_map(|v| v.to_le_bytes()));
+        }
+    }
+    let mut all = HashMap::new();
+    for message in domain.communicator().all_gather_bytes(&mine) {
+        let (words, _) = message.as_chunks::<8>();
+        let (entries, _) = words.as_chunks::<7>();
+        for [id, velocity @ ..] in entries {
+            all.insert(u64::from_le_bytes(*id), velocity.map(f64::from_le_bytes));
+        }
+    }
+    all
+}
+
+fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f64; 6]) {
+    let motion = &mut particles.motion[k];
+    for a in 0..S::DIMENSION {
+        motion.velocity.set(a, velocity[a]);
+    }
+    for a in 0..S::Spin::COUNT {
+        motion.spin.set(a, velocity[3 + a]);
+    }
+}
+
+/// The state of a [`Rest`] in a checkpoint.
+#[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
+pub struct SavedRest {
+    bonds: u64,
+    broken: u64,
+    steps: u64,
+    /// Id, and the bits of the six components of velocity and spin.
+    velocities: Vec<(u64, [u64; 6])>,
+}
+
+/// Bonded grains on their way to rest without the fluid.
+#[derive(Clone, Debug)]
+pub struct Rest {
+    bonds: u64,
+    /// Bonds broken on the way.
+    broken: u64,
+    /// Solid steps taken.
+    steps: u64,
+    /// Velocities that grains and bodies get back after the rest.
+    velocities: Velocities,
+}
+
+impl Rest {
+    /// Bonds the contacts and stops all that moves; none where the case asks for no bonds. Collective.
+    ///
+    /// # Errors
+    /// As [`Dem::advance`].
+    pub fn begin<S: Space>(
+        scene: &Scene,
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<Option<Self>, Error> {
+        if !scene.grains.as_ref().is_some_and(|g| g.bond_at_start) {
+            return Ok(None);
+        }
+        let velocities = velocities(particles, domain);
+        for k in 0..particles.owned() {
+            set_velocity(particles, k, &[0.0; 6]);
+        }
+        let bonds = dem.bond_existing_contacts(particles, domain)?;
+        Ok(Some(Self {
+            bonds: domain.communicator().all_reduce_sum_u64(bonds),
+            broken: 0,
+            steps: 0,
+            velocities,
+        }))
+    }
+
+    /// The state for a checkpoint.
+    #[must_use]
+    pub fn state(&self) -> SavedRest {
+        let mut velocities: Vec<(u64, [u64; 6])> = self
+            .velocities
+            .iter()
+            .map(|(id, velocity)| (*id, velocity.map(f64::to_bits)))
+            .collect();
+        velocities.sort_unstable();
+        SavedRest {
+            bonds: self.bonds,
+            broken: self.broken,
+            steps: self.steps,
+            velocities,
+        }
+    }
+
+    /// From [`Self::state`].
+    #[must_use]
+    pub fn restore(state: SavedRest) -> Self {
+        Self {
+            bonds: state.bonds,
+            broken: state.broken,
+            steps: state.steps,
+            velocities: state
+                .velocities
+                .into_iter()
+                .map(|(id, velocity)| (id, velocity.map(f64::from_bits)))
+                .collect(),
+        }
+    }
+
+    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an error. Returns a line
+    /// to print and the entry of the summary. Collective.
+    ///
+    /// # Errors
+    /// As [`Dem::advance`], and those of `save`.
+    pub fn run<S: Space, R: Requests>(
+        mut self,
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        requests: &mut R,
+        mut save: impl FnMut(&Self, &Particles<S>, &Dem<S>, &mut R, Request) -> Result<(), Error>,
+    ) -> Result<(String, Value), Error> {
+        let until = Relaxation::default();
+        let damping = dem.settings().local_damping;
+        dem.set_local_damping(until.local_damping);
+        let communicator = domain.communicator();
+        let still: Stillness = loop {
+            // The checks come after the same steps, however often a run is interrupted between them.
+            let to_check = until.look_every - self.steps % until.look_every;
+            let batch = requests.steps().min(to_check).min(until.limit - self.steps);
+            dem.advance_many(particles, domain, batch)?;
+            self.steps += batch;
+            self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
+            let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
+            if checks {
+                let now = dem.stillness(particles, domain)?;
+                if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
+                    break now;
+                }
+            }
+            let request = requests.ask(communicator);
+            if request != Request::None {
+                save(&self, particles, dem, requests, request)?;
+            }
+        };
+        dem.set_local_damping(damping);
+        for k in 0..particles.owned() {
+            let velocity = self.velocities.get(&particles.body[k].id);
+            set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
+        }
+        let line = format!(
+            "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke on the way",
+            self.bonds,
+            self.steps,
+            unbalanced_text(still.unbalanced()),
+            self.broken
+        );
+        let report = json!({
+            "bonds": self.bonds,
+            "bonds_broken": self.broken,
+            "solid_steps": self.steps,
+            "unbalanced_force": still.unbalanced(),
+            "largest_contact_force": still.contact,
+        });
+        Ok((line, report))
+    }
+}

@@ -1,0 +1,246 @@
+//! Reports, interruption and resumption of the making of a sample, which can take minutes.
+
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::dem::state::Contacts;
+use crate::dem::{Alone, Dem};
+use crate::error::Error;
+use decomposition::Communicator;
+use serde_json::Value;
+use std::cell::{Cell, RefCell};
+use std::time::{Duration, Instant};
+
+/// Time between reports.
+const REPORT_EVERY: Duration = Duration::from_secs(30);
+/// Time between questions to the supervisor.
+const ASK_EVERY: Duration = Duration::from_millis(500);
+
+/// What is asked of running work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Request {
+    /// Go on.
+    None,
+    /// Write a checkpoint and go on.
+    Checkpoint,
+    /// Write a checkpoint and stop.
+    Stop,
+}
+
+/// Requests to work that all ranks do together.
+pub trait Requests {
+    /// Steps until the ranks ask again; the same on all ranks.
+    fn steps(&self) -> u64;
+
+    /// The strongest request of any rank. Collective.
+    fn ask(&mut self, communicator: &Communicator) -> Request;
+}
+
+/// The state of an unfinished sample.
+#[derive(Debug)]
+pub struct Saved<S: Space> {
+    /// The grains.
+    pub particles: Particles<S>,
+    /// Their contacts, and the solid steps done.
+    pub contacts: Contacts,
+    /// The counters of the method that makes the sample.
+    pub progress: Value,
+}
+
+/// Receives reports and states of an unfinished sample and may interrupt the work.
+pub trait Supervisor<S: Space> {
+    /// Reports a line of text.
+    fn report(&self, line: &str);
+
+    /// Time between two requests.
+    fn interval(&self) -> Duration {
+        ASK_EVERY
+    }
+
+    /// The present request.
+    fn ask(&self) -> Request;
+
+    /// Saves the present state, as requested.
+    ///
+    /// # Errors
+    /// When the state cannot be written and the request is to stop.
+    fn save(
+        &self,
+        particles: &Particles<S>,
+        dem: &Dem<S>,
+        progress: &Value,
+        request: Request,
+    ) -> Result<(), Error>;
+}
+
+/// No supervisor: nothing is reported, saved or interrupted.
+#[derive(Clone, Copy, Debug)]
+pub struct Unsupervised;
+
+impl<S: Space> Supervisor<S> for Unsupervised {
+    fn report(&self, _: &str) {}
+
+    fn ask(&self) -> Request {
+        Request::None
+    }
+
+    fn save(&self, _: &Particles<S>, _: &Dem<S>, _: &Value, _: Request) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+/// Runs the steps of a sample in batches, between which it reports and asks for requests.
+pub struct Supervision<'a, S: Space> {
+    supervisor: &'a dyn Supervisor<S>,
+    saved: RefCell<Option<Saved<S>>>,
+    reported: Cell<Instant>,
+    asked: Cell<Instant>,
+    /// Steps of a batch, which takes less time than passes between two questions.
+    batch: Cell<u64>,
+}
+
+impl<'a, S: Space> Supervision<'a, S> {
+    /// Starts, or continues from a saved state.
+    #[must_use]
+    pub fn new(supervisor: &'a dyn Supervisor<S>, saved: Option<Saved<S>>) -> Self {
+        Self {
+            supervisor,
+            saved: RefCell::new(saved),
+            reported: Cell::new(Instant::now()),
+            asked: Cell::new(Instant::now()),
+            batch: Cell::new(1),
+        }
+    }
+
+    /// Without a supervisor.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::new(&Unsupervised, None)
+    }
+
+    /// Takes the saved state of an earlier attempt; none at the second call.
+    pub fn take_saved(&self) -> Option<Saved<S>> {
+        self.saved.borrow_mut().take()
+    }
+
+    /// Reports a line, unless the last report is recent.
+    pub fn report(&self, text: impl FnOnce() -> String) {
+        if self.reported.get().elapsed() >= REPORT_EVERY {
+            self.supervisor.report(&text());
+            self.reported.set(Instant::now());
+        }
+    }
+
+    /// Runs a batch of the steps that are `left`, and subtracts it.
+    ///
+    /// # Errors
+    /// As [`Dem::advance_many`].
+    pub fn advance(
+        &self,
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        left: &mut u64,
+    ) -> Result<(), Error> {
+        let steps = self.batch.get().min(*left);
+        let begun = Instant::now();
+        dem.advance_many(particles, &Alone, steps)?;
+        *left -= steps;
+        let took = begun.elapsed();
+        if took > ASK_EVERY {
+            self.batch.set((steps / 2).max(1));
+        } else if took < ASK_EVERY / 4 && steps == self.batch.get() {
+            self.batch.set(2 * steps);
+        }
+        Ok(())
+    }
+
+    /// Asks the supervisor for a request where the last one is not recent, and saves the state where it wants so.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the supervisor stops the work, and the errors of [`Supervisor::save`].
+    pub fn listen(
+        &self,
+        dem: &Dem<S>,
+        particles: &Particles<S>,
+        progress: impl FnOnce() -> Result<Value, Error>,
+    ) -> Result<(), Error> {
+        if self.asked.get().elapsed() < self.supervisor.interval() {
+            return Ok(());
+        }
+        let request = self.supervisor.ask();
+        if request != Request::None {
+            self.supervisor
+                .save(particles, dem, &progress()?, request)?;
+        }
+        self.asked.set(Instant::now());
+        if request == Request::Stop {
+            return Err(Error::Stopped(format!(
+                "the sample is in the making, {} solid steps",
+                dem.steps()
+            )));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Stops the work after a number of questions.
+    struct Impatient<S: Space> {
+        questions: Cell<u32>,
+        file: RefCell<Option<Saved<S>>>,
+    }
+
+    impl<S: Space> Supervisor<S> for Impatient<S> {
+        fn report(&self, _: &str) {}
+
+        fn interval(&self) -> Duration {
+            Duration::ZERO
+        }
+
+        fn ask(&self) -> Request {
+            self.questions.set(self.questions.get() - 1);
+            match self.questions.get() {
+                0 => Request::Stop,
+                n if n % 5 == 0 => Request::Checkpoint,
+                _ => Request::None,
+            }
+        }
+
+        fn save(
+            &self,
+            particles: &Particles<S>,
+            dem: &Dem<S>,
+            progress: &Value,
+            _: Request,
+        ) -> Result<(), Error> {
+            *self.file.borrow_mut() = Some(Saved {
+                particles: Particles::from_table(&particles.table())?,
+                contacts: dem.contacts(),
+                // As a file holds it.
+                progress: serde_json::from_str(&progress.to_string()).unwrap(),
+            });
+            Ok(())
+        }
+    }
+
+    /// The result of work that is stopped repeatedly, and the number of stops.
+    pub(in crate::preparation) fn interrupted<S: Space, T>(
+        work: impl Fn(&Supervision<'_, S>) -> Result<T, Error>,
+    ) -> (T, u32) {
+        let mut saved = None;
+        for stops in 0.. {
+            let supervisor = Impatient {
+                questions: Cell::new(9 + stops % 5),
+                file: RefCell::new(None),
+            };
+            match work(&Supervision::new(&supervisor, saved.take())) {
+                Ok(result) => return (result, stops),
+                Err(Error::Stopped(_)) => saved = supervisor.file.into_inner(),
+                Err(error) => panic!("{error}"),
+            }
+        }
+        unreachable!()
+    }
+}

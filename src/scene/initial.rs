@@ -1,0 +1,216 @@
+//! The flow at the start.
+
+use super::block::Block;
+use super::findings::{Findings, LATTICE_PATH as PATH, at_least, number};
+use super::grid::Grid;
+use crate::case::boundary::Fluctuations;
+use crate::case::fluid::{self, LatticeBoltzmann};
+use crate::error::Remedy;
+use serde::Serialize;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// The fluid at the start, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Initial {
+    /// One velocity [m/s] and pressure [Pa] everywhere; zero at rest.
+    Uniform {
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+        /// Pressure above the reference [Pa].
+        pressure: f64,
+    },
+    /// Taylor-Green vortices: u = -U cos(ax) sin(by) cos(cz), v = (a/b) U sin(ax) cos(by) cos(cz).
+    TaylorGreen {
+        /// U [m/s].
+        velocity: f64,
+        /// a, b and c [1/m]; c may be zero.
+        wave_numbers: [f64; 3],
+    },
+    /// Shear layers at a quarter and three quarters of y, that repeat along x and y.
+    ShearLayers {
+        /// U on either side [m/s].
+        velocity: f64,
+        /// Thickness of a layer [m].
+        thickness: f64,
+        /// Velocity across over U.
+        perturbation: f64,
+    },
+    /// A parabola between the walls of one axis.
+    Channel {
+        /// Axis of the flow: 0, 1 or 2.
+        flow: usize,
+        /// Axis from wall to wall: 0, 1 or 2.
+        across: usize,
+        /// Velocity in the middle [m/s].
+        peak: f64,
+        /// Fluctuations about it.
+        fluctuations: Option<Fluctuations>,
+    },
+    /// From a file.
+    File(PathBuf),
+}
+
+pub(super) fn initial(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    directory: &Path,
+    findings: &mut Findings,
+) -> Initial {
+    let path = format!("{PATH}.initial");
+    match &lbm.initial {
+        fluid::Initial::Rest {} => Initial::Uniform {
+            velocity: [0.0; 3],
+            pressure: 0.0,
+        },
+        fluid::Initial::Uniform { velocity, pressure } => Initial::Uniform {
+            velocity: Block::vector(
+                grid,
+                velocity,
+                &format!("{path}.uniform.velocity"),
+                findings,
+            ),
+            pressure: *pressure,
+        },
+        fluid::Initial::TaylorGreen {
+            velocity,
+            waves,
+            waves_along_z,
+        } => {
+            if waves.contains(&0) {
+                findings.error(
+                    &format!("{path}.taylor_green.waves"),
+                    "at least one wave is needed along each axis",
+                    Remedy::from("write for example [1, 1]")
+                        .set(format!("{path}.taylor_green.waves"), json!([1, 1])),
+                );
+            }
+            if !(grid.periodic[0] && grid.periodic[1]) {
+                findings.error(
+                    &format!("{path}.taylor_green"),
+                    "the vortices repeat along x and y, but the domain does not",
+                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
+                        .set("domain.periodic", json!(["x", "y"])),
+                );
+            }
+            if *waves_along_z > 0 && !(grid.dimension == 3 && grid.periodic[2]) {
+                findings.error(
+                    &format!("{path}.taylor_green.waves_along_z"),
+                    "the waves repeat along z, but the domain does not",
+                    "make the domain 3-D and periodic along z, or leave this out",
+                );
+            }
+            let wave = |axis: usize, waves: u32| {
+                std::f64::consts::TAU * f64::from(waves) / grid.size[axis]
+            };
+            let along_z = if grid.dimension == 3 {
+                wave(2, *waves_along_z)
+            } else {
+                0.0
+            };
+            Initial::TaylorGreen {
+                velocity: *velocity,
+                wave_numbers: [wave(0, waves[0]), wave(1, waves[1]), along_z],
+            }
+        }
+        fluid::Initial::ShearLayers {
+            velocity,
+            thickness,
+            perturbation,
+        } => {
+            if !(grid.periodic[0] && grid.periodic[1]) {
+                findings.error(
+                    &format!("{path}.shear_layers"),
+                    "the layers repeat along x and y, but the domain does not",
+                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
+                        .set("domain.periodic", json!(["x", "y"])),
+                );
+            }
+            Initial::ShearLayers {
+                velocity: *velocity,
+                thickness: *thickness,
+                perturbation: *perturbation,
+            }
+        }
+        fluid::Initial::Channel {
+            flow,
+            across,
+            peak,
+            fluctuations,
+        } => {
+            if let Some(fluctuations) = fluctuations {
+                resolved(
+                    fluctuations,
+                    grid,
+                    &format!("{path}.channel.fluctuations"),
+                    findings,
+                );
+            }
+            let (flow, across) = (flow.index(), across.index());
+            if flow == across || flow.max(across) >= grid.dimension {
+                findings.error(
+                    &format!("{path}.channel"),
+                    "the flow and the direction across it must be two different axes of the domain",
+                    "write for example \"flow\": \"x\", \"across\": \"y\"",
+                );
+            }
+            Initial::Channel {
+                flow,
+                across,
+                peak: *peak,
+                fluctuations: *fluctuations,
+            }
+        }
+        fluid::Initial::File { path: file } => {
+            let file = directory.join(file);
+            if let Err(reason) = holds_fields(&file, grid) {
+                findings.error(
+                    &format!("{path}.file.path"),
+                    reason,
+                    "name a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the case",
+                );
+            }
+            Initial::File(file)
+        }
+    }
+}
+
+/// Eddies smaller than a few cells cannot live on the lattice.
+pub(super) fn resolved(
+    fluctuations: &Fluctuations,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let least = 2.0 * grid.spacing;
+    if fluctuations.length_scale < least {
+        findings.error(
+            &format!("{path}.length_scale"),
+            format!(
+                "eddies of this length fall between the cells, which are {} m wide",
+                number(grid.spacing)
+            ),
+            Remedy::from(format!(
+                "use at least {}, or a finer spacing",
+                at_least(least)
+            ))
+            .set(format!("{path}.length_scale"), at_least(least)),
+        );
+    }
+}
+
+/// Whether a file holds velocity and pressure of every cell; only its headers are read.
+fn holds_fields(file: &Path, grid: &Grid) -> Result<(), String> {
+    for (name, components) in [("velocity", 3), ("pressure", 1)] {
+        let shape = io::fields::column_shape(file, name).map_err(|e| e.to_string())?;
+        let numbers = shape.iter().try_fold(1_usize, |all, n| all.checked_mul(*n));
+        if numbers != grid.cell_count().checked_mul(components) {
+            return Err(format!(
+                "{}: `{name}` has the shape {shape:?}, which is not that of {:?} cells",
+                file.display(),
+                grid.cells
+            ));
+        }
+    }
+    Ok(())
+}

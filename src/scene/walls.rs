@@ -1,0 +1,222 @@
+//! The walls of a scene: planes and surfaces, and the faces of the domain.
+
+use super::block::Block;
+use super::findings::Findings;
+use super::grid::Grid;
+use super::{material, stl, unique};
+use crate::case::Case;
+use crate::case::geometry::Face;
+use crate::case::solids::{WallShape, WallStage};
+use crate::dem::Surface;
+use crate::error::Remedy;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// A plane or surface that grains touch.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Wall {
+    /// Name in tables.
+    pub name: String,
+    /// A point of the plane [m].
+    pub point: [f64; 3],
+    /// Unit normal of the plane towards the grains.
+    pub normal: [f64; 3],
+    /// The facets, if it is not a plane.
+    #[serde(skip)]
+    pub surface: Option<Arc<Surface>>,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+    /// Whether it is gone as the run begins.
+    pub temporary: bool,
+    /// The face of the domain it lies on, if it is a box wall.
+    pub face: Option<Face>,
+}
+
+/// The walls of a case: those written, then those on faces of the domain.
+pub(crate) fn walls(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Wall> {
+    let mut walls = Vec::new();
+    let mut known = Vec::new();
+    for (n, wall) in case.walls.iter().enumerate() {
+        let path = format!("walls[{n}]");
+        unique(&mut known, &wall.name, &format!("{path}.name"), findings);
+        let mut plane = ([0.0; 3], [0.0; 3]);
+        let mut surface = None;
+        match &wall.shape {
+            WallShape::Plane(written) => {
+                let path = format!("{path}.shape.plane");
+                let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+                let path = format!("{path}.normal");
+                let normal = Block::vector(grid, &written.normal, &path, findings);
+                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+                if !(length > 0.0 && length.is_finite()) {
+                    findings.error(
+                        &path,
+                        "a normal needs a direction",
+                        "write for example [0, 1]",
+                    );
+                }
+                plane = (point, normal.map(|n| n / length));
+            }
+            shape => surface = facets(case, grid, shape, &format!("{path}.shape"), findings),
+        }
+        let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
+            Block::vector(grid, v, &format!("{path}.velocity"), findings)
+        });
+        let index = material(names, &wall.material, &format!("{path}.material"), findings);
+        walls.push(Wall {
+            name: wall.name.clone(),
+            point: plane.0,
+            normal: plane.1,
+            surface: surface.map(Arc::new),
+            velocity,
+            material: index.unwrap_or(0),
+            temporary: wall.during == WallStage::Preparation,
+            face: None,
+        });
+    }
+    let grains = case.grains.as_ref().map(|g| g.material.as_str());
+    let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
+    let mut taken = [false; 6];
+    for (n, face) in case.box_walls.iter().enumerate() {
+        let path = format!("box_walls[{n}]");
+        if face.axis() >= grid.dimension {
+            findings.error(
+                &path,
+                "there is no such face in a 2-D problem",
+                "take it out",
+            );
+        } else if grid.periodic[face.axis()] {
+            findings.error(
+                &path,
+                "the domain is periodic there: a wall contradicts this",
+                "take it out",
+            );
+        } else if std::mem::replace(&mut taken[face.index()], true) {
+            findings.error(&path, "this face is named twice", "take one out");
+        }
+        let index = match (&case.box_wall_material, of_grains) {
+            (Some(name), _) => material(names, name, "box_wall_material", findings),
+            (None, Some(name)) => names.iter().position(|known| known == name),
+            (None, None) => {
+                if n == 0 {
+                    findings.error(
+                        "box_wall_material",
+                        "the walls need a material: there are no grains or blocks to take it from",
+                        match names.first() {
+                            Some(first) => Remedy::from(format!(
+                                "add `box_wall_material`, for example `{first}`"
+                            ))
+                            .set("box_wall_material", first.as_str()),
+                            None => "add `box_wall_material`, and the material".into(),
+                        },
+                    );
+                }
+                None
+            }
+        };
+        let mut point = [0.0; 3];
+        if face.is_max() {
+            point[face.axis()] = grid.size[face.axis()];
+        }
+        walls.push(Wall {
+            name: face.name().into(),
+            point,
+            normal: face.inward(),
+            surface: None,
+            velocity: [0.0; 3],
+            material: index.unwrap_or(0),
+            temporary: false,
+            face: Some(*face),
+        });
+    }
+    walls
+}
+
+/// The facets of a wall that is not a plane, or findings.
+fn facets(
+    case: &Case,
+    grid: &Grid,
+    shape: &WallShape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Surface> {
+    if grid.dimension == 2 {
+        findings.error(
+            path,
+            "in 2-D a wall is a plane",
+            "write {\"plane\": {\"point\": .., \"normal\": ..}}",
+        );
+        return None;
+    }
+    if grid.periodic.contains(&true) {
+        findings.error(
+            path,
+            "a wall of facets cannot stand in a domain with a periodic axis",
+            "use planes, or take out `domain.periodic`",
+        );
+    }
+    let (path, made, remedy) = match shape {
+        WallShape::Plane(_) => return None,
+        WallShape::Polygon(corners) => {
+            let path = format!("{path}.polygon");
+            let vertices: Vec<Vector3<f64>> = corners
+                .iter()
+                .enumerate()
+                .map(|(n, at)| Block::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+                .collect();
+            let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
+            let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
+            (
+                path,
+                made,
+                "give the corners of a plane convex polygon in order",
+            )
+        }
+        WallShape::Box(extent) => {
+            let path = format!("{path}.box");
+            let from = Block::vector(grid, &extent.from, &format!("{path}.from"), findings);
+            let to = Block::vector(grid, &extent.to, &format!("{path}.to"), findings);
+            let made = if (0..3).all(|a| from[a] < to[a]) {
+                Surface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+            } else {
+                Err("the box has no volume".into())
+            };
+            (
+                path,
+                made,
+                "give the corners with the smallest and the largest coordinates",
+            )
+        }
+        WallShape::Mesh(mesh) => {
+            let path = format!("{path}.mesh");
+            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
+                Block::vector(grid, at, &format!("{path}.origin"), findings)
+            });
+            let file = case.directory.join(&mesh.path);
+            let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+                .map_err(|e| e.to_string())
+                .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
+                .map_err(|e| format!("{}: {e}", mesh.path.display()));
+            (
+                format!("{path}.path"),
+                made,
+                "correct the path (relative to the case) or the file",
+            )
+        }
+    };
+    match made {
+        Ok(surface) => Some(surface),
+        Err(reason) => {
+            findings.error(&path, reason, remedy);
+            None
+        }
+    }
+}

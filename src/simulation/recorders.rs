@@ -1,0 +1,51 @@
+//! The states of what records a run, as a checkpoint holds them.
+
+use super::{collapse, erosion, guards, removal};
+use crate::error::Error;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Recorders and guards of a run past its preparation.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub(super) struct Recorders {
+    /// Counts of the regions.
+    pub(super) removal: removal::State,
+    /// The erosion record.
+    pub(super) recorder: erosion::State,
+    /// The collapse record; none where the case asks for none.
+    #[serde(default)]
+    pub(super) collapse: Option<collapse::State>,
+    /// The meters of the guards; [`saved_guards`] reads them.
+    #[serde(skip_deserializing)]
+    pub(super) guards: Option<guards::State>,
+}
+
+impl Recorders {
+    /// From the attributes of a checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where a state is missing or broken.
+    pub(super) fn read(attributes: &Value) -> Result<Self, Error> {
+        Self::deserialize(attributes)
+            .map_err(|error| Error::Io(format!("the saved state of the recorders: {error}")))
+    }
+
+    /// Adds the states to the attributes of a checkpoint.
+    ///
+    /// # Errors
+    /// Where a state cannot be written as JSON.
+    pub(super) fn write(&self, attributes: &mut Value) -> Result<(), Error> {
+        let states = serde_json::to_value(self).map_err(|e| Error::Internal(e.to_string()))?;
+        if let Value::Object(states) = states {
+            for (name, state) in states {
+                attributes[name] = state;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The meters of the guards alone, which the warm-up of a fluid saves too; none where they are missing or broken.
+pub(super) fn saved_guards(attributes: &Value) -> Option<guards::State> {
+    guards::State::deserialize(&attributes["guards"]).ok()
+}
