@@ -336,13 +336,9 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
     /// Adds grains and contacts, column by column and contact by contact: the hash asks for no copy of the state.
     fn add_grains(&self, hash: &mut StateHash) {
         let mut ids = Vec::new();
-        self.particles.each_column(|name, values| {
+        self.particles.each_hashed_column(|name, values| {
             if let ("id", Values::Whole(values)) = (name, values) {
                 ids.clone_from(values);
-            }
-            // A shift only says through which image a raw position is seen: it depends on when lists were made.
-            if name.starts_with("shift") {
-                return;
             }
             let key = field_key(&format!("grains_{name}"));
             match values {

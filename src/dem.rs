@@ -1,52 +1,59 @@
-//! Grains: contacts, forces, motion.
+//! Discrete elements: grains and blocks, their contacts, forces and motion.
 //!
-//! [`Dem`] holds what belongs to the contacts: the law, the walls, the lists and the histories. [`Particles`] holds the grains.
-//! One call of [`Dem::advance`] is one solid step:
+//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the histories. One call
+//! of [`Dem::advance`] is one solid step:
 //!
 //! ```text
 //! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
 //! ```
 //!
-//! Everything is written over [`Space`], so that discs, spheres and blocks share the engine, and compiled once per contact law. The
-//! same bits come out on any number of ranks and threads, whenever lists are made, and across a restart.
+//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact law. The bits
+//! of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `space` | two and three dimensions |
-//! | `particles`, `ghosts` | the grains of a rank, who owns and who sees them |
-//! | `blocks` | shapes and attitudes of the blocks among them |
+//! | `particles` | the list of arrays of a grain, and their store |
+//! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
+//! | `region`, `migration`, `ghosts` | the box; which rank owns a grain; which ranks see it |
+//! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
-//! | `polyhedron` | blocks: shape, contact, force and rotation of convex polyhedra, per body and per pair |
-//! | `escape` | a grain that left the box |
-//! | `relax` | waiting until grains stand still |
+//! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
 //! | `engine` | the step |
-//! | `state` | grains and contacts as named columns |
-//! | `ranks` | what is asked of the ranks |
+//! | `relax` | unbalanced force |
+//! | `escape` | a grain that left the box |
+//! | `state` | contacts as named columns |
+//! | `ranks` | the calls that grains make to the ranks |
 
 mod blocks;
+mod columns;
 pub mod contact;
 mod engine;
 pub mod escape;
 mod ghosts;
 mod integrate;
+mod message;
+mod migration;
 mod neighbors;
 pub mod particles;
 pub mod polyhedron;
 pub mod ranks;
+mod region;
 pub mod relax;
 pub mod space;
 pub mod state;
 pub mod surface;
+mod table;
 pub mod walls;
 
 pub use contact::{Failure, Law, PairTable, Partners};
-pub use ghosts::Region;
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
+pub use region::Region;
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
 pub use surface::Surface;
@@ -64,20 +71,20 @@ use engine::bodies::Bodies;
 
 use crate::error::Error;
 
-/// How grains move and are found.
+/// Parameters of the step and of the lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<S: Space> {
-    /// The box and the planes of the split.
+    /// The box and the planes that ranks share.
     pub region: Region<S>,
-    /// Solid time step (s).
+    /// Solid time step [s].
     pub time_step: f64,
-    /// Gravity (m/s²).
+    /// Gravity [m/s²].
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// How far apart surfaces of listed pairs may be (m): more makes lists longer and rarer. No result depends on it.
+    /// Largest gap between surfaces of listed pairs [m]. A larger skin makes lists longer and rarer. No result depends on it.
     pub skin: f64,
-    /// How far beyond a slab, and beyond its radius, a grain is wanted as a ghost for other reasons than contacts (m).
+    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius [m].
     pub ghost_margin: f64,
 }
 
@@ -96,12 +103,12 @@ impl<S: Space> Settings<S> {
     }
 }
 
-/// A bond that failed: one line of the ledger, written by one rank only.
+/// A bond that failed. One rank reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BondBreak<S: Space> {
     /// Solid steps done, this one included.
     pub step: u64,
-    /// Time (s) at the end of the step.
+    /// Time [s] at the end of the step.
     pub time: f64,
     /// Id of the grain, the lower of the two.
     pub grain: u64,
@@ -109,11 +116,11 @@ pub struct BondBreak<S: Space> {
     pub other: Option<u64>,
     /// Or the wall.
     pub wall: Option<u32>,
-    /// Contact point (m).
+    /// Contact point [m].
     pub position: S::Vector,
     /// Pulled or sheared.
     pub mode: Failure,
-    /// Magnitude of the fluid's force on `grain` (N).
+    /// Magnitude of the fluid's force on `grain` [N].
     pub fluid_force: f64,
 }
 
@@ -126,13 +133,13 @@ pub struct Contact<S: Space> {
     pub other: Option<usize>,
     /// Or the wall.
     pub wall: Option<u32>,
-    /// Overlap (m), negative for a bond in tension.
+    /// Overlap [m], negative for a bond in tension.
     pub overlap: f64,
     /// Unit normal from the first grain to the second, from the wall to the grain.
     pub normal: S::Vector,
-    /// Contact point (m).
+    /// Contact point [m].
     pub position: S::Vector,
-    /// Force of the normal spring (N), positive in compression.
+    /// Force of the normal spring [N], positive in compression.
     pub normal_force: f64,
     /// Whether it is bonded.
     pub bonded: bool,
@@ -161,7 +168,7 @@ pub struct Statistics {
     pub tested: u64,
 }
 
-/// Contacts, walls and lists: see the module.
+/// Contacts, walls and lists of one rank.
 #[derive(Debug)]
 pub struct Dem<S: Space> {
     inner: Inner<S>,
@@ -178,7 +185,7 @@ enum Inner<S: Space> {
     Blocks(Box<Engine<S, Blocks>>),
 }
 
-/// The same words for the engine of each law.
+/// The same code for the engine of each law.
 macro_rules! of_each_law {
     ($dem:expr, $engine:ident => $body:expr) => {
         match $dem {
@@ -290,8 +297,8 @@ impl<S: Space> Dem<S> {
         of_each_law!(&mut self.inner, engine => engine.prepare(particles, ranks))
     }
 
-    /// Bonds the contacts that now exist (A-20), walls included, and in the contact-bond law the pairs within its bonding gap
-    /// (C-04); returns how many bonds this rank reports. Collective.
+    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
+    /// break later do not heal. Returns the number of bonds that this rank reports. Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -331,7 +338,7 @@ impl<S: Space> Dem<S> {
         of_each_law!(&self.inner, engine => engine.steps)
     }
 
-    /// Solid steps done times the time step (s).
+    /// Solid steps done times the time step [s].
     #[must_use]
     pub fn time(&self) -> f64 {
         of_each_law!(&self.inner, engine => engine.time())
@@ -343,7 +350,7 @@ impl<S: Space> Dem<S> {
         of_each_law!(&self.inner, engine => &engine.settings)
     }
 
-    /// Changes gravity (m/s²).
+    /// Changes gravity [m/s²].
     pub fn set_gravity(&mut self, gravity: S::Vector) {
         of_each_law!(&mut self.inner, engine => engine.settings.gravity = gravity);
     }
@@ -365,7 +372,7 @@ impl<S: Space> Dem<S> {
         of_each_law!(&mut self.inner, engine => engine.open_walls(walls));
     }
 
-    /// Changes a wall's velocity (m/s).
+    /// Changes a wall's velocity [m/s].
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
         of_each_law!(&mut self.inner, engine => {
             if let Some(wall) = engine.walls.get_mut(wall) {
@@ -376,7 +383,7 @@ impl<S: Space> Dem<S> {
 }
 
 impl Law {
-    /// `sqrt(m/k)` (s) of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
+    /// `sqrt(m/k)` [s] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
     /// explicit step must stay well below it (a pair rings with `pi sqrt(m/(2 k))` a half period; 0.1 to 0.2 of the
     /// limit is usual).
     #[must_use]
@@ -426,4 +433,4 @@ fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -5,6 +5,7 @@
 //! MPI's own error handler stays "errors are fatal": with errors returned instead, Open MPI 4.1
 //! delivers a truncated message without a word.
 
+use crate::threads::Post;
 use crate::waiting::{Wait, timed};
 use mpi::Threading;
 use mpi::environment::{self, Universe};
@@ -181,11 +182,12 @@ impl Drop for Context {
 #[derive(Clone)]
 enum Kind {
     Serial,
+    Threads(Rc<Post>),
     Mpi(Rc<Context>),
 }
 
-/// A group of ranks that can talk: all ranks of an MPI job, or this process alone without MPI.
-/// A cheap handle, to be cloned freely.
+/// A group of ranks: all ranks of an MPI job, this process alone without MPI, or threads of this process
+/// ([`crate::on_threads`]). A cheap handle, to be cloned freely.
 #[derive(Clone)]
 pub struct Communicator {
     kind: Kind,
@@ -196,6 +198,7 @@ impl fmt::Debug for Communicator {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.kind {
             Kind::Serial => "serial",
+            Kind::Threads(_) => "threads",
             Kind::Mpi(_) => "MPI",
         };
         write!(
@@ -232,8 +235,9 @@ impl Reduction {
 ///
 /// # Safety
 /// `datatype` must describe exactly this type.
-unsafe trait Reducible: Copy + Default {
+unsafe trait Reducible: bytemuck::Pod + Default + Ord {
     fn datatype() -> MPI_Datatype;
+    fn wrapping_sum(self, other: Self) -> Self;
 }
 
 // SAFETY: MPI_INT64_T is a signed 64-bit integer.
@@ -242,6 +246,9 @@ unsafe impl Reducible for i64 {
         // SAFETY: a constant of the MPI library.
         unsafe { ffi::RSMPI_INT64_T }
     }
+    fn wrapping_sum(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
 }
 
 // SAFETY: MPI_UINT64_T is an unsigned 64-bit integer.
@@ -249,6 +256,9 @@ unsafe impl Reducible for u64 {
     fn datatype() -> MPI_Datatype {
         // SAFETY: a constant of the MPI library.
         unsafe { ffi::RSMPI_UINT64_T }
+    }
+    fn wrapping_sum(self, other: Self) -> Self {
+        self.wrapping_add(other)
     }
 }
 
@@ -279,6 +289,7 @@ impl Communicator {
     pub fn rank(&self) -> usize {
         match &self.kind {
             Kind::Serial => 0,
+            Kind::Threads(post) => post.rank(),
             Kind::Mpi(context) => context.rank,
         }
     }
@@ -288,6 +299,7 @@ impl Communicator {
     pub fn size(&self) -> usize {
         match &self.kind {
             Kind::Serial => 1,
+            Kind::Threads(post) => post.size(),
             Kind::Mpi(context) => context.size,
         }
     }
@@ -296,8 +308,24 @@ impl Communicator {
     #[must_use]
     pub fn raw(&self) -> Option<RawCommunicator> {
         match &self.kind {
-            Kind::Serial => None,
+            Kind::Serial | Kind::Threads(_) => None,
             Kind::Mpi(context) => Some(context.raw),
+        }
+    }
+
+    /// The channels of a rank that is a thread.
+    pub(crate) fn post(&self) -> Option<&Post> {
+        match &self.kind {
+            Kind::Threads(post) => Some(post),
+            Kind::Serial | Kind::Mpi(_) => None,
+        }
+    }
+
+    /// A rank that is a thread.
+    pub(crate) fn of_thread(post: Post) -> Self {
+        Self {
+            kind: Kind::Threads(Rc::new(post)),
+            message_limit: MESSAGE_LIMIT,
         }
     }
 
@@ -312,6 +340,9 @@ impl Communicator {
 
     /// Returns when all ranks have called it.
     pub fn barrier(&self) {
+        if let Some(post) = self.post() {
+            post.all_gather(&[]);
+        }
         if let Some(raw) = self.raw() {
             // SAFETY: a live communicator.
             self.waits(Wait::Collectives, || unsafe { ffi::MPI_Barrier(raw) });
@@ -367,6 +398,10 @@ impl Communicator {
     // ---- reductions -------------------------------------------------------------------------
 
     fn reduce<T: Reducible>(&self, values: &mut [T], reduction: Reduction) {
+        if let Some(post) = self.post() {
+            reduce_on_threads(post, values, reduction);
+            return;
+        }
         let Some(raw) = self.raw() else { return };
         // MPI_IN_PLACE is out of reach of the bindings, so the result lands in a second buffer: on
         // the stack, so that nothing is allocated.
@@ -470,7 +505,7 @@ impl Communicator {
     /// all ranks.
     pub fn all_reduce_sum_u128s(&self, values: &mut [u128]) {
         const DIGITS: usize = 4;
-        if self.raw().is_none() {
+        if self.size() == 1 {
             return;
         }
         // Digits of 32 bits in words of 64: 2^32 ranks fit before a word overflows.
@@ -501,6 +536,10 @@ impl Communicator {
     /// global list, and how long that list is.
     #[must_use]
     pub fn exclusive_scan_u64(&self, value: u64) -> (u64, u64) {
+        if self.post().is_some() {
+            let all = self.all_gather_u64(value);
+            return (all[..self.rank()].iter().sum(), all.iter().sum());
+        }
         let Some(raw) = self.raw() else {
             return (0, value);
         };
@@ -564,7 +603,7 @@ impl Communicator {
 
     /// Gives every rank the bytes of rank `root`; other ranks' contents are replaced.
     pub fn broadcast_bytes(&self, root: usize, bytes: &mut Vec<u8>) {
-        if self.raw().is_none() {
+        if self.size() == 1 {
             return;
         }
         let mut length = [bytes.len() as u64];
@@ -574,6 +613,10 @@ impl Communicator {
     }
 
     fn broadcast(&self, root: usize, bytes: &mut [u8]) {
+        if let Some(post) = self.post() {
+            bytes.copy_from_slice(&post.all_gather(bytes)[root]);
+            return;
+        }
         let Some(raw) = self.raw() else { return };
         for piece in bytes.chunks_mut(self.message_limit) {
             // SAFETY: `piece` holds that many bytes; all ranks pass the same length.
@@ -592,6 +635,10 @@ impl Communicator {
     /// The bytes of every rank, by rank, on rank `root`; `None` on the others.
     #[must_use]
     pub fn gather_bytes(&self, root: usize, bytes: &[u8]) -> Option<Vec<Vec<u8>>> {
+        if let Some(post) = self.post() {
+            let all = post.all_gather(bytes);
+            return (self.rank() == root).then_some(all);
+        }
         let lengths = self.all_gather_u64(bytes.len() as u64);
         if self.rank() != root {
             let mut requests = Vec::new();
@@ -634,6 +681,11 @@ impl Communicator {
     /// One number of every rank, by rank, on every rank.
     #[must_use]
     pub fn all_gather_u64(&self, value: u64) -> Vec<u64> {
+        if let Some(post) = self.post() {
+            let all = post.all_gather(&value.to_le_bytes());
+            let numbers = all.iter().flat_map(|bytes| bytes.as_chunks().0);
+            return numbers.map(|bytes| u64::from_le_bytes(*bytes)).collect();
+        }
         let mut values = vec![value; self.size()];
         if let Some(raw) = self.raw() {
             // SAFETY: one value in, `size` values out, all of the datatype.
@@ -655,6 +707,9 @@ impl Communicator {
     /// Sends `outgoing[r]` to each rank r and returns what each rank sent here. Empty entries send
     /// no message. The lengths cross first, so receivers need not know who sends.
     pub(crate) fn all_to_all_bytes(&self, mut outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        if let Some(post) = self.post() {
+            return post.all_to_all(&outgoing);
+        }
         let Some(raw) = self.raw() else {
             return outgoing;
         };
@@ -772,6 +827,23 @@ impl Communicator {
                 }
             };
             requests.push(request);
+        }
+    }
+}
+
+/// Joins the values of ranks that are threads, in the order of the ranks.
+fn reduce_on_threads<T: Reducible>(post: &Post, values: &mut [T], reduction: Reduction) {
+    let all = post.all_gather(bytemuck::cast_slice(values));
+    for (rank, bytes) in all.iter().enumerate() {
+        let theirs = bytes.chunks_exact(size_of::<T>());
+        for (value, other) in values.iter_mut().zip(theirs) {
+            let other = bytemuck::pod_read_unaligned(other);
+            *value = match reduction {
+                _ if rank == 0 => other,
+                Reduction::Min => other.min(*value),
+                Reduction::Max => other.max(*value),
+                Reduction::Sum => value.wrapping_sum(other),
+            };
         }
     }
 }

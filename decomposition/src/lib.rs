@@ -49,6 +49,7 @@ mod halo;
 mod persistent;
 mod slab;
 mod state_hash;
+mod threads;
 mod waiting;
 
 pub use comm::{Communicator, Disagreement, RawCommunicator, StartError, World, mpi_library};
@@ -58,4 +59,5 @@ pub use halo::{HaloBytes, HaloExchange};
 pub use persistent::PatternError;
 pub use slab::{Axis, Domain, SlabError, Slabs};
 pub use state_hash::{StateHash, field_key};
+pub use threads::on_threads;
 pub use waiting::{Waited, waited};

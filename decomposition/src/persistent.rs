@@ -121,8 +121,10 @@ pub(crate) struct Persistent {
     copies: Vec<(usize, usize)>,
     requests: Box<[Cell<MPI_Request>]>,
     under_way: Cell<bool>,
+    /// Messages sent and received, used where ranks are threads.
+    messages: [Vec<Message>; 2],
     /// Keeps MPI running until the requests are freed.
-    _communicator: Communicator,
+    communicator: Communicator,
 }
 
 impl Persistent {
@@ -175,7 +177,8 @@ impl Persistent {
             copies,
             requests: requests.into_iter().map(Cell::new).collect(),
             under_way: Cell::new(false),
-            _communicator: communicator.clone(),
+            messages: [sends.to_vec(), receives.to_vec()],
+            communicator: communicator.clone(),
         })
     }
 
@@ -194,6 +197,14 @@ impl Persistent {
                 .slice_mut()
                 .copy_from_slice(source.slice());
         }
+        if let Some(post) = self.communicator.post() {
+            for (message, buffer) in self.messages[0].iter().zip(&self.sends) {
+                if message.partner != post.rank() {
+                    post.send(message.partner, message.tag, buffer.slice());
+                }
+            }
+            self.under_way.set(true);
+        }
         if !self.requests.is_empty() {
             // SAFETY: inactive persistent requests, for `finish` has waited for them.
             unsafe { ffi::MPI_Startall(count(self.requests.len()), self.raw_requests()) };
@@ -203,7 +214,19 @@ impl Persistent {
 
     /// Waits until all messages have left and arrived; returns at once if none is under way.
     pub(crate) fn finish(&self) {
-        if self.under_way.replace(false) {
+        if !self.under_way.replace(false) {
+            return;
+        }
+        if let Some(post) = self.communicator.post() {
+            for (message, buffer) in self.messages[1].iter().zip(&self.receives) {
+                if message.partner != post.rank() {
+                    let bytes = post.receive(message.partner, message.tag);
+                    let count = bytes.len().min(buffer.bytes);
+                    // SAFETY: the buffer holds that many bytes and is lent to nobody while messages are under way.
+                    unsafe { buffer.start.as_ptr().copy_from(bytes.as_ptr(), count) };
+                }
+            }
+        } else {
             // SAFETY: live requests; persistent ones become inactive and stay valid.
             timed(Wait::Messages, || unsafe {
                 ffi::MPI_Waitall(

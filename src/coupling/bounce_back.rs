@@ -146,7 +146,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     }
 
     fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
-        particles.immerse();
+        particles.allocate_fluid_loads();
         particles.keep_extra();
         if particles.is_empty() && ranks.size() == 1 && self.map.links().is_empty() {
             self.fresh = false;

@@ -400,7 +400,7 @@ fn failed(error: crate::darcy::Error) -> Error {
 
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
     fn advance(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
-        particles.immerse();
+        particles.allocate_fluid_loads();
         self.seep(particles)?;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
         let mut implicit = 0;

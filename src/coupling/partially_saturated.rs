@@ -194,7 +194,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     }
 
     fn follow(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
-        particles.immerse();
+        particles.allocate_fluid_loads();
         particles.keep_extra();
         let (velocity, spin) = self.scales();
         if let Some(cover) = self.fluid.cover_mut() {

@@ -1,106 +1,80 @@
-//! Blocks among the grains: the shape of each entry and how it stands.
+//! Blocks among the grains: the shape of each entry and the state of its rotation.
 //!
-//! A scene without blocks has none of this ([`Particles`] holds an `Option`). The table of shapes is the same on every rank;
-//! the number of a shape crosses when a ghost is made, the attitude with the motion in every solid step. `Body::radius` of a block is
-//! that of the sphere round its centroid, so that searches and ghosts need to know of spheres alone; `Motion::spin` follows
-//! the attitude.
+//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of a
+//! block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
+//! computed from the state of the rotation.
 
 use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::columns::{Entry, joined};
+use super::message::{Reader, Writer};
 use super::particles::{Body, Kind, Motion, Particles, View};
-use super::polyhedron::{Attitude, Polyhedron};
-use super::ranks::{Reader, Writer};
+use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
+use super::table::{Columns, Table};
 use crate::error::Error;
 
 /// The number of the shape of what is no block.
 pub(super) const SPHERE: u32 = u32::MAX;
 
-/// Shapes and attitudes, one entry for each of [`Particles`].
-#[derive(Clone, Debug)]
-pub(super) struct Blocks {
-    pub(super) shapes: Arc<[Polyhedron]>,
-    pub(super) shape: Vec<u32>,
-    pub(super) attitude: Vec<Attitude>,
-}
+/// Numbers in the state of a rotation.
+const NUMBERS: usize = 7;
 
-impl Blocks {
-    /// No blocks among `entries` entries.
-    pub(super) fn new(shapes: Arc<[Polyhedron]>, entries: usize) -> Self {
-        Self {
-            shapes,
-            shape: vec![SPHERE; entries],
-            attitude: vec![Attitude::default(); entries],
-        }
-    }
+/// The columns of the state of a rotation: quaternion, then angular momentum.
+const COLUMNS: [&str; NUMBERS] = [
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+    "orientation_w",
+    "angular_momentum_x",
+    "angular_momentum_y",
+    "angular_momentum_z",
+];
 
-    /// The shape of entry `k`; none for a sphere.
-    #[inline]
-    pub(super) fn of(&self, k: usize) -> Option<&Polyhedron> {
-        self.shapes.get(self.shape[k] as usize)
-    }
-
-    pub(super) fn push(&mut self, shape: u32, attitude: Attitude) {
-        self.shape.push(shape);
-        self.attitude.push(attitude);
-    }
-
-    pub(super) fn truncate(&mut self, entries: usize) {
-        self.shape.truncate(entries);
-        self.attitude.truncate(entries);
-    }
-
-    pub(super) fn pack(&self, k: usize, to: &mut Writer) {
-        to.integer(u64::from(self.shape[k]));
-        pack_attitude(&self.attitude[k], to);
-    }
-
-    /// Sets the last entry to what [`Self::pack`] wrote.
-    pub(super) fn unpack_last(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        let shape = u32::try_from(from.integer()?)
-            .map_err(|_| Error::Internal("a shape beyond 32 bits".into()))?;
-        let attitude = unpack_attitude(from)?;
-        if let (Some(last), Some(stands)) = (self.shape.last_mut(), self.attitude.last_mut()) {
-            *last = shape;
-            *stands = attitude;
-        }
-        Ok(())
-    }
-}
-
-/// Numbers in an attitude.
-pub(super) const ATTITUDE: usize = 7;
-
-/// An attitude as numbers: quaternion x, y, z, w, then the angular momentum.
-pub(super) fn numbers(attitude: &Attitude) -> [f64; ATTITUDE] {
-    let (q, l) = (attitude.orientation.coords, attitude.angular_momentum);
+/// The state of a rotation as numbers in the order of [`COLUMNS`].
+fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
+    let (q, l) = (rotation.orientation.coords, rotation.angular_momentum);
     [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
 }
 
-/// Back from [`numbers`], without normalising: the same bits.
-pub(super) fn from_numbers(n: [f64; ATTITUDE]) -> Attitude {
-    Attitude {
+/// Back from [`numbers`]. The quaternion is not normalised: the bits stay the same.
+fn from_numbers(n: [f64; NUMBERS]) -> RotationState {
+    RotationState {
         orientation: UnitQuaternion::new_unchecked(Quaternion::new(n[3], n[0], n[1], n[2])),
         angular_momentum: Vector3::new(n[4], n[5], n[6]),
     }
 }
 
-#[inline]
-pub(super) fn pack_attitude(attitude: &Attitude, to: &mut Writer) {
-    for number in numbers(attitude) {
-        to.float(number);
-    }
-}
+impl<S: Space> Entry<S> for RotationState {
+    const BYTES: usize = 8 * NUMBERS;
 
-#[inline]
-pub(super) fn unpack_attitude(from: &mut Reader<'_>) -> Result<Attitude, Error> {
-    let mut all = [0.0; ATTITUDE];
-    for number in &mut all {
-        *number = from.float()?;
+    #[inline]
+    fn pack(&self, to: &mut Writer) {
+        Entry::<S>::pack(&numbers(self), to);
     }
-    Ok(from_numbers(all))
+    #[inline]
+    fn unpack(from: &mut Reader<'_>) -> Result<Self, Error> {
+        Ok(from_numbers(Entry::<S>::unpack(from)?))
+    }
+    fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>) {
+        for (k, column) in COLUMNS.iter().enumerate() {
+            let values = values.clone().map(|rotation| numbers(&rotation)[k]);
+            to.real(joined(name, column), values);
+        }
+    }
+    fn first_column(name: &str) -> String {
+        joined(name, COLUMNS[0])
+    }
+    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+        let mut columns = [&[][..]; NUMBERS];
+        for (values, column) in columns.iter_mut().zip(COLUMNS) {
+            *values = from.get_real(&joined(name, column))?;
+        }
+        let row = |row: usize| from_numbers(columns.map(|values| values[row]));
+        Ok((0..from.rows()).map(row).collect())
+    }
 }
 
 /// A spin or moment in space.
@@ -147,11 +121,14 @@ impl<S: Space> Particles<S> {
                 "blocks in two dimensions: they are solids of three".into(),
             ));
         }
-        match &mut self.blocks {
-            Some(blocks) => blocks.shapes = shapes,
-            none => *none = Some(Blocks::new(shapes, self.body.len())),
+        self.shapes = shapes;
+        if !self.has_blocks() {
+            let entries = self.body.len();
+            self.shape.allocate(std::iter::repeat_n(SPHERE, entries));
+            let rotations = std::iter::repeat_n(RotationState::default(), entries);
+            self.rotation.allocate(rotations);
         }
-        self.stale = true;
+        self.listed = false;
         Ok(())
     }
 
@@ -168,9 +145,8 @@ impl<S: Space> Particles<S> {
         shape: u32,
         orientation: UnitQuaternion<f64>,
     ) -> Result<(), Error> {
-        let table = self.blocks.as_ref().map(|blocks| &blocks.shapes);
-        let Some(solid) = table.and_then(|table| table.get(shape as usize)) else {
-            let count = table.map_or(0, |table| table.len());
+        let Some(solid) = self.shapes.get(shape as usize) else {
+            let count = self.shapes.len();
             return Err(Error::Internal(format!(
                 "block {} has shape {shape} of a table of {count}",
                 body.id
@@ -178,26 +154,25 @@ impl<S: Space> Particles<S> {
         };
         body.radius = solid.radius();
         let inertia = moments(&body, solid);
-        let attitude = Attitude::new(orientation, &in_space(&motion.spin), &inertia);
+        let rotation = RotationState::new(orientation, &in_space(&motion.spin), &inertia);
         self.insert(body, motion);
-        if let Some(blocks) = &mut self.blocks {
-            blocks.truncate(self.owned - 1);
-            blocks.push(shape, attitude);
-        }
+        let last = self.owned - 1;
+        self.shape[last] = shape;
+        self.rotation[last] = rotation;
         Ok(())
     }
 
     /// The shape of entry `k` and how it stands; none for a sphere or disc.
     #[must_use]
     #[inline]
-    pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &Attitude)> {
-        shape_of(self.blocks.as_ref(), k)
+    pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
+        shape_of(&self.shapes, &self.shape, &self.rotation, k)
     }
 
     /// Whether any entry may be a polyhedron.
     #[must_use]
     pub fn has_blocks(&self) -> bool {
-        self.blocks.is_some()
+        self.shape.is_allocated()
     }
 
     /// Volume of entry `k` (m³; in the plane m² per m of depth).
@@ -211,35 +186,26 @@ impl<S: Space> Particles<S> {
 
     /// An error that names the first owned entry whose shape is not in the table.
     pub(super) fn check_shapes(&self) -> Result<(), Error> {
-        let Some(blocks) = &self.blocks else {
-            return Ok(());
-        };
-        let count = blocks.shapes.len();
-        match (0..self.owned)
-            .find(|&k| blocks.shape[k] != SPHERE && blocks.shape[k] as usize >= count)
-        {
+        let count = self.shapes.len();
+        let unknown = |shape: u32| shape != SPHERE && shape as usize >= count;
+        let mut entries = self.body[..self.owned].iter().zip(self.shape.iter());
+        match entries.find(|(_, shape)| unknown(**shape)) {
             None => Ok(()),
-            Some(k) => Err(Error::Internal(format!(
-                "block {} has shape {} of a table of {count}",
-                self.body[k].id, blocks.shape[k]
+            Some((body, shape)) => Err(Error::Internal(format!(
+                "block {} has shape {shape} of a table of {count}",
+                body.id
             ))),
         }
     }
 
     /// Makes the angular momentum of entry `k` that of its spin.
-    pub(super) fn follow_spin(&mut self, k: usize) {
-        let Some(blocks) = &mut self.blocks else {
+    pub(super) fn update_angular_momentum(&mut self, k: usize) {
+        let Some((shape, rotation)) = self.polyhedron(k) else {
             return;
         };
-        if let Some(shape) = blocks.shapes.get(blocks.shape[k] as usize) {
-            let inertia = moments(&self.body[k], shape);
-            let stands = &mut blocks.attitude[k];
-            *stands = Attitude::new(
-                stands.orientation,
-                &in_space(&self.motion[k].spin),
-                &inertia,
-            );
-        }
+        let inertia = moments(&self.body[k], shape);
+        let spin = in_space(&self.motion[k].spin);
+        self.rotation[k] = RotationState::new(rotation.orientation, &spin, &inertia);
     }
 }
 
@@ -247,15 +213,20 @@ impl<'a, S: Space> View<'a, S> {
     /// As [`Particles::polyhedron`].
     #[must_use]
     #[inline]
-    pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a Attitude)> {
-        shape_of(self.blocks, k)
+    pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a RotationState)> {
+        shape_of(self.shapes, self.shape, self.rotation, k)
     }
 }
 
 #[inline]
-fn shape_of(blocks: Option<&Blocks>, k: usize) -> Option<(&Polyhedron, &Attitude)> {
-    let blocks = blocks?;
-    blocks.of(k).map(|shape| (shape, &blocks.attitude[k]))
+fn shape_of<'a>(
+    shapes: &'a [Polyhedron],
+    shape: &[u32],
+    rotation: &'a [RotationState],
+    k: usize,
+) -> Option<(&'a Polyhedron, &'a RotationState)> {
+    let solid = shapes.get(*shape.get(k)? as usize)?;
+    Some((solid, &rotation[k]))
 }
 
 /// Principal moments (kg m²) of a block of this mass.

@@ -1,5 +1,6 @@
-//! A grain that left the box through an open face, as a sentence that can be read back: the ranks agree on errors as texts, and who
-//! knows the case says what to do about it.
+//! A grain that left the box through an open face, as a text that can be parsed again.
+//!
+//! Ranks agree on errors as texts. The room that knows the case parses the text and adds what the user can do.
 
 use std::fmt;
 

@@ -1,212 +1,107 @@
-//! Who owns a grain and who sees it: migration and ghosts, both done when the neighbour lists are made.
+//! Which ranks see a grain: the ghosts, made with the lists and brought up to date in every solid step.
 //!
-//! A grain belongs to the rank whose planes hold its centre: `floor((x - origin) / spacing)` along the split axis, clamped to
-//! the outermost planes where the axis is not periodic. Its ghosts go to every rank that may need them: where the slab,
-//! widened by the largest radius *that rank* owns, comes within the interaction range, so that one giant does not make all
-//! grains ghosts everywhere. A body larger than a slab is a normal case: every rank in its range is listed.
+//! A grain is a ghost on every rank that may need it: where the slab, widened by the largest radius *that rank* owns, is
+//! within the interaction range. One giant therefore does not make all grains ghosts everywhere. A body may be larger than a
+//! slab: every rank in its range has a ghost of it.
 
-use super::escape::Escape;
-use super::particles::{GhostPlan, Particles, pack_ghost, unpack_ghost};
-use super::ranks::{Ranks, Reader, Writer, gather_all};
+use std::ops::Range;
+
+use super::columns::Crosses;
+use super::message::{Reader, Writer};
+use super::migration::Census;
+use super::particles::Particles;
+use super::ranks::{Pattern, Ranks};
+use super::region::{Region, edge};
 use super::space::{Components, Space};
 use crate::error::Error;
 
-/// The box the grains live in, and the planes of the split axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Region<S: Space> {
-    /// Lower corner (m).
-    pub lower: S::Vector,
-    /// Upper corner (m).
-    pub upper: S::Vector,
-    /// Which axes are periodic.
-    pub periodic: [bool; 3],
-    /// Thickness of one plane of the split axis (m), counted from the lower corner.
-    pub spacing: f64,
+/// Which own grains are whose ghosts, and the messages that keep them up to date.
+#[derive(Default)]
+pub(super) struct GhostPlan {
+    /// Per target rank the own entries it holds, in the order of its ghosts; never this rank.
+    pub(super) sends: Vec<(usize, Vec<u32>)>,
+    /// Per source rank its range of ghost entries.
+    pub(super) receives: Vec<(usize, Range<usize>)>,
+    /// Own images through periodic faces: `(own entry, ghost entry)`.
+    pub(super) images: Vec<(u32, u32)>,
+    /// The messages of a solid step, made when the first is sent.
+    step: Option<Step>,
+    back: Option<Back>,
 }
 
-impl<S: Space> Region<S> {
-    /// A box without periodic axes, split in planes of `spacing` (m).
-    #[must_use]
-    pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
-        Self {
-            lower,
-            upper,
-            periodic: [false; 3],
-            spacing,
-        }
-    }
-
-    pub(super) fn length(&self, axis: usize) -> f64 {
-        self.upper.get(axis) - self.lower.get(axis)
-    }
-
-    /// Length along periodic axes, else 0.
-    pub(super) fn periodic_lengths(&self) -> [f64; 3] {
-        std::array::from_fn(|axis| {
-            if axis < S::DIMENSION && self.periodic[axis] {
-                self.length(axis)
-            } else {
-                0.0
-            }
-        })
-    }
-
-    /// The lower corner, 0 along axes that are not there.
-    pub(super) fn origin(&self) -> [f64; 3] {
-        std::array::from_fn(|axis| {
-            if axis < S::DIMENSION {
-                self.lower.get(axis)
-            } else {
-                0.0
-            }
-        })
-    }
-
-    pub(super) fn any_periodic(&self) -> bool {
-        self.periodic[..S::DIMENSION].contains(&true)
-    }
+/// The way from owners to ghosts: messages and buffers of a solid step.
+struct Step {
+    pattern: Box<dyn Pattern>,
+    outgoing: Vec<Vec<u8>>,
+    incoming: Vec<Vec<u8>>,
 }
 
-/// The plane a coordinate lies in, clamped to `0..planes`.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "clamped; a cast of a float saturates"
-)]
-fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: i64) -> i64 {
-    (((coordinate - origin) / spacing).floor() as i64).clamp(0, planes - 1)
-}
-
-/// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a grain beyond 2^31 box lengths is caught as lost"
-)]
-pub(super) fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
-    -(((coordinate - lower) / length).floor() as i32)
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "plane counts are far below 2^53"
-)]
-fn edge(plane: i64, lower: f64, spacing: f64) -> f64 {
-    lower + plane as f64 * spacing
-}
-
-/// Brings every owned grain's shift into the box and checks that none is lost.
-pub(super) fn wrap<S: Space>(
-    particles: &mut Particles<S>,
-    region: &Region<S>,
-) -> Result<(), Error> {
-    for k in 0..particles.owned() {
-        for axis in 0..S::DIMENSION {
-            let at = particles.location(k).get(axis);
-            let (lower, length) = (region.lower.get(axis), region.length(axis));
-            if !at.is_finite() || (at - lower).abs() > 1e6 * length {
-                return Err(lost(particles, k, "is lost"));
-            }
-            if region.periodic[axis] {
-                let raw = particles.motion[k].position.get(axis);
-                particles.shift[k][axis] = wraps(raw, lower, length);
-            } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
-                let escape = Escape {
-                    grain: particles.body[k].id,
-                    axis,
-                    upper: at > lower,
-                };
-                return Err(named(particles, k, &escape.to_string()));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The error that names a grain.
-pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
-    named(
-        particles,
-        k,
-        &format!("grain {} {what}", particles.body[k].id),
-    )
-}
-
-/// A sentence about a grain with where it is and how it moves.
-fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
-    let motion = &particles.motion[k];
-    let show = |v: &S::Vector| {
-        let numbers: Vec<String> = (0..S::DIMENSION)
-            .map(|axis| format!("{:e}", v.get(axis)))
-            .collect();
-        numbers.join(", ")
-    };
-    Error::Numerical(format!(
-        "{what}: position ({}) m, velocity ({}) m/s",
-        show(&particles.location(k)),
-        show(&motion.velocity)
-    ))
-}
-
-/// The rank that owns each own grain now.
-pub(super) fn owners<S: Space>(
-    particles: &Particles<S>,
-    region: &Region<S>,
-    ranks: &dyn Ranks,
-) -> Result<Vec<usize>, Error> {
-    let axis = ranks.axis();
-    let slabs: Vec<_> = (0..ranks.size())
-        .map(|rank| ranks.planes_of(rank))
-        .collect();
-    (0..particles.owned())
-        .map(|k| {
-            let at = particles.location(k).get(axis);
-            let plane = plane_of(at, region.lower.get(axis), region.spacing, ranks.planes());
-            slabs
-                .iter()
-                .position(|slab| slab.contains(&plane))
-                .ok_or_else(|| Error::Internal(format!("plane {plane} belongs to no rank")))
-        })
-        .collect()
-}
-
-/// What all ranks know of each other when lists are made.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Census {
-    pub(super) owned: u64,
-    pub(super) added: u64,
-    pub(super) removed: u64,
-    pub(super) smallest: f64,
-    pub(super) largest: f64,
-}
-
-/// Every rank's census, by rank. Collective.
-pub(super) fn census<S: Space>(
-    particles: &Particles<S>,
-    ranks: &dyn Ranks,
-) -> Result<Vec<Census>, Error> {
-    let mut mine = Writer::default();
-    mine.integer(particles.owned() as u64);
-    mine.integer(particles.added);
-    mine.integer(particles.removed);
-    let radii = || {
-        particles.body[..particles.owned()]
+impl Step {
+    /// Messages of `bytes` for each entry.
+    fn new(
+        bytes: usize,
+        sends: &[(usize, Vec<u32>)],
+        receives: &[(usize, Range<usize>)],
+        ranks: &dyn Ranks,
+    ) -> Result<Self, Error> {
+        let out: Vec<_> = sends
             .iter()
-            .map(|body| body.radius)
-    };
-    mine.float(radii().fold(f64::INFINITY, f64::min));
-    mine.float(radii().fold(0.0, f64::max));
-    gather_all(ranks, &mine.0)?
-        .iter()
-        .map(|bytes| {
-            let mut reader = Reader(bytes);
-            Ok(Census {
-                owned: reader.integer()?,
-                added: reader.integer()?,
-                removed: reader.integer()?,
-                smallest: reader.float()?,
-                largest: reader.float()?,
-            })
+            .map(|(rank, entries)| (*rank, entries.len() * bytes))
+            .collect();
+        let back: Vec<_> = receives
+            .iter()
+            .map(|(rank, range)| (*rank, range.len() * bytes))
+            .collect();
+        Ok(Self {
+            pattern: ranks.pattern(&out, &back)?,
+            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
+            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
         })
-        .collect()
+    }
+}
+
+/// The way back, from ghosts to owners: messages and buffers for rows of some length.
+struct Back {
+    /// Numbers in a row.
+    row: usize,
+    pattern: Box<dyn Pattern>,
+    outgoing: Vec<Vec<u8>>,
+    incoming: Vec<Vec<u8>>,
+}
+
+impl Back {
+    fn new(
+        row: usize,
+        sends: &[(usize, Vec<u32>)],
+        receives: &[(usize, Range<usize>)],
+        ranks: &dyn Ranks,
+    ) -> Result<Self, Error> {
+        let bytes = |rows: usize| rows * row * size_of::<i128>();
+        let out: Vec<_> = receives
+            .iter()
+            .map(|(rank, range)| (*rank, bytes(range.len())))
+            .collect();
+        let back: Vec<_> = sends
+            .iter()
+            .map(|(rank, entries)| (*rank, bytes(entries.len())))
+            .collect();
+        Ok(Self {
+            row,
+            pattern: ranks.pattern(&out, &back)?,
+            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
+            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
+        })
+    }
+}
+
+impl std::fmt::Debug for GhostPlan {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("GhostPlan")
+            .field("sends", &self.sends)
+            .field("receives", &self.receives)
+            .field("images", &self.images)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Makes the ghosts of every rank. `range` is what the gap between two surfaces may be for the pair to be listed, `margin` how
@@ -267,7 +162,7 @@ pub(super) fn make<S: Space>(
                         images.push((k, shift));
                     }
                 } else {
-                    pack_ghost(particles, k, shift, &mut writer);
+                    particles.pack(k, shift, Crosses::Creation, &mut writer);
                     entries.push(index(k));
                 }
             }
@@ -287,7 +182,7 @@ pub(super) fn make<S: Space>(
         let start = particles.len();
         let mut reader = Reader(&bytes);
         while !reader.is_empty() {
-            unpack_ghost(particles, &mut reader)?;
+            particles.unpack(Crosses::Creation, &mut reader)?;
         }
         plan.receives.push((source, start..particles.len()));
     }
@@ -343,4 +238,100 @@ fn image_shifts<S: Space>(
 )]
 fn whole(value: f64) -> i32 {
     value.floor() as i32
+}
+
+impl<S: Space> Particles<S> {
+    /// Sends the present motion of own grains to their ghosts. Collective; the ghosts are those of the last step.
+    ///
+    /// # Errors
+    /// Where a message failed.
+    pub fn refresh_ghosts(&mut self, ranks: &dyn Ranks) -> Result<(), Error> {
+        // Taken out while the arrays are written; a plan holds lists, so that this moves some pointers.
+        let mut plan = std::mem::take(&mut self.plan);
+        let outcome = self.refresh_by(&mut plan, ranks);
+        self.plan = plan;
+        outcome
+    }
+
+    fn refresh_by(&mut self, plan: &mut GhostPlan, ranks: &dyn Ranks) -> Result<(), Error> {
+        self.copy_step(&plan.images);
+        if ranks.size() == 1 {
+            return Ok(());
+        }
+        let step = match &mut plan.step {
+            Some(step) => step,
+            none => none.insert(Step::new(
+                self.step_bytes(),
+                &plan.sends,
+                &plan.receives,
+                ranks,
+            )?),
+        };
+        for ((_, entries), buffer) in plan.sends.iter().zip(&mut step.outgoing) {
+            let mut writer = Writer(std::mem::take(buffer));
+            writer.0.clear();
+            self.pack_step(entries, &mut writer);
+            *buffer = writer.0;
+        }
+        step.pattern.run(&step.outgoing, &mut step.incoming)?;
+        for ((_, range), buffer) in plan.receives.iter().zip(&step.incoming) {
+            self.unpack_step(range.clone(), &mut Reader(buffer))?;
+        }
+        Ok(())
+    }
+
+    /// Adds every ghost's entry of `values` to its grain's entry at the owner, whole numbers without rounding, so that the
+    /// sum does not depend on the order. `values` has one row per entry; the rows of ghosts keep their values. Collective.
+    ///
+    /// # Errors
+    /// Where `values` has another length than the entries, or a message failed.
+    pub fn reduce_to_owners<const N: usize>(
+        &mut self,
+        values: &mut [[i128; N]],
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
+        if values.len() != self.len() {
+            return Err(Error::Internal(format!(
+                "{} rows to reduce for {} entries",
+                values.len(),
+                self.len()
+            )));
+        }
+        let plan = &mut self.plan;
+        for &(own, ghost) in &plan.images {
+            let row = values[ghost as usize];
+            add_row(&mut values[own as usize], &row);
+        }
+        if ranks.size() == 1 {
+            return Ok(());
+        }
+        if plan.back.as_ref().is_none_or(|back| back.row != N) {
+            plan.back = Some(Back::new(N, &plan.sends, &plan.receives, ranks)?);
+        }
+        let Some(back) = &mut plan.back else {
+            return Ok(());
+        };
+        for ((_, range), buffer) in plan.receives.iter().zip(&mut back.outgoing) {
+            buffer.clear();
+            for value in values[range.clone()].iter().flatten() {
+                buffer.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+        back.pattern.run(&back.outgoing, &mut back.incoming)?;
+        for ((_, entries), bytes) in plan.sends.iter().zip(&back.incoming) {
+            let rows = bytes.as_chunks::<16>().0.chunks_exact(N.max(1));
+            for (&k, row) in entries.iter().zip(rows) {
+                for (sum, value) in values[k as usize].iter_mut().zip(row) {
+                    *sum = sum.wrapping_add(i128::from_le_bytes(*value));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn add_row<const N: usize>(to: &mut [i128; N], from: &[i128; N]) {
+    for (sum, value) in to.iter_mut().zip(from) {
+        *sum = sum.wrapping_add(*value);
+    }
 }

@@ -1,12 +1,12 @@
-//! Motion: velocity Verlet (A-22), kick - drift - kick.
+//! Time integration of grains: velocity Verlet as kick - drift - kick.
 //!
 //! ```text
 //! v' = v + a(t) dt/2,   x(t+dt) = x + v' dt,   a(t+dt) from x(t+dt) and v',   v(t+dt) = v' + a(t+dt) dt/2
 //! ```
 //!
-//! and the same for spins. `a = (contact + fluid)/m + g`; fixed and driven grains keep their velocity. Optional non-viscous
-//! damping (P. A. Cundall 1987) shortens each component of the total force by the fraction `damping` where it
-//! pushes along the velocity and lengthens it where it pushes against.
+//! Spins follow the same scheme. The acceleration is `a = (contact + fluid)/m + g`. Fixed and driven grains keep their
+//! velocity. Non-viscous damping is optional (P. A. Cundall 1987): it reduces each component of the total force by the fraction
+//! `damping` where the component acts along the velocity, and increases it by the same fraction where it acts against it.
 
 pub(super) mod blocks;
 
@@ -157,7 +157,7 @@ pub(super) fn drift<S: Space>(
     again: bool,
     parallel: bool,
 ) -> Fastest {
-    let drift = match (how.damping > 0.0, again, particles.immersed) {
+    let drift = match (how.damping > 0.0, again, particles.fluid.is_allocated()) {
         (false, false, false) => drift_pieces::<S, false, false, false>,
         (false, false, true) => drift_pieces::<S, false, false, true>,
         (false, true, false) => drift_pieces::<S, false, true, false>,

@@ -1,13 +1,15 @@
-//! Candidate pairs: who may touch before the lists are next made.
+//! Search for candidate pairs: the pairs that may touch before the lists are made again.
 //!
-//! Two searches in one (B-05). What is small stands in every cell of one grid that its box overlaps, the idea of CGRID (Williams, Perkins
-//! and Cook 2004): pairs are sought within each cell alone, and count in the first cell that both have. The cells follow the
-//! cubic mean of the sizes, so that a body is in a few of them. Where cells would hold too many of the others beside a few giants, the largest
-//! stand in a grid per size class (classes differ by a factor of 2 in radius), in which everything that is smaller looks for them. So
-//! the cost per grain depends little on the ratio of sizes, giants or none. `benches/neighbors.rs` measures it.
+//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J. R. Williams,
+//! E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both bodies have in
+//! common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
 //!
-//! Pairs come out once, the lower (id, shift) first, in the order of first and then second: added up in this order the forces on any
-//! grain are summed in the order of the other's id.
+//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for each size
+//! class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids. The cost for each
+//! grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
+//!
+//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed in this
+//! order, the forces on a grain are added in the order of the other grain's id.
 
 use super::particles::Particles;
 use super::space::{Components, Space};

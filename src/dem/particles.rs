@@ -1,23 +1,22 @@
-//! The grains of one rank: arrays grouped by when they cross ranks.
+//! The grains of one rank as a struct of arrays: [`Particles`] lists every array.
 //!
-//! | group | crosses | arrays |
-//! |---|---|---|
-//! | body | when a ghost is made | [`Body`]: id, radius, mass, inertia, material, kind |
-//! | motion | every solid step | [`Motion`]: position, velocity, spin |
-//! | loads | on migration only | contact load, fluid load; extra and start where one asks |
-//! | blocks | shape with the body, attitude with the motion | only in scenes with blocks: [`super::blocks`] |
+//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that another
+//! rank owns, or of an own grain through a periodic face.
 //!
-//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain owned
-//! by another rank, or of an own grain through a periodic face.
-//!
-//! **Positions are raw**: they are never wrapped into a periodic box. Each entry carries an integer `shift`, and an image
-//! stands at `position + shift * box length`. Wrapping a grain only changes its shift, so that the bits of its path do not
-//! depend on when it was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
+//! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its image
+//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do not
+//! depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
 
-use super::blocks::{ATTITUDE, Blocks, SPHERE, moments, pack_attitude, unpack_attitude};
-use super::polyhedron::Attitude;
-use super::ranks::{Pattern, Ranks, Reader, Writer};
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::blocks::{SPHERE, moments};
+use super::columns::{Array, Crosses, Entry, Optional, Saved, entry, grain_arrays, joined};
+use super::ghosts::GhostPlan;
+use super::message::{Reader, Writer};
+use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
+use super::table::{Columns, Table, Values};
 use crate::error::Error;
 
 /// Who moves a grain.
@@ -33,7 +32,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub(super) const fn code(self) -> u64 {
+    const fn code(self) -> u64 {
         match self {
             Self::Free => 0,
             Self::Fixed => 1,
@@ -41,7 +40,7 @@ impl Kind {
         }
     }
 
-    pub(super) fn from_code(code: u64) -> Result<Self, Error> {
+    fn from_code(code: u64) -> Result<Self, Error> {
         match code {
             0 => Ok(Self::Free),
             1 => Ok(Self::Fixed),
@@ -51,21 +50,46 @@ impl Kind {
     }
 }
 
-/// What a grain is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body {
-    /// Unique over all ranks and times.
-    pub id: u64,
-    /// Radius (m).
-    pub radius: f64,
-    /// Mass (kg; in the plane kg per m of depth).
-    pub mass: f64,
-    /// Moment of inertia about the centre (kg m²; in the plane per m of depth).
-    pub inertia: f64,
-    /// Row in the table of contact parameters.
-    pub material: u32,
-    /// Who moves it.
-    pub kind: Kind,
+impl<S: Space> Entry<S> for Kind {
+    const BYTES: usize = 8;
+
+    #[inline]
+    fn pack(&self, to: &mut Writer) {
+        to.integer(self.code());
+    }
+    #[inline]
+    fn unpack(from: &mut Reader<'_>) -> Result<Self, Error> {
+        Self::from_code(from.integer()?)
+    }
+    fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>) {
+        to.whole(name, values.map(Self::code));
+    }
+    fn first_column(name: &str) -> String {
+        name.to_owned()
+    }
+    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+        let column = from.get_whole(name)?.iter();
+        column.map(|code| Self::from_code(*code)).collect()
+    }
+}
+
+entry! {
+    /// What a grain is.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Body {
+        /// Unique over all ranks and times.
+        pub id: u64,
+        /// Radius (m).
+        pub radius: f64,
+        /// Mass (kg; in the plane kg per m of depth).
+        pub mass: f64,
+        /// Moment of inertia about the centre (kg m²; in the plane per m of depth).
+        pub inertia: f64,
+        /// Row in the table of contact parameters.
+        pub material: u32,
+        /// Who moves it.
+        pub kind: Kind,
+    }
 }
 
 impl Body {
@@ -84,24 +108,28 @@ impl Body {
     }
 }
 
-/// Where a grain is and how it moves.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motion<S: Space> {
-    /// Centre (m), raw: see the module.
-    pub position: S::Vector,
-    /// Velocity of the centre (m/s).
-    pub velocity: S::Vector,
-    /// Angular velocity (rad/s).
-    pub spin: S::Spin,
+entry! {
+    /// Where a grain is and how it moves.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Motion<S: Space> {
+        /// Centre (m), raw: see the module.
+        pub position: S::Vector,
+        /// Velocity of the centre (m/s).
+        pub velocity: S::Vector,
+        /// Angular velocity (rad/s).
+        pub spin: S::Spin,
+    }
 }
 
-/// A force (N) and the moment about the centre (N m); in the plane both per m of depth.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Load<S: Space> {
-    /// Force (N).
-    pub force: S::Vector,
-    /// Moment about the centre (N m).
-    pub torque: S::Spin,
+entry! {
+    /// A force (N) and the moment about the centre (N m); in the plane both per m of depth.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Load<S: Space> {
+        /// Force (N).
+        pub force: S::Vector,
+        /// Moment about the centre (N m).
+        pub torque: S::Spin,
+    }
 }
 
 /// How many numbers [`Particles::extra`] holds per grain.
@@ -128,126 +156,59 @@ impl Mobility {
     }
 }
 
-/// Which own grains are whose ghosts, and the messages that keep them up to date.
-#[derive(Default)]
-pub(super) struct GhostPlan {
-    /// Per target rank the own entries it holds, in the order of its ghosts; never this rank.
-    pub(super) sends: Vec<(usize, Vec<u32>)>,
-    /// Per source rank its range of ghost entries.
-    pub(super) receives: Vec<(usize, std::ops::Range<usize>)>,
-    /// Own images through periodic faces: `(own entry, ghost entry)`.
-    pub(super) images: Vec<(u32, u32)>,
-    pattern: Option<Box<dyn Pattern>>,
-    outgoing: Vec<Vec<u8>>,
-    incoming: Vec<Vec<u8>>,
-    back: Option<Back>,
-}
-
-/// The way back, from ghosts to owners: messages and buffers for rows of some length.
-struct Back {
-    /// Numbers in a row.
-    row: usize,
-    pattern: Box<dyn Pattern>,
-    outgoing: Vec<Vec<u8>>,
-    incoming: Vec<Vec<u8>>,
-}
-
-impl Back {
-    fn new(
-        row: usize,
-        sends: &[(usize, Vec<u32>)],
-        receives: &[(usize, std::ops::Range<usize>)],
-        ranks: &dyn Ranks,
-    ) -> Result<Self, Error> {
-        let bytes = |rows: usize| rows * row * size_of::<i128>();
-        let out: Vec<_> = receives
-            .iter()
-            .map(|(rank, range)| (*rank, bytes(range.len())))
-            .collect();
-        let back: Vec<_> = sends
-            .iter()
-            .map(|(rank, entries)| (*rank, bytes(entries.len())))
-            .collect();
-        Ok(Self {
-            row,
-            pattern: ranks.pattern(&out, &back)?,
-            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
-            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
-        })
-    }
-}
-
-impl std::fmt::Debug for GhostPlan {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GhostPlan")
-            .field("sends", &self.sends)
-            .field("receives", &self.receives)
-            .field("images", &self.images)
-            .finish_non_exhaustive()
-    }
-}
-
-/// The grains of one rank: see the module.
-#[derive(Debug)]
-pub struct Particles<S: Space> {
-    pub(super) owned: usize,
-    /// What each entry is.
-    pub body: Vec<Body>,
-    /// Where each entry is and how it moves.
-    pub motion: Vec<Motion<S>>,
-    /// Which image each entry stands for, in box lengths along each axis.
-    pub shift: Vec<[i32; 3]>,
-    /// Load of the contacts at the end of the last step; entries of ghosts mean nothing.
-    pub contact: Vec<Load<S>>,
-    /// Load of the fluid on each owned grain, held over the solid steps, empty unless [`Self::immerse`] was called; entries of
-    /// ghosts mean nothing.
-    pub fluid: Vec<Load<S>>,
-    /// Numbers of the coupling that travel with an owned grain, empty unless [`Self::keep_extra`] was called; entries of
-    /// ghosts mean nothing.
-    pub extra: Vec<[f64; EXTRA]>,
-    pub(super) keeps_extra: bool,
-    pub(super) immersed: bool,
-    /// Where each entry was when [`Self::mark_start`] was called (m, raw); entries of ghosts mean nothing.
-    pub(super) start: Option<Vec<S::Vector>>,
-    /// Shape and attitude of each entry; none in a scene without blocks.
-    pub(super) blocks: Option<Blocks>,
-    pub(super) mobility: Vec<Mobility>,
-    pub(super) plan: GhostPlan,
-    /// Length of the box along periodic axes, else 0.
-    pub(super) lengths: [f64; 3],
-    /// Lower corner of the box.
-    pub(super) origin: [f64; 3],
-    /// The lists made for these grains no longer hold.
-    pub(super) stale: bool,
-    /// The contact loads belong to the present positions.
-    pub(super) loaded: bool,
-    pub(super) added: u64,
-    pub(super) removed: u64,
-}
-
-impl<S: Space> Default for Particles<S> {
-    fn default() -> Self {
-        Self {
-            owned: 0,
-            body: Vec::new(),
-            motion: Vec::new(),
-            shift: Vec::new(),
-            contact: Vec::new(),
-            fluid: Vec::new(),
-            extra: Vec::new(),
-            keeps_extra: false,
-            immersed: false,
-            start: None,
-            blocks: None,
-            mobility: Vec::new(),
-            plan: GhostPlan::default(),
-            lengths: [0.0; 3],
-            origin: [0.0; 3],
-            stale: true,
-            loaded: false,
-            added: 0,
-            removed: 0,
+grain_arrays! {
+    /// The grains of one rank. To add an array for each grain is to add a line here.
+    ///
+    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a new grain`.
+    #[derive(Debug)]
+    pub struct Particles {
+        given {
+            /// What each entry is.
+            pub body: Vec<Body>, Creation, Hashed("");
+            /// Which image each entry stands for [box lengths along each axis]. It depends on when lists were made; a
+            /// checkpoint holds the shift that brings the grain into the box instead.
+            pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
+            /// Position, velocity and spin of each entry.
+            pub motion: Vec<Motion<S>>, EveryStep, Hashed("");
         }
+        held {
+            /// Load of the contacts at the end of the last step; meaningless for ghosts.
+            pub contact: Vec<Load<S>>, Migration, Hashed("contact"), |_| Load::default();
+            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a fluid:
+            /// [`Self::allocate_fluid_loads`].
+            pub fluid: Optional<Load<S>>, Migration, Hashed("fluid"), |_| Load::default();
+            /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
+            /// [`Self::keep_extra`].
+            pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
+            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later [m]; meaningless for ghosts.
+            pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
+            /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
+            pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
+            /// Orientation and angular momentum. Scenes with blocks.
+            pub(super) rotation: Optional<RotationState>, EveryStep, Hashed(""), |_| RotationState::default();
+        }
+        derived {
+            /// Inverse mass [1/kg] and inverse moment of inertia [1/(kg m²)].
+            pub(super) mobility: Mobility, |new| Mobility::of(&new.body);
+        }
+        /// Entries `0..owned` are owned.
+        pub(super) owned: usize,
+        /// The scene's table of shapes, the same on every rank.
+        pub(super) shapes: Arc<[Polyhedron]>,
+        /// Who holds which ghosts.
+        pub(super) plan: GhostPlan,
+        /// Length of the box along periodic axes, else 0 [m].
+        pub(super) lengths: [f64; 3],
+        /// Lower corner of the box [m].
+        pub(super) origin: [f64; 3],
+        /// Whether the lists made for these grains still hold.
+        pub(super) listed: bool,
+        /// Whether the contact loads belong to the present positions.
+        pub(super) loaded: bool,
+        /// Grains added since lists were last made.
+        pub(super) added: u64,
+        /// Grains removed since lists were last made.
+        pub(super) removed: u64,
     }
 }
 
@@ -293,18 +254,18 @@ impl<S: Space> Particles<S> {
         let at = &self.motion[k].position;
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION && self.lengths[axis] > 0.0 {
-                super::ghosts::wraps(at.get(axis), self.origin[axis], self.lengths[axis])
+                super::region::wraps(at.get(axis), self.origin[axis], self.lengths[axis])
             } else {
                 0
             }
         })
     }
 
-    /// From now on each grain bears a load of the fluid, 0 at first. All ranks or none.
-    pub fn immerse(&mut self) {
-        if !self.immersed {
-            self.immersed = true;
-            self.fluid.resize(self.body.len(), Load::default());
+    /// Gives each grain a load of the fluid, 0 at first. All ranks or none.
+    pub fn allocate_fluid_loads(&mut self) {
+        if !self.fluid.is_allocated() {
+            let loads = self.body.iter().map(|_| Load::default());
+            self.fluid.allocate(loads);
         }
     }
 
@@ -315,35 +276,36 @@ impl<S: Space> Particles<S> {
         self.fluid.get(k).copied().unwrap_or_default()
     }
 
-    /// From now on each grain carries along the numbers of a coupling ([`Self::extra`]), 0 at first. All ranks or none.
+    /// Gives each grain the numbers of a coupling ([`Self::extra`]), 0 at first. All ranks or none.
     pub fn keep_extra(&mut self) {
-        if !self.keeps_extra {
-            self.keeps_extra = true;
-            self.extra.resize(self.body.len(), [0.0; EXTRA]);
+        if !self.extra.is_allocated() {
+            let numbers = self.body.iter().map(|_| [0.0; EXTRA]);
+            self.extra.allocate(numbers);
         }
     }
 
-    /// From now on each grain carries along where it is at this moment, or where it appeared later.
+    /// Notes the present position of each grain as its start. A grain that appears later starts where it appears.
     pub fn mark_start(&mut self) {
-        self.start = Some(self.motion.iter().map(|motion| motion.position).collect());
+        let positions = self.motion.iter().map(|motion| motion.position);
+        self.start.allocate(positions);
     }
 
-    /// The grains no longer carry along where they started.
+    /// Drops the starts of the grains.
     pub fn forget_start(&mut self) {
-        self.start = None;
+        self.start.free();
     }
 
-    /// Whether the grains carry along where they started.
+    /// Whether the grains have starts.
     #[must_use]
     pub fn has_start(&self) -> bool {
-        self.start.is_some()
+        self.start.is_allocated()
     }
 
-    /// How far owned grain `k` is from where it started (m): positions are raw, so a path through a periodic face counts in
-    /// full. `None` where nobody asked with [`Self::mark_start`].
+    /// Displacement of owned grain `k` from its start [m]. Positions are raw: a path through a periodic face counts in full.
+    /// `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
-        let start = self.start.as_ref()?.get(k)?;
+        let start = self.start.get(k)?;
         Some(self.motion[k].position - *start)
     }
 
@@ -356,7 +318,9 @@ impl<S: Space> Particles<S> {
             motion: &self.motion,
             shift: &self.shift,
             lengths: self.lengths,
-            blocks: self.blocks.as_ref(),
+            shapes: &self.shapes,
+            shape: &self.shape,
+            rotation: &self.rotation,
         }
     }
 
@@ -370,10 +334,14 @@ impl<S: Space> Particles<S> {
     /// Adds a grain to this rank, wherever it is: the next step hands it to its owner. Ghosts are dropped.
     pub fn insert(&mut self, body: Body, motion: Motion<S>) {
         self.drop_ghosts();
-        self.push(body, motion, [0; 3]);
+        self.push(&NewEntry {
+            body,
+            shift: [0; 3],
+            motion,
+        });
         self.owned += 1;
         self.added += 1;
-        self.stale = true;
+        self.listed = false;
     }
 
     /// Takes out every owned grain for which `leaves(entry)` holds and returns what they were, by rising id. Ghosts are
@@ -396,7 +364,7 @@ impl<S: Space> Particles<S> {
         }
         self.keep(|k| !gone[k]);
         self.removed += taken.len() as u64;
-        self.stale = true;
+        self.listed = false;
         taken
     }
 
@@ -410,8 +378,8 @@ impl<S: Space> Particles<S> {
             self.motion[k].velocity = S::Vector::default();
             self.motion[k].spin = S::Spin::default();
         }
-        self.follow_spin(k);
-        self.stale = true;
+        self.update_angular_momentum(k);
+        self.listed = false;
     }
 
     /// Prescribes velocity (m/s) and spin (rad/s) of owned grain `k`, which is then driven.
@@ -421,62 +389,18 @@ impl<S: Space> Particles<S> {
         }
         self.motion[k].velocity = velocity;
         self.motion[k].spin = spin;
-        self.follow_spin(k);
+        self.update_angular_momentum(k);
     }
 
     /// Changes the radius (m) of owned grain `k`, not its mass.
     pub fn set_radius(&mut self, k: usize, radius: f64) {
         self.body[k].radius = radius;
-        self.stale = true;
+        self.listed = false;
     }
 
-    pub(super) fn push(&mut self, body: Body, motion: Motion<S>, shift: [i32; 3]) {
-        self.mobility.push(Mobility::of(&body));
-        self.body.push(body);
-        if let Some(start) = &mut self.start {
-            start.push(motion.position);
-        }
-        if let Some(blocks) = &mut self.blocks {
-            blocks.push(SPHERE, Attitude::default());
-        }
-        self.motion.push(motion);
-        self.shift.push(shift);
-        self.contact.push(Load::default());
-        if self.immersed {
-            self.fluid.push(Load::default());
-        }
-        if self.keeps_extra {
-            self.extra.push([0.0; EXTRA]);
-        }
-    }
-
-    /// Appends an image of entry `k`.
-    pub(super) fn push_image(&mut self, k: usize, shift: [i32; 3]) {
-        let (body, motion) = (self.body[k], self.motion[k]);
-        self.push(body, motion, shift);
-        if let Some(blocks) = &mut self.blocks {
-            let image = blocks.shape.len() - 1;
-            blocks.shape[image] = blocks.shape[k];
-            blocks.attitude[image] = blocks.attitude[k];
-        }
-    }
-
-    /// Back to the owned grains alone.
+    /// Drops the ghosts.
     pub(super) fn drop_ghosts(&mut self) {
-        let owned = self.owned;
-        self.body.truncate(owned);
-        self.motion.truncate(owned);
-        self.shift.truncate(owned);
-        self.contact.truncate(owned);
-        self.fluid.truncate(owned);
-        self.extra.truncate(owned);
-        if let Some(start) = &mut self.start {
-            start.truncate(owned);
-        }
-        if let Some(blocks) = &mut self.blocks {
-            blocks.truncate(owned);
-        }
-        self.mobility.truncate(owned);
+        self.truncate(self.owned);
         self.plan = GhostPlan::default();
     }
 
@@ -496,202 +420,32 @@ impl<S: Space> Particles<S> {
     }
 
     fn arrange(&mut self, order: &[usize]) {
-        fn pick<T: Copy>(values: &mut Vec<T>, order: &[usize]) {
-            *values = order.iter().map(|&k| values[k]).collect();
-        }
-        pick(&mut self.body, order);
-        pick(&mut self.motion, order);
-        pick(&mut self.shift, order);
-        pick(&mut self.contact, order);
-        if self.immersed {
-            pick(&mut self.fluid, order);
-        }
-        if self.keeps_extra {
-            pick(&mut self.extra, order);
-        }
-        if let Some(start) = &mut self.start {
-            pick(start, order);
-        }
-        if let Some(blocks) = &mut self.blocks {
-            pick(&mut blocks.shape, order);
-            pick(&mut blocks.attitude, order);
-        }
-        pick(&mut self.mobility, order);
+        self.arrange_arrays(order);
         self.owned = order.len();
     }
 
-    /// Writes owned grain `k` with all that travels with it.
-    pub(super) fn pack(&self, k: usize, to: &mut Writer) {
-        pack_body(&self.body[k], self.shift[k], to);
-        pack_motion(&self.motion[k], to);
-        for load in std::iter::once(&self.contact[k]).chain(self.fluid.get(k)) {
-            pack_components(&load.force, to);
-            pack_components(&load.torque, to);
-        }
-        if self.keeps_extra {
-            for value in self.extra[k] {
-                to.float(value);
-            }
-        }
-        if let Some(start) = &self.start {
-            pack_components(&start[k], to);
-        }
-        if let Some(blocks) = &self.blocks {
-            blocks.pack(k, to);
-        }
+    /// The owned grains with everything that the next step depends on, in rising order of id.
+    #[must_use]
+    pub fn table(&self) -> Table {
+        Table::of(|columns| self.save_columns(false, columns))
     }
 
-    /// Appends one owned grain written by [`Self::pack`]; call without ghosts.
-    pub(super) fn unpack(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        let (body, shift) = unpack_body(from)?;
-        let motion = unpack_motion(from)?;
-        let contact = Load {
-            force: unpack_components(from)?,
-            torque: unpack_components(from)?,
-        };
-        let k = self.owned;
-        self.push(body, motion, shift);
-        self.contact[k] = contact;
-        if self.immersed {
-            self.fluid[k] = Load {
-                force: unpack_components(from)?,
-                torque: unpack_components(from)?,
-            };
-        }
-        if self.keeps_extra {
-            for value in &mut self.extra[k] {
-                *value = from.float()?;
-            }
-        }
-        if let Some(start) = &mut self.start {
-            start[k] = unpack_components(from)?;
-        }
-        if let Some(blocks) = &mut self.blocks {
-            blocks.unpack_last(from)?;
-        }
-        self.owned += 1;
-        Ok(())
+    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids first.
+    pub fn each_hashed_column(&self, mut take: impl FnMut(&str, &Values)) {
+        self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Sends the present motion of own grains to their ghosts. Collective; the ghosts are those of the last step.
+    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths of
+    /// the box. Where there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
-    /// Where a message failed.
-    pub fn refresh_ghosts(&mut self, ranks: &dyn Ranks) -> Result<(), Error> {
-        let Self {
-            motion,
-            plan,
-            blocks,
-            ..
-        } = self;
-        for &(from, to) in &plan.images {
-            motion[to as usize] = motion[from as usize];
-        }
-        if let Some(blocks) = blocks {
-            for &(from, to) in &plan.images {
-                blocks.attitude[to as usize] = blocks.attitude[from as usize];
-            }
-        }
-        if ranks.size() == 1 {
-            return Ok(());
-        }
-        let size = motion_bytes::<S>() + blocks.as_ref().map_or(0, |_| 8 * ATTITUDE);
-        let pattern = match &mut plan.pattern {
-            Some(pattern) => pattern,
-            none => {
-                let sends: Vec<_> = plan
-                    .sends
-                    .iter()
-                    .map(|(rank, k)| (*rank, k.len() * size))
-                    .collect();
-                let receives: Vec<_> = plan
-                    .receives
-                    .iter()
-                    .map(|(rank, range)| (*rank, range.len() * size))
-                    .collect();
-                plan.outgoing = sends
-                    .iter()
-                    .map(|&(_, bytes)| Vec::with_capacity(bytes))
-                    .collect();
-                plan.incoming = receives.iter().map(|&(_, bytes)| vec![0; bytes]).collect();
-                none.insert(ranks.pattern(&sends, &receives)?)
-            }
-        };
-        for ((_, entries), buffer) in plan.sends.iter().zip(&mut plan.outgoing) {
-            let mut writer = Writer(std::mem::take(buffer));
-            writer.0.clear();
-            for &k in entries {
-                pack_motion(&motion[k as usize], &mut writer);
-            }
-            if let Some(blocks) = blocks {
-                for &k in entries {
-                    pack_attitude(&blocks.attitude[k as usize], &mut writer);
-                }
-            }
-            *buffer = writer.0;
-        }
-        pattern.run(&plan.outgoing, &mut plan.incoming)?;
-        for ((_, range), buffer) in plan.receives.iter().zip(&plan.incoming) {
-            let mut reader = Reader(buffer);
-            for k in range.clone() {
-                motion[k] = unpack_motion(&mut reader)?;
-            }
-            if let Some(blocks) = blocks {
-                for k in range.clone() {
-                    blocks.attitude[k] = unpack_attitude(&mut reader)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds every ghost's entry of `values` to its grain's entry at the owner, whole numbers without rounding, so that the
-    /// sum does not depend on the order. `values` has one row per entry; the rows of ghosts keep their values. Collective.
-    ///
-    /// # Errors
-    /// Where `values` has another length than the entries, or a message failed.
-    pub fn reduce_to_owners<const N: usize>(
-        &mut self,
-        values: &mut [[i128; N]],
-        ranks: &dyn Ranks,
-    ) -> Result<(), Error> {
-        if values.len() != self.len() {
-            return Err(Error::Internal(format!(
-                "{} rows to reduce for {} entries",
-                values.len(),
-                self.len()
-            )));
-        }
-        let plan = &mut self.plan;
-        for &(own, ghost) in &plan.images {
-            let row = values[ghost as usize];
-            add_row(&mut values[own as usize], &row);
-        }
-        if ranks.size() == 1 {
-            return Ok(());
-        }
-        if plan.back.as_ref().is_none_or(|back| back.row != N) {
-            plan.back = Some(Back::new(N, &plan.sends, &plan.receives, ranks)?);
-        }
-        let Some(back) = &mut plan.back else {
-            return Ok(());
-        };
-        for ((_, range), buffer) in plan.receives.iter().zip(&mut back.outgoing) {
-            buffer.clear();
-            for value in values[range.clone()].iter().flatten() {
-                buffer.extend_from_slice(&value.to_le_bytes());
-            }
-        }
-        back.pattern.run(&back.outgoing, &mut back.incoming)?;
-        for ((_, entries), bytes) in plan.sends.iter().zip(&back.incoming) {
-            let rows = bytes.as_chunks::<16>().0.chunks_exact(N.max(1));
-            for (&k, row) in entries.iter().zip(rows) {
-                for (sum, value) in values[k as usize].iter_mut().zip(row) {
-                    *sum = sum.wrapping_add(i128::from_le_bytes(*value));
-                }
-            }
-        }
-        Ok(())
+    /// Where a column is missing, short or of another type.
+    pub fn from_table(table: &Table) -> Result<Self, Error> {
+        let mut particles = Self::new();
+        particles.load_columns(table)?;
+        particles.owned = table.rows();
+        particles.loaded = true;
+        Ok(particles)
     }
 
     /// Kinetic energy (J; in the plane per m of depth) of owned grain `k`.
@@ -701,7 +455,7 @@ impl<S: Space> Particles<S> {
         let twice = body.mass * motion.velocity.scalar(&motion.velocity);
         match self.polyhedron(k) {
             None => 0.5 * (twice + body.inertia * motion.spin.scalar(&motion.spin)),
-            Some((shape, attitude)) => 0.5 * twice + attitude.energy(&moments(body, shape)),
+            Some((shape, rotation)) => 0.5 * twice + rotation.energy(&moments(body, shape)),
         }
     }
 }
@@ -719,7 +473,9 @@ pub struct View<'a, S: Space> {
     pub shift: &'a [[i32; 3]],
     /// Length of the box along periodic axes, else 0 (m).
     pub lengths: [f64; 3],
-    pub(super) blocks: Option<&'a Blocks>,
+    pub(super) shapes: &'a [Polyhedron],
+    pub(super) shape: &'a [u32],
+    pub(super) rotation: &'a [RotationState],
 }
 
 impl<S: Space> View<'_, S> {
@@ -739,103 +495,4 @@ fn place<S: Space>(motion: &Motion<S>, shift: [i32; 3], lengths: &[f64; 3]) -> S
         at.set(axis, at.get(axis) + f64::from(shift[axis]) * lengths[axis]);
     }
     at
-}
-
-fn add_row<const N: usize>(to: &mut [i128; N], from: &[i128; N]) {
-    for (sum, value) in to.iter_mut().zip(from) {
-        *sum = sum.wrapping_add(*value);
-    }
-}
-
-#[inline]
-pub(super) fn pack_components<C: Components>(value: &C, to: &mut Writer) {
-    for k in 0..C::COUNT {
-        to.float(value.get(k));
-    }
-}
-
-#[inline]
-pub(super) fn unpack_components<C: Components>(from: &mut Reader<'_>) -> Result<C, Error> {
-    let mut value = C::default();
-    for k in 0..C::COUNT {
-        value.set(k, from.float()?);
-    }
-    Ok(value)
-}
-
-const fn motion_bytes<S: Space>() -> usize {
-    8 * (2 * S::Vector::COUNT + S::Spin::COUNT)
-}
-
-#[inline]
-fn pack_motion<S: Space>(motion: &Motion<S>, to: &mut Writer) {
-    pack_components(&motion.position, to);
-    pack_components(&motion.velocity, to);
-    pack_components(&motion.spin, to);
-}
-
-#[inline]
-fn unpack_motion<S: Space>(from: &mut Reader<'_>) -> Result<Motion<S>, Error> {
-    Ok(Motion {
-        position: unpack_components(from)?,
-        velocity: unpack_components(from)?,
-        spin: unpack_components(from)?,
-    })
-}
-
-fn pack_body(body: &Body, shift: [i32; 3], to: &mut Writer) {
-    to.integer(body.id);
-    to.float(body.radius);
-    to.float(body.mass);
-    to.float(body.inertia);
-    to.integer(u64::from(body.material));
-    to.integer(body.kind.code());
-    for n in shift {
-        to.signed(n);
-    }
-}
-
-fn unpack_body(from: &mut Reader<'_>) -> Result<(Body, [i32; 3]), Error> {
-    let body = Body {
-        id: from.integer()?,
-        radius: from.float()?,
-        mass: from.float()?,
-        inertia: from.float()?,
-        material: u32::try_from(from.integer()?)
-            .map_err(|_| Error::Internal("a material beyond 32 bits".into()))?,
-        kind: Kind::from_code(from.integer()?)?,
-    };
-    let mut shift = [0; 3];
-    for n in &mut shift {
-        *n = from.signed()?;
-    }
-    Ok((body, shift))
-}
-
-/// Writes entry `k` as a ghost with another shift.
-pub(super) fn pack_ghost<S: Space>(
-    particles: &Particles<S>,
-    k: usize,
-    shift: [i32; 3],
-    to: &mut Writer,
-) {
-    pack_body(&particles.body[k], shift, to);
-    pack_motion(&particles.motion[k], to);
-    if let Some(blocks) = &particles.blocks {
-        blocks.pack(k, to);
-    }
-}
-
-/// Appends a ghost written by [`pack_ghost`].
-pub(super) fn unpack_ghost<S: Space>(
-    particles: &mut Particles<S>,
-    from: &mut Reader<'_>,
-) -> Result<(), Error> {
-    let (body, shift) = unpack_body(from)?;
-    let motion = unpack_motion(from)?;
-    particles.push(body, motion, shift);
-    match &mut particles.blocks {
-        Some(blocks) => blocks.unpack_last(from),
-        None => Ok(()),
-    }
 }

@@ -1,33 +1,32 @@
-//! Blocks: convex polyhedra that touch, turn and slide (B-01 … B-10, E-06).
+//! Blocks: contact, force and rotation of convex polyhedra.
 //!
-//! Pure functions and plain structs in SI, without ranks, lists or cases: an engine calls them per block and per pair.
+//! Pure functions and plain structs in SI units, without ranks, lists or cases. An engine calls them for each block and pair.
 //!
 //! ```text
-//! per step and block   rotation: kick by force and moment, drift of centre and attitude
-//! per pair             contact:  cached axis -> linear program -> point | patch     (Narrow, Memory)
+//! each step and block  rotation: kick by force and moment, drift of centre and orientation
+//! each pair            contact:  cached axis -> linear program -> point | patch     (Narrow, Memory)
 //!                      force:    springs, history, Coulomb limit, dashpots          (Law, Memory)
 //! ```
 //!
 //! | file | holds |
 //! |---|---|
-//! | `shape` | [`Polyhedron`]: half-spaces, vertices, faces, edges; volume, inertia, body frame |
+//! | `shape`, `shape_error` | [`Polyhedron`]: half-spaces, vertices, faces, edges; volume, inertia, body frame |
 //! | `hull`, `cut` | half-spaces of a set of points; vertices and faces of a set of half-spaces |
-//! | `piece` | a solid cut in two by one plane after the other |
-//! | `linear_program` | do two sets of half-spaces meet: dual simplex in four variables |
-//! | `analytic_centre` | Boon's contact point |
-//! | `separating_axes` | the exhaustive test, for what the linear program leaves open |
-//! | `contact` | the narrow phase of two blocks, a block and a plane, a block and a sphere |
+//! | `piece` | a solid, cut in two by one plane after another |
+//! | `linear_program` | whether two sets of half-spaces meet: dual simplex method in four variables |
+//! | `analytic_centre` | the contact point of Boon et al. (2012) |
+//! | `separating_axes` | the exhaustive test, for pairs that the linear program leaves open |
+//! | `contact` | the narrow phase: two blocks, block and plane; `contact/`: overlap, sphere, facet, memory |
 //! | `force` | contact law |
-//! | `rotation` | attitude and angular momentum |
+//! | `rotation` | orientation and angular momentum |
 //!
-//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`Memory`]. Give the lower id first, and a
-//! separation from raw positions: then every rank that sees the pair computes the same bits. `Memory` is plain data and goes
-//! wherever the history of a contact goes: between ranks, into checkpoints.
+//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`Memory`]. Pass the lower id first, and a
+//! separation from raw positions: every rank that sees the pair then computes the same bits. `Memory` is plain data; it travels with
+//! the history of a contact between ranks and into checkpoints.
 
 mod analytic_centre;
 pub mod contact;
 mod cut;
-mod error;
 pub mod force;
 mod hull;
 mod linear_program;
@@ -35,14 +34,15 @@ mod piece;
 pub mod rotation;
 mod separating_axes;
 pub mod shape;
+mod shape_error;
 
 pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
 pub(crate) use cut::across;
-pub use error::ShapeError;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
-pub use rotation::{Attitude, Damping};
+pub use rotation::{Damping, RotationState};
 pub use shape::{Polyhedron, Solid};
+pub use shape_error::ShapeError;
 
 use nalgebra::Vector3;
 

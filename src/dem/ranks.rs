@@ -136,56 +136,6 @@ pub(super) fn agree(ranks: &dyn Ranks, mine: Result<(), Error>) -> Result<(), Er
     }
 }
 
-/// Bytes of numbers, little-endian.
-#[derive(Debug, Default)]
-pub(super) struct Writer(pub(super) Vec<u8>);
-
-impl Writer {
-    #[inline]
-    pub(super) fn float(&mut self, value: f64) {
-        self.0.extend_from_slice(&value.to_le_bytes());
-    }
-    #[inline]
-    pub(super) fn integer(&mut self, value: u64) {
-        self.0.extend_from_slice(&value.to_le_bytes());
-    }
-    #[inline]
-    pub(super) fn signed(&mut self, value: i32) {
-        self.0.extend_from_slice(&value.to_le_bytes());
-    }
-}
-
-/// Reads what [`Writer`] wrote.
-#[derive(Debug)]
-pub(super) struct Reader<'a>(pub(super) &'a [u8]);
-
-impl Reader<'_> {
-    #[inline]
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], Error> {
-        let (head, tail) = self
-            .0
-            .split_first_chunk::<N>()
-            .ok_or_else(|| Error::Internal("a message between ranks is too short".into()))?;
-        self.0 = tail;
-        Ok(*head)
-    }
-    #[inline]
-    pub(super) fn float(&mut self) -> Result<f64, Error> {
-        Ok(f64::from_le_bytes(self.take()?))
-    }
-    #[inline]
-    pub(super) fn integer(&mut self) -> Result<u64, Error> {
-        Ok(u64::from_le_bytes(self.take()?))
-    }
-    #[inline]
-    pub(super) fn signed(&mut self) -> Result<i32, Error> {
-        Ok(i32::from_le_bytes(self.take()?))
-    }
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-}
-
 impl Ranks for Domain {
     fn rank(&self) -> usize {
         Self::rank(self)

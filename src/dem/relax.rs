@@ -1,7 +1,7 @@
-//! Waiting until grains stand still.
+//! Unbalanced force: how far grains are from rest.
 //!
-//! The measure is the largest resultant force on any free grain over the largest contact force: both are maxima, so that it is the
-//! same on any number of ranks.
+//! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima, so that
+//! the measure is the same on any number of ranks.
 
 use super::particles::Particles;
 use super::ranks::Ranks;
@@ -9,16 +9,16 @@ use super::space::{Components, Space};
 use super::{Dem, Kind};
 use crate::error::Error;
 
-/// When to stop waiting.
+/// When grains count as at rest, and how they get there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
-    /// Stop where the largest resultant is below this part of the largest contact force.
+    /// Largest resultant force at rest, as a fraction of the largest contact force.
     pub tolerance: f64,
-    /// Non-viscous damping meanwhile: 0.7 to 0.8 is usual.
+    /// Non-viscous damping on the way to rest, usually 0.7 to 0.8.
     pub local_damping: f64,
-    /// Steps between looks.
+    /// Solid steps between two measurements.
     pub look_every: u64,
-    /// Stop after so many steps at the latest.
+    /// Largest number of solid steps.
     pub limit: u64,
 }
 
@@ -33,11 +33,9 @@ impl Default for Relaxation {
     }
 }
 
-/// How still the grains are.
+/// Unbalanced force and speed of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stillness {
-    /// Steps waited.
-    pub steps: u64,
     /// Largest resultant force on a free grain (N).
     pub resultant: f64,
     /// Largest spring force of a contact (N), pushing or pulling.
@@ -58,7 +56,7 @@ impl Stillness {
     }
 }
 
-/// An unbalanced force for a line of text: a share of the contact forces, which means nothing where there are none.
+/// An unbalanced force as text. It is a fraction of the contact forces and undefined without contacts.
 #[must_use]
 pub fn unbalanced_text(share: f64) -> String {
     if share.is_finite() && share < f64::MAX {
@@ -69,7 +67,7 @@ pub fn unbalanced_text(share: f64) -> String {
 }
 
 impl<S: Space> Dem<S> {
-    /// How still the grains are. Collective.
+    /// Measures the unbalanced force and the speed of the grains. Collective.
     ///
     /// # Errors
     /// Where a message failed.
@@ -94,35 +92,6 @@ impl<S: Space> Dem<S> {
         now.contact = ranks.maximum(now.contact)?;
         now.speed = ranks.maximum(now.speed)?;
         Ok(now)
-    }
-
-    /// Steps with damping until the grains stand still. The damping is set back; the steps count. Collective.
-    ///
-    /// # Errors
-    /// As [`Dem::advance`].
-    pub fn relax(
-        &mut self,
-        particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
-        until: &Relaxation,
-    ) -> Result<Stillness, Error> {
-        let damping = self.settings().local_damping;
-        self.set_local_damping(until.local_damping);
-        let mut steps = 0;
-        let outcome = loop {
-            let batch = until.look_every.max(1).min(until.limit - steps);
-            if let Err(error) = self.advance_many(particles, ranks, batch) {
-                break Err(error);
-            }
-            steps += batch;
-            match self.stillness(particles, ranks) {
-                Ok(now) if steps < until.limit && now.unbalanced() > until.tolerance => {}
-                Ok(now) => break Ok(Stillness { steps, ..now }),
-                Err(error) => break Err(error),
-            }
-        };
-        self.set_local_damping(damping);
-        outcome
     }
 }
 

@@ -1,8 +1,8 @@
-//! Two and three dimensions behind one trait, so that discs and spheres share every line of the engine.
+//! Two and three dimensions behind one trait: discs and spheres share the code of the engine.
 //!
-//! In the plane spin, moments and shear histories are scalars; in the volume they are vectors, and a shear history turns
-//! with the contact. The unit normal `n` of a contact points from the first to the second partner; in the plane the
-//! tangent is `t = (-n_y, n_x)`, so that `w x n = w t`.
+//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear history
+//! turns with the contact. The unit normal `n` of a contact points from the first body to the second. The tangent in two
+//! dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};

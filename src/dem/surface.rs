@@ -1,15 +1,20 @@
-//! Walls of convex facets: polygons and triangulated surfaces, and where a sphere touches them.
+//! Walls of convex facets (polygons and triangulated surfaces), and where a sphere touches them.
 //!
-//! Facets share vertices, so that neighbours are known by their numbers. The closest point of a facet lies on its face,
-//! on one of its edges, or at a vertex. **A contact is a local minimum of the distance from the centre to the surface**: a closest
-//! point on a face always is one; one on an edge or at a vertex only where it is the closest point of *every* facet that has this
-//! edge or vertex. A sphere that touches a face is therefore never also pushed by the edges and vertices round it (no bumps on
-//! interior edges), an edge or vertex pushes once however many facets share it, and a concave corner pushes with its faces alone.
-//! Minima whose normals differ by less than 10 degrees count as one, the nearest: facets of a slightly bent surface, or
-//! a sphere exactly over an interior edge, do not push twice. Both sides of a facet push.
+//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the distance from
+//! the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A point on an edge or at a
+//! vertex is a minimum only where it is the closest point of *every* facet that shares this edge or vertex. This has three
+//! consequences:
 //!
-//! The idea of discarding contacts with lower entities by the higher ones that they belong to: M. Santasusana, J. Irazábal,
-//! E. Oñate, J. M. Carbonell, Comput. Part. Mech. 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+//! - A sphere on a face is not pushed by the edges and vertices of the face: there are no bumps on interior edges.
+//! - An edge or vertex pushes once, however many facets share it.
+//! - A concave corner pushes with its faces only.
+//!
+//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly curved surface
+//! therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet push. Facets share
+//! vertices: the numbers of the vertices give the neighbours of a facet.
+//!
+//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
+//! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
 
 use nalgebra::Vector3;
 

@@ -1,12 +1,14 @@
-//! What the whole engine must do: published and independent trajectories, exact laws, and the same bits however it is run.
+//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine is run.
 
 mod blocks;
 mod bonds;
+mod columns;
 mod displacement;
 mod elastic;
 mod laws;
 mod same_bits;
 mod spheres;
+pub(crate) mod support;
 mod wall_shapes;
 
 use super::contact::cohesive_frictional::{self, CohesiveFrictional};
@@ -45,7 +47,7 @@ pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
     attraction: false,
 };
 
-/// The piping paper's contacts (A-21, C/d = 0.506 N/m).
+/// Contacts of a simulation of piping erosion: k_n/d = 150e6 N/m², k_s/k_n = 0.4, 20 degrees, C/d = 0.506 N/m.
 pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
     normal_stiffness: 150e6,
     stiffness_per_diameter: true,

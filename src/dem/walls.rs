@@ -1,4 +1,4 @@
-//! Walls with a material, at rest or moving: infinite planes, and surfaces of convex facets ([`super::surface`]).
+//! Walls, at rest or moving: infinite planes, and surfaces of convex facets ([`super::surface`]).
 
 use std::sync::Arc;
 

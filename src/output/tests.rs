@@ -116,7 +116,7 @@ fn solids() -> (Particles<Plane>, Dem<Plane>) {
         particles.insert(Body::uniform::<Plane>(id, 5e-4, 2500.0, 0), motion);
     }
     dem.prepare(&mut particles, &Alone).unwrap();
-    particles.immerse();
+    particles.allocate_fluid_loads();
     particles.fluid[0].force = Vector2::new(1.0, -2.0);
     particles.fluid[0].torque = 7.0;
     (particles, dem)

@@ -672,6 +672,7 @@ mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
     use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+    use crate::dem::tests::support::relax;
     use crate::dem::{Plane, Relaxation, Volume};
     use nalgebra::{Vector2, Vector3};
 
@@ -760,7 +761,7 @@ mod tests {
             limit: 20_000,
             ..Relaxation::default()
         };
-        let still = dem.relax(&mut particles, &Alone, &until).unwrap();
+        let still = relax(&mut dem, &mut particles, &Alone, &until);
         assert!(still.unbalanced() < 1e-3, "{still:?}");
         assert!(dem.take_breaks().is_empty());
         assert_eq!(dem.statistics(&particles).bonds, bonds);

@@ -21,7 +21,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
 
     /// Refuses bodies that the law knows nothing of.
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
-        let shapes = particles.blocks.iter().flat_map(|blocks| &blocks.shape);
+        let shapes = particles.shape.iter();
         match shapes
             .zip(&particles.body)
             .find(|(shape, _)| **shape != SPHERE)

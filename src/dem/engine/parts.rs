@@ -1,10 +1,13 @@
-//! Forces between spheres by threads, the same sums in the same order as by one.
+//! Forces between spheres by threads, with the same sums in the same order as by one thread.
 //!
-//! The own grains, which stand in rising order of id, are cut into as many parts as there are threads. A pair belongs to the
-//! part of its first, the lower id: pairs stand in order of their firsts, so that the pairs of a part are one piece of the list,
-//! and those that cross into another part cross into a later one. First each part computes its pairs that cross. Then it adds
-//! up for its own grains what earlier parts computed, which are the lower ids, and after that goes through its own pairs.
-//! Where ids follow space few pairs cross: [`crate::preparation::numbering`].
+//! The own grains are sorted by id and cut into as many parts as there are threads. A pair belongs to the part of its first grain,
+//! the lower id. Pairs are sorted by their first grain: the pairs of a part are contiguous in the list, and a pair that crosses
+//! into another part crosses into a later one.
+//!
+//! 1. Each part computes its pairs that cross.
+//! 2. Each part adds, for its own grains, the results of earlier parts (the lower ids), and then computes its other pairs.
+//!
+//! Few pairs cross where ids follow space ([`crate::preparation::numbering`]).
 
 use super::*;
 use crate::thread_pool;

@@ -1,19 +1,19 @@
-//! Motion of blocks, and of spheres among them (B-01, B-02, B-03).
+//! Time integration of blocks, and of spheres in scenes with blocks.
 //!
 //! ```text
 //! x'' + alpha x' = F/m + g,     dL/dt + alpha L = M,     w = R I^-1 R^T L
 //! ```
 //!
-//! Kick - drift - kick as for grains; the attitude by [`crate::dem::polyhedron::rotation`]. Damping by mass is exact
-//! for a constant force. Non-viscous damping works on the components of force and moment in space, as for grains.
-//! Driven blocks turn with the spin they are given.
+//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::dem::polyhedron::rotation`]. Mass-proportional
+//! damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of force and moment in
+//! the axes of space, as for grains. Driven blocks turn with their prescribed spin.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::super::blocks::{in_space, moments, out_of_space};
 use super::super::particles::{Body, Kind, Load, Motion, Particles};
-use super::super::polyhedron::{Attitude, Damping, Polyhedron};
+use super::super::polyhedron::{Damping, Polyhedron, RotationState};
 use super::super::space::Space;
 use super::{Fastest, Kick, SPEED_LIMIT, damped};
 
@@ -37,7 +37,7 @@ struct How<'a, S: Space> {
 /// A half kick of a free body.
 fn kick<S: Space>(
     motion: &mut Motion<S>,
-    attitude: &mut Attitude,
+    rotation: &mut RotationState,
     by: &Moved<'_, S>,
     how: &How<'_, S>,
 ) {
@@ -57,8 +57,8 @@ fn kick<S: Space>(
     let spin = match by.shape {
         None => how.damping.kick(&spin, &(moment * (1.0 / by.body.inertia))),
         Some(shape) => {
-            attitude.kick(&moment, &how.damping);
-            attitude.spin(&moments(by.body, shape))
+            rotation.kick(&moment, &how.damping);
+            rotation.spin(&moments(by.body, shape))
         }
     };
     motion.spin = out_of_space(&spin);
@@ -67,46 +67,46 @@ fn kick<S: Space>(
 /// Free turn over a step; returns how far (m) any point of the block may have gone about its centre.
 fn turn<S: Space>(
     motion: &mut Motion<S>,
-    attitude: &mut Attitude,
+    rotation: &mut RotationState,
     (body, shape): (&Body, &Polyhedron),
     dt: f64,
 ) -> f64 {
-    let before = attitude.orientation;
+    let before = rotation.orientation;
     let inertia = moments(body, shape);
     match body.kind {
         Kind::Free => {
-            attitude.drift(&inertia, dt);
-            motion.spin = out_of_space(&attitude.spin(&inertia));
+            rotation.drift(&inertia, dt);
+            motion.spin = out_of_space(&rotation.spin(&inertia));
         }
         Kind::Driven => {
             let spin = in_space(&motion.spin);
             let turned = UnitQuaternion::from_scaled_axis(spin * dt) * before;
             let turned = UnitQuaternion::new_normalize(turned.into_inner());
-            *attitude = Attitude::new(turned, &spin, &inertia);
+            *rotation = RotationState::new(turned, &spin, &inertia);
         }
         Kind::Fixed => {}
     }
     // 2 sin(angle/2) of the turn is at most twice the distance between the quaternions.
-    2.0 * body.radius * (attitude.orientation.coords - before.coords).norm()
+    2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()
 }
 
 /// One body over the kick and the drift of a step: the path of its fastest point over dt, squared.
 fn advance<S: Space>(
     motion: &mut Motion<S>,
-    attitude: &mut Attitude,
+    rotation: &mut RotationState,
     by: &Moved<'_, S>,
     how: &How<'_, S>,
     again: bool,
 ) -> Fastest {
     let dt = how.kick.time_step;
     if again {
-        kick(motion, attitude, by, how);
+        kick(motion, rotation, by, how);
     }
-    kick(motion, attitude, by, how);
+    kick(motion, rotation, by, how);
     motion.position += motion.velocity * dt;
     let turned = by
         .shape
-        .map_or(0.0, |shape| turn(motion, attitude, (by.body, shape), dt));
+        .map_or(0.0, |shape| turn(motion, rotation, (by.body, shape), dt));
     let speed = S::to_volume(&motion.velocity).norm() + turned / dt;
     let speed_squared = speed * speed;
     // A comparison that a NaN fails too.
@@ -121,7 +121,7 @@ fn advance<S: Space>(
 fn each<S: Space>(
     particles: &mut Particles<S>,
     parallel: bool,
-    step: impl Fn(&mut Motion<S>, &mut Attitude, &Moved<'_, S>) -> Fastest + Sync,
+    step: impl Fn(&mut Motion<S>, &mut RotationState, &Moved<'_, S>) -> Fastest + Sync,
 ) -> Fastest {
     let owned = particles.owned();
     let Particles {
@@ -129,30 +129,31 @@ fn each<S: Space>(
         contact,
         fluid,
         body,
-        blocks,
+        shapes,
+        shape,
+        rotation,
         ..
     } = particles;
-    let Some(blocks) = blocks else {
+    if !shape.is_allocated() {
         return Fastest::default();
-    };
-    let (shapes, shape) = (&blocks.shapes, &blocks.shape);
-    let one = |(k, (motion, attitude)): (usize, (&mut Motion<S>, &mut Attitude))| {
+    }
+    let one = |(k, (motion, rotation)): (usize, (&mut Motion<S>, &mut RotationState))| {
         let by = Moved {
             body: &body[k],
             shape: shapes.get(shape[k] as usize),
             contact: &contact[k],
             fluid: fluid.get(k).copied().unwrap_or_default(),
         };
-        step(motion, attitude, &by)
+        step(motion, rotation, &by)
     };
-    let (motion, attitude) = (&mut motion[..owned], &mut blocks.attitude[..owned]);
+    let (motion, rotation) = (&mut motion[..owned], &mut rotation[..owned]);
     if parallel {
-        let all = motion.par_iter_mut().zip(attitude).enumerate();
+        let all = motion.par_iter_mut().zip(rotation).enumerate();
         all.with_min_len(64)
             .map(one)
             .reduce(Fastest::default, Fastest::or)
     } else {
-        let all = motion.iter_mut().zip(attitude).enumerate();
+        let all = motion.iter_mut().zip(rotation).enumerate();
         all.map(one).fold(Fastest::default(), Fastest::or)
     }
 }
@@ -172,8 +173,8 @@ pub(in crate::dem) fn drift<S: Space>(
     (again, parallel): (bool, bool),
 ) -> Fastest {
     let how = how(kick, mass_damping);
-    each(particles, parallel, |motion, attitude, by| {
-        advance(motion, attitude, by, &how, again)
+    each(particles, parallel, |motion, rotation, by| {
+        advance(motion, rotation, by, &how, again)
     })
 }
 
@@ -184,8 +185,8 @@ pub(in crate::dem) fn finish<S: Space>(
     mass_damping: f64,
 ) {
     let how = how(with, mass_damping);
-    each(particles, false, |motion, attitude, by| {
-        kick(motion, attitude, by, &how);
+    each(particles, false, |motion, rotation, by| {
+        kick(motion, rotation, by, &how);
         Fastest::default()
     });
 }

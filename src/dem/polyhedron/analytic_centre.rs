@@ -1,15 +1,17 @@
-//! The analytic centre of an overlap (B-07): the point that maximises the product of its distances from all planes,
+//! The analytic centre of an overlap: the point that maximises the product of its distances from all planes,
 //!
 //! ```text
 //! minimise  f(x) = -sum ln t_i,   t_i = d_i - a_i . x
 //! ```
 //!
-//! by Newton's method, damped as self-concordant functions want it (steps of `1/(1 + decrement)` far from the centre, whole
-//! ones near it): it stays inside by theory and needs no trials. Overlaps are flat, by 1e6 and more, and then the Hessian
-//! `sum a a^T / t²` is beyond double precision. The step is taken as the least-squares solution of `(a_i / t_i) . y = -1`
-//! instead, by Householder reflections with rows in order of size and columns exchanged: stable row by row, so that a thin
-//! overlap is as good as a round one (A. J. Cox, N. J. Higham, 1998).
-//! Source of the centre: Boon et al. 2012; of the damping: S. Boyd, L. Vandenberghe, Convex Optimization (2004), section 9.6.
+//! Newton's method with the damping for self-concordant functions solves it: steps are scaled by `1/(1 + decrement)` far from
+//! the centre and full near it. The iterates stay inside without a line search. Overlaps may be flat by a factor of 1e6 and more;
+//! the Hessian `sum a a^T / t²` then exceeds double precision. The step is therefore the least-squares solution of
+//! `(a_i / t_i) . y = -1`, by Householder reflections with rows sorted by size and column pivoting: row-wise stable, and as
+//! accurate for a thin overlap as for a round one (A. J. Cox, N. J. Higham, 1998).
+//!
+//! Sources: the analytic centre as contact point, C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73; the
+//! damping, S. Boyd, L. Vandenberghe, Convex Optimization (2004), section 9.6.
 
 use nalgebra::Vector3;
 

@@ -1,9 +1,9 @@
-//! Vertices and faces of a set of half-spaces: a cube cut by one plane after the other.
+//! Vertices and faces of a set of half-spaces: a cube, cut by one plane after another.
 //!
-//! Each cut sorts vertices into inside, on and outside, with a tolerance, and derives everything else from that: the faces keep
-//! a consistent topology whatever rounding does. The cap's corners are sorted by angle, since it is convex.
-//! Where a cube is much larger than what is left of it, the cuts are done again from a smaller one, so that no corner stands
-//! on an edge far longer than the solid.
+//! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else from this
+//! classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are sorted by angle,
+//! because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are repeated from a smaller cube:
+//! corners then do not lie on edges far longer than the solid.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! The force of a contact of blocks (B-04): springs along and across the normal, friction, dashpots.
+//! The force of a contact of blocks: normal and shear springs, friction, dashpots.
 //!
 //! ```text
 //! F_n = k_n depth - c_n d(gap)/dt, at least 0
@@ -7,17 +7,22 @@
 //! M_r = cut(-c_r Q (spin across n))             cut to F_n times the patch's radius of gyration about M_r
 //! ```
 //!
-//! The stiffness is given per contact (N/m), or per area of contact (Pa/m) as joints of rock are: then `k = (per area) times
-//! area`, and with [`super::Model::Patch`] the normal force is the sum of a bed of springs. `F_s'` is the spring's force of the last
-//! step, carried along with the contact: turned as the normal turned and with the mean spin of both blocks about it, its
-//! length kept. `M_t` holds a face against twisting on a face, with the patch's polar moment J: `k_t = k_s J/area`, and for a disc `R` is
-//! that of an even pressure; without it one point on the axis would let a block spin freely on another. The dashpots are spread over
-//! the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the second moments `Q` of the area about the axes across
-//! the normal: a face is damped as it rocks, while a block turns freely about an edge. A dashpot at one point would leave rocking
-//! undamped.
-//! Force and moment are equal and opposite at one point: momentum and angular momentum are kept.
-//! Source: R. Hart, P. A. Cundall, J. Lemos, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 25 (1988) 117; they damp by mass
-//! ([`super::Damping`]), the dashpots are for collisions.
+//! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then `k = (stiffness
+//! per area) * area`, and with [`super::Model::Patch`] the normal force is the sum over a bed of springs. `F_s'` is the force of
+//! the shear spring in the last step, carried along with the contact: it is turned as the normal turned and by the mean spin of
+//! both blocks about the normal, and keeps its length.
+//!
+//! `M_t` resists the twist of a face on a face, with the polar moment J of the patch: `k_t = k_s J/area`. `R` is exact for a disc
+//! under uniform pressure. Without `M_t` a single contact point would let a block spin freely on another.
+//!
+//! The dashpots are distributed over the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the second moments
+//! `Q` of the area about the axes across the normal. The rocking of a face is damped, while a block turns freely about an edge. A
+//! dashpot at one point would leave rocking undamped.
+//!
+//! Force and moment are equal and opposite at one point: momentum and angular momentum are conserved.
+//!
+//! Source: R. Hart, P. A. Cundall, J. Lemos, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 25 (1988) 117. They use
+//! mass-proportional damping ([`super::Damping`]); the dashpots are for collisions.
 
 use nalgebra::Vector3;
 

@@ -1,13 +1,13 @@
 //! Half-spaces of the convex hull of points.
 //!
-//! Every plane through three points that has no point outside is a face. All triples are tried, save those within a face that
-//! is already known: n³ at worst, done once per block, and with nothing that rounding can lead astray, as the incremental
-//! algorithms have it with many points on one plane or line. For the few dozen corners of a block it takes microseconds.
+//! Every plane through three points with no point outside is a face. All triples are tried, except those within a face that is
+//! already known. The cost is n³ at worst, once for each block. Incremental algorithms suffer from rounding where many points lie
+//! on one plane or line; this one does not. For a few dozen corners it takes microseconds.
 
 use nalgebra::Vector3;
 
 use super::HalfSpace;
-use super::error::ShapeError;
+use super::shape_error::ShapeError;
 
 /// The most points of a hull.
 pub(super) const MOST: usize = 1000;

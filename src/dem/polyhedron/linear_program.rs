@@ -1,20 +1,20 @@
-//! Do two sets of half-spaces meet? The linear program of Boon, Houlsby & Utili (B-06):
+//! Whether two sets of half-spaces meet: the linear program of Boon, Houlsby and Utili,
 //!
 //! ```text
 //! minimise s   subject to   a_i . x - s <= d_i   for the half-spaces i of both blocks
 //! ```
 //!
-//! They overlap where `s* < 0`, and `-s*` is the radius of the largest sphere in the overlap. Solved in its dual,
+//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method solves the dual,
 //!
 //! ```text
 //! maximise -sum l_i d_i   subject to   sum l_i a_i = 0,  sum l_i = 1,  l_i >= 0
 //! ```
 //!
-//! by the simplex method: a basis is four half-spaces. Each basis bounds `s*` from below, so that the search may stop as soon as
-//! the bound is above zero: the blocks are apart, and the multipliers of the first block's planes add up to the normal of
-//! a plane between them. Else it ends with the point that is deepest inside both. The last basis of a pair is a good first
-//! one in the next step. Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73,
-//! doi:10.1016/j.compgeo.2012.03.012.
+//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero. The blocks
+//! are then apart, and the multipliers of the first block's planes sum up to the normal of a separating plane. Otherwise
+//! the search ends with the point that is deepest inside both blocks. The last basis of a pair is a good start for the next step.
+//!
+//! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73, doi:10.1016/j.compgeo.2012.03.012.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,15 +1,15 @@
-//! A convex solid where it stands, cut in two by one plane after the other: how joints make blocks of a rock mass (B-30).
+//! A convex solid in its place, cut in two by one plane after another: how joints divide a rock mass into blocks.
 //!
-//! Both halves get the same corners on the cut, to the last bit, so that neighbours fit and no volume is lost; each remembers which
-//! of its faces are cuts. Once the last plane is done, [`Piece::solid`] makes a block of it.
+//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records which of its faces
+//! are cuts. After the last cut, [`Piece::solid`] makes a block of it.
 
 use nalgebra::Vector3;
 
 use super::HalfSpace;
 use super::cut::{Cut, count_f64};
-use super::error::ShapeError;
 use super::linear_program::{AFRESH, Verdict, solve};
 use super::shape::{Polyhedron, Solid, moments};
+use super::shape_error::ShapeError;
 
 /// Corners closer to a plane than this over the size of the solid are on it.
 const ON: f64 = 1e-11;

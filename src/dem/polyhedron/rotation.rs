@@ -1,29 +1,32 @@
-//! Rotation of a rigid body: attitude as a unit quaternion, angular momentum in space (B-01, B-03, E-06).
+//! Rotation of a rigid body: orientation as a unit quaternion, angular momentum in the axes of space.
 //!
 //! ```text
 //! dL/dt = M - alpha L,     w = R I^-1 R^T L,     dq/dt = q (0, w_body) / 2
 //! ```
 //!
-//! One step is kick - drift - kick, as for the centre. The kick changes L; the drift turns the body freely with L fixed in
-//! space, as five turns about its principal axes (1 2 3 2 1, halves for the first four): each is exact, so that a torque-free
-//! body keeps L to the last bit and |q| to rounding, and the whole is symplectic, reversible and of second order: energy
-//! swings by O(dt²) and does not drift.
+//! The full inertia tensor `I` replaces the scalar of the published equation, which holds for spheres and cubes only.
+//!
+//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed in space, by
+//! five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is exact: a torque-free body
+//! keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of second order: the energy
+//! oscillates by O(dt²) and does not drift.
+//!
 //! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys. 107 (1997)
-//! 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). The integrator that the scour paper names (S. M.
-//! Johnson, J. R. Williams, B. K. Cook 2008) is held to by its behaviour: order, energy, angular momentum.
+//! 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the integrator of S. M.
+//! Johnson, J. R. Williams, B. K. Cook (2008); tests compare order, energy and angular momentum with its properties.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// How a body stands and how it turns.
+/// The state of the rotation of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude {
+pub struct RotationState {
     /// Turns the body frame into space.
     pub orientation: UnitQuaternion<f64>,
     /// Angular momentum about the centroid (kg m²/s), in space.
     pub angular_momentum: Vector3<f64>,
 }
 
-impl Default for Attitude {
+impl Default for RotationState {
     fn default() -> Self {
         Self {
             orientation: UnitQuaternion::identity(),
@@ -32,7 +35,7 @@ impl Default for Attitude {
     }
 }
 
-/// Mass-proportional damping (B-01): what a velocity or an angular momentum becomes over one half step of a kick.
+/// Mass-proportional damping: the change of a velocity or an angular momentum over the half step of a kick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damping {
     decay: f64,
@@ -60,7 +63,7 @@ impl Damping {
     }
 }
 
-impl Attitude {
+impl RotationState {
     /// A body of these principal moments (kg m²) that turns with `spin` (rad/s, in space).
     #[must_use]
     pub fn new(

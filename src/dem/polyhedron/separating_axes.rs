@@ -1,8 +1,8 @@
-//! The exhaustive test of two convex polyhedra: the widest gap over all face normals and all products of edges.
+//! The exhaustive test of two convex polyhedra: the widest gap over all face normals and all cross products of edges.
 //!
-//! One of these directions separates them if any does (S. Gottschalk, M. C. Lin, D. Manocha, SIGGRAPH 1996, for boxes; true for
-//! all convex polyhedra), and if none does the one of least overlap is the shortest way out. It takes the product of both
-//! numbers of edges, and no iteration that could fail: what the linear program leaves open is decided here (B-09).
+//! If two convex polyhedra are apart, one of these directions separates them (S. Gottschalk, M. C. Lin, D. Manocha, SIGGRAPH 1996).
+//! Otherwise the direction of least overlap is the shortest way out. The cost is the product of both numbers of edges. There
+//! is no iteration that could fail: the test decides the pairs that the linear program leaves open.
 
 use nalgebra::{Matrix3, Vector3};
 

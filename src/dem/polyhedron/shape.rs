@@ -1,16 +1,16 @@
 //! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the principal axes.
 //!
-//! Made from vertices, half-spaces, a box or the triangles of an STL file; what comes in may stand anywhere, and [`Solid`] says
-//! where the block stood. Volume, centroid and inertia tensor are exact sums over tetrahedra. A cube or another solid whose inertia
-//! is diagonal already keeps the axes it was given in.
+//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be anywhere
+//! in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor are exact sums over
+//! tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::HalfSpace;
 use super::cut::{Cut, count_f64, number};
-use super::error::ShapeError;
 use super::hull;
 use super::linear_program::{AFRESH, Verdict, solve};
+use super::shape_error::ShapeError;
 
 /// Thinner than this over its width, a solid is flat.
 const FLAT: f64 = 1e-9;

@@ -1,4 +1,4 @@
-//! Blocks through the whole engine: slopes (B-29), free flight and collisions through a periodic face, a stack, and a pile that
+//! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile that
 //! has the same bits however it is run.
 
 use std::sync::Arc;
@@ -62,7 +62,7 @@ fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Partic
     particles
 }
 
-/// B-29: rests for tan(theta) < mu, else slides with g (sin - mu cos).
+/// A block on a slope rests for tan(theta) < mu, else slides with g (sin - mu cos).
 #[test]
 fn a_block_on_a_slope() {
     for (slope, friction) in [

@@ -1,4 +1,4 @@
-//! Contact bonds (C-03, C-04; validation.md 4.8) and resistance to rolling.
+//! Contact bonds and resistance to rolling.
 
 use approx::assert_relative_eq;
 use nalgebra::Vector3;
@@ -7,7 +7,7 @@ use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::rolling::{self, Rolling};
 use super::*;
 
-/// The fissure paper's clay (C-05): opens at 1e-5 m, shears by 5e-5 m.
+/// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5 m.
 pub(super) const CLAY: contact_bond::Parameters = contact_bond::Parameters {
     linear: linear::Parameters {
         normal_stiffness: 1e6,
@@ -127,7 +127,7 @@ fn a_bond_does_not_slip_and_fails_in_shear() {
     assert_relative_eq!(shear, 0.5 * pressure, max_relative = 1e-9);
 }
 
-/// C-04: pairs within the gap are bonded and no others; across a gap a bond pulls at once or starts without a force.
+/// Pairs within the gap are bonded and no others; across a gap a bond pulls at once or starts without a force.
 #[test]
 fn bonds_form_across_the_bonding_gap() {
     let gap = 4e-6;

@@ -1,7 +1,8 @@
 //! Where grains started, carried along over everything that moves a grain from one list to another.
 
+use crate::dem::message::{Reader, Writer};
+use crate::dem::migration::{pack_grains, unpack_grains};
 use crate::dem::particles::{Body, Motion, Particles};
-use crate::dem::ranks::{Reader, Writer};
 use crate::dem::space::Volume;
 use nalgebra::Vector3;
 
@@ -43,15 +44,11 @@ fn displacements_are_raw_and_survive_a_table() {
     let restored = Particles::<Volume>::from_table(&particles.table()).unwrap();
     assert_eq!(moved(&restored), expected);
     let mut writer = Writer::default();
-    for k in 0..3 {
-        particles.pack(k, &mut writer);
-    }
+    pack_grains(&particles, &[0, 1, 2], &mut writer);
     let mut other = Particles::<Volume>::new();
     other.mark_start();
     let mut reader = Reader(&writer.0);
-    for _ in 0..3 {
-        other.unpack(&mut reader).unwrap();
-    }
+    unpack_grains(&mut other, &mut reader).unwrap();
     assert_eq!(moved(&other), expected);
     let gone = particles.remove(|particles, k| particles.body[k].id == 1);
     assert_eq!(gone.len(), 1);

@@ -638,7 +638,7 @@ fn a_bond_sheared_freely_follows_yade() {
     );
 }
 
-/// A broken bond does not heal, and a bond failing in shear while pulled leaves nothing.
+/// A broken bond does not heal, and a bond failing in shear while pulled leaves nothing.
 #[test]
 fn cohesion_is_lost_for_good() {
     let d = 2e-4;

@@ -239,7 +239,7 @@ fn grains() -> Vec<(Body, Motion<Plane>)> {
     all
 }
 
-/// All bits of the state that a next step depends on, by id, plus the ledger.
+/// All bits of the state that a next step depends on, by id, plus the bond events.
 type State = (
     BTreeMap<u64, Vec<u64>>,
     Vec<(u64, u64, Option<u64>, Option<u32>)>,

@@ -155,7 +155,7 @@ fn three_shear_stresses_agree_for_poiseuille_flow_between_packings() {
     let (domain, fluid) = (domain(), Channel::new(&plan));
     let shear = DROP * 8e-4 / (2.0 * 2.8e-3);
     let mut particles = packing(0.9e-4);
-    particles.immerse();
+    particles.allocate_fluid_loads();
     for k in 0..particles.owned() {
         // Every disc carries the pressure gradient of its square, those at the hole the shear as well.
         let y = particles.motion[k].position.y;

@@ -1,10 +1,10 @@
-//! Blocks that move: inclines, tilting, collisions, a stack (B-29; validation 4.4, 4.5).
+//! Blocks that move: inclines, tilting, collisions, a stack.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::{Approach, Law, Stiffness};
-use super::super::{Action, Attitude, Damping, Memory, Model, Narrow, Placed, Polyhedron};
+use super::super::{Action, Damping, Memory, Model, Narrow, Placed, Polyhedron, RotationState};
 
 const GRAVITY: f64 = 9.81;
 const BOON: Model = Model::Point { rounding: 2e-3 };
@@ -15,7 +15,7 @@ struct Block {
     inertia: Vector3<f64>,
     position: Vector3<f64>,
     velocity: Vector3<f64>,
-    attitude: Attitude,
+    attitude: RotationState,
     floor: Memory,
 }
 
@@ -28,7 +28,7 @@ impl Block {
             shape,
             position,
             velocity: Vector3::zeros(),
-            attitude: Attitude::default(),
+            attitude: RotationState::default(),
             floor: Memory::default(),
         }
     }
@@ -322,7 +322,8 @@ fn collisions_keep_energy_and_momenta() {
             let mut one = Block::cuboid(1.0, 1.0, 1.0, Vector3::zeros());
             one.velocity.x = 1.0;
             let mut two = Block::cuboid(1.2, 0.8, 0.9, Vector3::new(1.9, offset, 0.3 * offset));
-            two.attitude = Attitude::new(orientation, &Vector3::new(0.0, 0.1, 0.0), &two.inertia);
+            two.attitude =
+                RotationState::new(orientation, &Vector3::new(0.0, 0.1, 0.0), &two.inertia);
             let mut law = law(1e9, 0.0, 0.0);
             if model == BOON {
                 law.stiffness = Stiffness::PerContact {

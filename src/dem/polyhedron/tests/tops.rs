@@ -1,12 +1,12 @@
-//! Free rigid bodies (validation 4.7; B-03, E-06).
+//! Free rigid bodies: order, energy and angular momentum of the rotation.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::rotation::{Attitude, Damping};
+use super::super::rotation::{Damping, RotationState};
 
 /// The quaternion of a symmetric top: turn by the space precession about L, then by the body's about its axis.
-fn symmetric(start: &Attitude, inertia: &Vector3<f64>, time: f64) -> UnitQuaternion<f64> {
+fn symmetric(start: &RotationState, inertia: &Vector3<f64>, time: f64) -> UnitQuaternion<f64> {
     let spin = start.body_spin(inertia);
     let about_l = start.angular_momentum * (time / inertia.x);
     let about_axis = spin.z * time * (1.0 - inertia.z / inertia.x);
@@ -15,7 +15,7 @@ fn symmetric(start: &Attitude, inertia: &Vector3<f64>, time: f64) -> UnitQuatern
         * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), about_axis)
 }
 
-fn turned(start: &Attitude, inertia: &Vector3<f64>, time: f64, steps: u32) -> Attitude {
+fn turned(start: &RotationState, inertia: &Vector3<f64>, time: f64, steps: u32) -> RotationState {
     let mut now = *start;
     for _ in 0..steps {
         now.drift(inertia, time / f64::from(steps));
@@ -37,7 +37,7 @@ fn tops() -> [(Vector3<f64>, Vector3<f64>); 4] {
 #[test]
 fn a_symmetric_top_precesses_as_the_table_says() {
     let (inertia, spin) = tops()[0];
-    let start = Attitude::new(UnitQuaternion::identity(), &spin, &inertia);
+    let start = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
     // free_rigid_body.csv: t, w1, w2, q0 … q3.
     for (time, w1, w2, q) in [
         (
@@ -81,7 +81,7 @@ fn a_symmetric_top_precesses_as_the_table_says() {
 #[test]
 fn tops_keep_momentum_to_the_bit_and_energy_without_drift() {
     for (inertia, spin) in tops() {
-        let start = Attitude::new(
+        let start = RotationState::new(
             UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
             &spin,
             &inertia,
@@ -106,7 +106,7 @@ fn tops_keep_momentum_to_the_bit_and_energy_without_drift() {
 #[test]
 fn the_order_is_two() {
     for (inertia, spin) in tops() {
-        let start = Attitude::new(UnitQuaternion::identity(), &spin, &inertia);
+        let start = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
         let time = 4.0;
         let exact = if (inertia.x - inertia.y).abs() < 1e-12 {
             symmetric(&start, &inertia, time)
@@ -134,7 +134,7 @@ fn the_order_is_two() {
 #[test]
 fn attitude_at_the_target_step() {
     let (inertia, spin) = tops()[0];
-    let start = Attitude::new(UnitQuaternion::identity(), &spin, &inertia);
+    let start = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
     let now = turned(&start, &inertia, 60.0, 6000);
     let off = now.orientation.angle_to(&symmetric(&start, &inertia, 60.0));
     println!("attitude off by {off:e} after 60 s");
@@ -144,7 +144,7 @@ fn attitude_at_the_target_step() {
 #[test]
 fn time_runs_back() {
     for (inertia, spin) in tops() {
-        let start = Attitude::new(UnitQuaternion::identity(), &spin, &inertia);
+        let start = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
         let mut now = turned(&start, &inertia, 5.0, 500);
         now = turned(&now, &inertia, -5.0, 500);
         assert!(now.orientation.angle_to(&start.orientation) < 1e-12);
@@ -155,7 +155,7 @@ fn time_runs_back() {
 fn damping_by_mass_decays_as_the_exponential() {
     let inertia = Vector3::new(1.0, 2.0, 3.0);
     let spin = Vector3::new(0.3, 0.2, 1.0);
-    let mut now = Attitude::new(UnitQuaternion::identity(), &spin, &inertia);
+    let mut now = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
     let start = now.angular_momentum;
     let damping = Damping::new(0.5, 0.005);
     let moment = Vector3::new(0.0, 0.0, 0.7);

@@ -1,6 +1,6 @@
-//! Reasons why vertices, half-spaces or triangles make no block.
+//! What can be wrong with the input of a block's shape.
 
-/// The reason why something is no block.
+/// Why vertices, half-spaces or triangles make no block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// Too few of what it is made from.

@@ -1,0 +1,125 @@
+//! Bonds made, failed and removed.
+
+use super::*;
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Notes each failed bond as an event, on one rank: the owner of the lower id, or of the grain at a wall.
+    #[cold]
+    pub(super) fn report_failures(&mut self, particles: &Particles<S>) {
+        let time = self.time();
+        for &(k, mode) in &self.failures {
+            let pair = &self.pairs[k as usize];
+            let (first, second) = (pair.first as usize, pair.second as usize);
+            if first < particles.owned() {
+                let (between, squared) = separation(
+                    &particles.motion,
+                    pair.ends(),
+                    &self.offsets[pair.offset as usize],
+                    self.settings.region.any_periodic(),
+                );
+                let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
+                self.breaks.push(BondBreak {
+                    step: self.steps,
+                    time,
+                    grain: particles.body[first].id,
+                    other: Some(particles.body[second].id),
+                    wall: None,
+                    position: particles.location(first) + between * (arm / squared.sqrt()),
+                    mode,
+                    fluid_force: particles.fluid_load(first).force.length(),
+                });
+            }
+        }
+        for failure in &self.wall_failures {
+            let grain = failure.grain as usize;
+            self.breaks.push(BondBreak {
+                step: self.steps,
+                time,
+                grain: particles.body[grain].id,
+                other: None,
+                wall: Some(failure.wall),
+                position: particles.location(grain) + failure.arm,
+                mode: failure.mode,
+                fluid_force: particles.fluid_load(grain).force.length(),
+            });
+        }
+    }
+
+    /// Bonds every contact of spheres that exists now; returns how many this rank reports (the owner of the lower id).
+    pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
+        let mut bonds = 0;
+        let periodic = self.settings.region.any_periodic();
+        for pair in &mut self.pairs {
+            let offset = &self.offsets[pair.offset as usize];
+            let ends = pair.ends();
+            let squared = separation(&particles.motion, ends, offset, periodic).1;
+            let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+            let far = pair.reach + L::bonding_gap(&constants);
+            if squared < far * far
+                && L::bond(&constants, &mut pair.memory, pair.reach - squared.sqrt())
+                && ends.0 < particles.owned()
+            {
+                bonds += 1;
+            }
+        }
+        for pair in &mut self.wall_pairs {
+            let distance = self.walls[pair.wall as usize]
+                .distance(&particles.motion[pair.grain as usize].position);
+            if distance < pair.radius + L::bonding_gap(&pair.constants)
+                && L::bond(&pair.constants, &mut pair.memory, pair.radius - distance)
+            {
+                bonds += 1;
+            }
+        }
+        let facets = &mut self.facets;
+        facets.next.clear();
+        for pair in &mut facets.pairs {
+            let wall = &self.walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+            let reach = pair.radius + L::bonding_gap(&pair.constants);
+            surface.contacts(near, &at, reach, &mut facets.found);
+            facets.taken.clear();
+            facets.taken.resize(held.len(), false);
+            let start = ghosts::index(facets.next.len());
+            for one in &facets.found {
+                let mut memory =
+                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if L::bond(&pair.constants, &mut memory, pair.radius - one.distance) {
+                    bonds += 1;
+                }
+                // A fresh memory is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&memory))
+                    && memory != L::Memory::default()
+                {
+                    facets.next.push(Held {
+                        facet: one.facet,
+                        memory,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(facets.next.len()));
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
+        // Bonds across gaps act from now on.
+        self.activate(particles);
+        bonds
+    }
+
+    /// Takes every bond away; the contacts stay.
+    pub(in crate::dem) fn unbond(&mut self) {
+        for pair in &mut self.pairs {
+            L::unbond(&mut pair.memory);
+        }
+        for pair in &mut self.wall_pairs {
+            L::unbond(&mut pair.memory);
+        }
+        for held in &mut self.facets.held {
+            L::unbond(&mut held.memory);
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Contacts of grains with walls of facets.
+//!
+//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step, and each
+//! takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear survives an
+//! interior edge.
+
+use super::*;
+
+/// An owned grain and a wall of facets that it is close to.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::dem) struct SurfacePair<C> {
+    pub(super) wall: u32,
+    pub(super) grain: u32,
+    pub(super) radius: f64,
+    /// The widest gap (m) over which a bond acts.
+    pub(super) opening: f64,
+    /// Facets within reach: a part of `Facets::near`.
+    pub(super) near: (u32, u32),
+    /// Contacts: a part of `Facets::held`.
+    pub(super) held: (u32, u32),
+    pub(super) constants: C,
+}
+
+/// The memory of a contact with a facet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held<M> {
+    pub(super) facet: u32,
+    pub(super) memory: M,
+}
+
+/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
+/// take over the memory of the same facet, or else of a facet beside it: shear survives an interior edge.
+#[derive(Debug)]
+pub(super) struct Facets<C, M> {
+    pub(super) pairs: Vec<SurfacePair<C>>,
+    pub(super) near: Vec<u32>,
+    pub(super) held: Vec<Held<M>>,
+    pub(super) next: Vec<Held<M>>,
+    /// Pairs to look at until the next look at all gaps.
+    pub(super) active: Vec<u32>,
+    pub(super) found: Vec<Nearest>,
+    pub(super) taken: Vec<bool>,
+    pub(super) close: Vec<[u32; 3]>,
+}
+
+impl<C, M> Default for Facets<C, M> {
+    fn default() -> Self {
+        Self {
+            pairs: Vec::new(),
+            near: Vec::new(),
+            held: Vec::new(),
+            next: Vec::new(),
+            active: Vec::new(),
+            found: Vec::new(),
+            taken: Vec::new(),
+            close: Vec::new(),
+        }
+    }
+}
+
+impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
+    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step.
+    #[inline(always)]
+    pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, Memory = M>>(
+        &mut self,
+        k: usize,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        contact: &mut [Load<S>],
+        failures: &mut Vec<WallFailure<S>>,
+        dt: f64,
+    ) {
+        let pair = &mut self.pairs[k];
+        let wall = &walls[pair.wall as usize];
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let grain = &motion[pair.grain as usize];
+        let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
+        let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
+            pair.radius + pair.opening
+        } else {
+            pair.radius
+        };
+        let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+        surface.contacts(near, &wall.local(&grain.position), reach, &mut self.found);
+        self.taken.clear();
+        self.taken.resize(held.len(), false);
+        let start = ghosts::index(self.next.len());
+        for one in &self.found {
+            let mut memory = memory_of(surface, held, &mut self.taken, &self.found, one.facet);
+            if one.distance >= pair.radius && !L::bonded(&memory) {
+                continue;
+            }
+            let normal = S::from_volume(&one.normal);
+            let failure = act_at_wall::<S, L>(
+                (&pair.constants, &mut memory),
+                (pair.radius, one.distance, &normal),
+                (grain, &wall.velocity),
+                &mut contact[pair.grain as usize],
+                dt,
+            );
+            if let Some(mode) = failure {
+                failures.push(WallFailure {
+                    grain: pair.grain,
+                    wall: pair.wall,
+                    arm: normal * -one.distance,
+                    mode,
+                });
+            }
+            // A fresh memory is none, whether lists were made meanwhile or not.
+            if (one.distance < pair.radius || L::bonded(&memory)) && memory != M::default() {
+                self.next.push(Held {
+                    facet: one.facet,
+                    memory,
+                });
+            }
+        }
+        pair.held = (start, ghosts::index(self.next.len()));
+    }
+
+    /// Facets near a pair's grain.
+    pub(super) fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
+        &self.near[pair.near.0 as usize..pair.near.1 as usize]
+    }
+
+    /// The contacts of a pair.
+    pub(super) fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
+        &self.held[pair.held.0 as usize..pair.held.1 as usize]
+    }
+}
+
+/// The memory among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+pub(super) fn memory_of<M: Copy + Default>(
+    surface: &Surface,
+    held: &[Held<M>],
+    taken: &mut [bool],
+    found: &[Nearest],
+    facet: u32,
+) -> M {
+    let own = held.iter().position(|old| old.facet == facet);
+    let at = own.or_else(|| {
+        held.iter().zip(&*taken).position(|(old, taken)| {
+            !taken
+                && surface.adjacent(old.facet, facet)
+                && found.iter().all(|other| other.facet != old.facet)
+        })
+    });
+    at.map_or(M::default(), |at| {
+        taken[at] = true;
+        held[at].memory
+    })
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Lists the facets that owned grains are close to, by grain, wall and facet.
+    pub(super) fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
+        let facets = &mut self.facets;
+        facets.close.clear();
+        for (w, wall) in (0..).zip(&self.walls) {
+            let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
+                continue;
+            };
+            for facet in 0..surface.len() {
+                let (mut low, mut high) = (None::<S::Vector>, None::<S::Vector>);
+                for corner in surface.corners(facet) {
+                    let corner = S::from_volume(&corner) + wall.point;
+                    low = Some(low.map_or(corner, |low| low.combine(&corner, f64::min)));
+                    high = Some(high.map_or(corner, |high| high.combine(&corner, f64::max)));
+                }
+                let (Some(low), Some(high)) = (low, high) else {
+                    continue;
+                };
+                search.near::<S>(&low, &high, gap, |k| {
+                    if k < particles.owned()
+                        && particles.mobility[k].free > 0.0
+                        && surface.distance(facet, &wall.local(&particles.motion[k].position))
+                            <= particles.body[k].radius + gap
+                    {
+                        facets
+                            .close
+                            .push([ghosts::index(k), w, ghosts::index(facet)]);
+                    }
+                });
+            }
+        }
+        facets.close.sort_unstable();
+        facets.near.clear();
+        facets.active.clear();
+        for group in facets.close.chunk_by(|a, b| a[..2] == b[..2]) {
+            let [grain, w, _] = group[0];
+            let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
+            let near = ghosts::index(facets.near.len());
+            facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
+            let held = ghosts::index(facets.held.len());
+            let from = self
+                .wall_memories
+                .partition_point(|(key, _)| *key < (body.id, w, 0));
+            let remembered = self.wall_memories[from..]
+                .iter()
+                .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
+            facets
+                .held
+                .extend(remembered.map(|((_, _, facet), memory)| Held {
+                    facet: *facet,
+                    memory: *memory,
+                }));
+            let diameter = 2.0 * body.radius;
+            facets.pairs.push(SurfacePair {
+                wall: w,
+                grain,
+                radius: body.radius,
+                opening: self.law.widest_opening([diameter, diameter]),
+                near: (near, ghosts::index(facets.near.len())),
+                held: (held, ghosts::index(facets.held.len())),
+                constants: L::between(
+                    self.rows.get(wall.material, body.material),
+                    &at_wall(wall.material, body),
+                ),
+            });
+        }
+    }
+
+    /// Contacts with facets: found anew, each with the memory it had.
+    pub(super) fn facet_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        let Particles {
+            motion, contact, ..
+        } = particles;
+        let (facets, failures) = (&mut self.facets, &mut self.wall_failures);
+        facets.next.clear();
+        for k in 0..facets.active.len() {
+            let k = facets.active[k] as usize;
+            facets.act_on_sphere::<S, L>(k, &self.walls, motion, contact, failures, dt);
+        }
+        std::mem::swap(&mut facets.held, &mut facets.next);
+    }
+}

@@ -1,0 +1,197 @@
+//! Histories of contacts apart from the lists: kept while lists are made anew, sent with grains that change their rank, saved in
+//! checkpoints and restored.
+//!
+//! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
+
+use super::*;
+
+/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+pub(in crate::dem) type WallKey = (u64, u32, u32);
+
+/// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::dem) struct Key {
+    pub(in crate::dem) first: u64,
+    pub(in crate::dem) second: u64,
+    pub(in crate::dem) shift: [i32; 3],
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Moves the memories of all contacts out of the lists, by rising key, each once.
+    pub(super) fn remember(&mut self) {
+        let with_memory = |pair: &&Pair<L::Scale, L::Memory>| pair.memory != L::Memory::default();
+        self.memories
+            .reserve_exact(self.pairs.iter().filter(with_memory).count());
+        for pair in &self.pairs {
+            if pair.memory != L::Memory::default() {
+                let key = key(
+                    self.names[pair.first as usize],
+                    self.names[pair.second as usize],
+                );
+                self.memories.push((key, pair.memory));
+            }
+        }
+        for pair in &self.wall_pairs {
+            if pair.memory != L::Memory::default() {
+                let id = self.names[pair.grain as usize].0;
+                self.wall_memories.push(((id, pair.wall, 0), pair.memory));
+            }
+        }
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            for held in self.facets.held(pair) {
+                if held.memory != L::Memory::default() {
+                    self.wall_memories
+                        .push(((id, pair.wall, held.facet), held.memory));
+                }
+            }
+        }
+        self.pairs.clear();
+        self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
+        self.names.clear();
+        self.put_memories_in_order();
+    }
+
+    pub(super) fn put_memories_in_order(&mut self) {
+        self.memories.sort_unstable_by_key(|(key, _)| *key);
+        self.memories.dedup_by_key(|(key, _)| *key);
+        self.wall_memories.sort_unstable_by_key(|(key, _)| *key);
+        self.wall_memories.dedup_by_key(|(key, _)| *key);
+    }
+
+    /// Sends grains that left the slab, with their contacts, to their owners.
+    pub(super) fn migrate(
+        &mut self,
+        particles: &mut Particles<S>,
+        region: &Region<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
+        let owners = migration::owners(particles, region, ranks)?;
+        let mut messages = Vec::new();
+        let mut numbers = Vec::new();
+        for target in (0..ranks.size()).filter(|&target| target != ranks.rank()) {
+            let leaving: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] == target).collect();
+            if leaving.is_empty() {
+                continue;
+            }
+            let mut ids: Vec<u64> = leaving.iter().map(|&k| particles.body[k].id).collect();
+            ids.sort_unstable();
+            let leaves = |id: u64| ids.binary_search(&id).is_ok();
+            let mut writer = Writer::default();
+            pack_grains(particles, &leaving, &mut writer);
+            let grains = || {
+                self.memories
+                    .iter()
+                    .filter(|(key, _)| leaves(key.first) || leaves(key.second))
+            };
+            let walls = || self.wall_memories.iter().filter(|(key, _)| leaves(key.0));
+            writer.integer(grains().count() as u64);
+            for (key, memory) in grains() {
+                writer.integer(key.first);
+                writer.integer(key.second);
+                for n in key.shift {
+                    writer.signed(n);
+                }
+                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+            }
+            writer.integer(walls().count() as u64);
+            for ((id, wall, facet), memory) in walls() {
+                writer.integer(*id);
+                writer.integer(u64::from(*wall));
+                writer.integer(u64::from(*facet));
+                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+            }
+            messages.push((target, writer.0));
+        }
+        particles.keep(|k| owners[k] == ranks.rank());
+        for (_, bytes) in ranks.exchange(messages)? {
+            let mut reader = Reader(&bytes);
+            unpack_grains(particles, &mut reader)?;
+            for _ in 0..reader.integer()? {
+                let (first, second) = (reader.integer()?, reader.integer()?);
+                let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
+                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
+                self.memories.push((
+                    Key {
+                        first,
+                        second,
+                        shift,
+                    },
+                    memory,
+                ));
+            }
+            for _ in 0..reader.integer()? {
+                let id = reader.integer()?;
+                let mut small = || {
+                    u32::try_from(reader.integer()?)
+                        .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
+                };
+                let (wall, facet) = (small()?, small()?);
+                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
+                self.wall_memories.push(((id, wall, facet), memory));
+            }
+        }
+        self.put_memories_in_order();
+        Ok(())
+    }
+
+    /// Key and memory of each contact this rank reports, in no order: with grains, then with walls.
+    pub(in crate::dem) fn each_memory(
+        &self,
+        mut grains: impl FnMut(Key, &L::Memory),
+        mut walls: impl FnMut(WallKey, &L::Memory),
+    ) {
+        let fresh = L::Memory::default();
+        for pair in &self.pairs {
+            let (first, second) = pair.ends();
+            if pair.memory != fresh && first < self.named_owned {
+                grains(key(self.names[first], self.names[second]), &pair.memory);
+            }
+        }
+        for pair in self.wall_pairs.iter().filter(|pair| pair.memory != fresh) {
+            let id = self.names[pair.grain as usize].0;
+            walls((id, pair.wall, 0), &pair.memory);
+        }
+        for pair in &self.facets.pairs {
+            let id = self.names[pair.grain as usize].0;
+            let held = self.facets.held(pair).iter();
+            for held in held.filter(|held| held.memory != fresh) {
+                walls((id, pair.wall, held.facet), &held.memory);
+            }
+        }
+    }
+
+    /// The same as lists by rising key.
+    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
+    pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
+        let (mut grains, mut walls) = (Vec::new(), Vec::new());
+        self.each_memory(
+            |key, memory| grains.push((key, *memory)),
+            |key, memory| walls.push((key, *memory)),
+        );
+        grains.sort_unstable_by_key(|(key, _)| *key);
+        walls.sort_unstable_by_key(|(key, _)| *key);
+        (grains, walls)
+    }
+
+    /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
+    pub(in crate::dem) fn restore(
+        &mut self,
+        grains: Vec<(Key, L::Memory)>,
+        walls: Vec<(WallKey, L::Memory)>,
+        steps: u64,
+    ) {
+        self.pairs.clear();
+        self.wall_pairs.clear();
+        self.facets.pairs.clear();
+        self.facets.held.clear();
+        self.memories = grains;
+        self.wall_memories = walls;
+        self.put_memories_in_order();
+        self.listed = false;
+        self.total = None;
+        self.steps = steps;
+    }
+}

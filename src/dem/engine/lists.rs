@@ -1,0 +1,199 @@
+//! Lists of pairs: which pairs are near, and which of them a step tests.
+//!
+//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half the
+//! skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps are looked
+//! at next. The distance between two such looks adapts to the motion. In a bed nearly at rest the active pairs are
+//! the contacts.
+
+use super::*;
+
+/// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::dem) struct Pair<C, M> {
+    pub(super) first: u32,
+    pub(super) second: u32,
+    /// Sum of the radii (m).
+    pub(super) reach: f64,
+    /// Radius of the first (m).
+    pub(super) radius: f64,
+    /// Place in the table of material pairs.
+    pub(super) row: u32,
+    /// Place in the table of separations to add.
+    pub(super) offset: u32,
+    pub(super) scale: C,
+    pub(super) memory: M,
+}
+
+impl<C, M> Pair<C, M> {
+    #[inline(always)]
+    pub(super) fn ends(&self) -> (usize, usize) {
+        (self.first as usize, self.second as usize)
+    }
+}
+
+/// A listed pair of a wall and an owned grain.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::dem) struct WallPair<C, M> {
+    pub(super) wall: u32,
+    pub(super) grain: u32,
+    pub(super) radius: f64,
+    pub(super) constants: C,
+    pub(super) memory: M,
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Lists all pairs whose surfaces are at most `gap` (m) apart, and gives each contact its memory back.
+    pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
+        let periodic = self.settings.region.any_periodic();
+        self.names.extend(
+            particles
+                .body
+                .iter()
+                .zip(&particles.shift)
+                .map(|(body, shift)| (body.id, *shift)),
+        );
+        self.named_owned = particles.owned();
+        self.offsets.clear();
+        self.offset_shifts.clear();
+        self.offsets.push(S::Vector::default());
+        self.offset_shifts.push([0; 3]);
+        let mut search = std::mem::take(&mut self.search);
+        // No more room than needed: these lists are most of the memory of a grain.
+        self.pairs.reserve_exact(search.look(particles, gap));
+        search.each(|i, j| {
+            let (a, b) = (&particles.body[i], &particles.body[j]);
+            let key = key(self.names[i], self.names[j]);
+            // The last ones are the likely ones.
+            let shift = if periodic { key.shift } else { [0; 3] };
+            let known = self.offset_shifts.iter().rposition(|known| *known == shift);
+            let place = known.unwrap_or_else(|| {
+                let mut offset = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    offset.set(axis, f64::from(shift[axis]) * particles.lengths[axis]);
+                }
+                self.offset_shifts.push(shift);
+                self.offsets.push(offset);
+                self.offsets.len() - 1
+            });
+            let offset = self.offsets[place];
+            let partners = Partners {
+                materials: [a.material, b.material],
+                diameter: a.radius + b.radius,
+                mass: effective_mass(particles, i, j),
+                rolling_radius: a.radius * b.radius / (a.radius + b.radius),
+                rolling_inertia: rolling_inertia(particles, i, j),
+            };
+            let row = self.rows.place(a.material, b.material);
+            let reach = a.radius + b.radius;
+            let (between, squared) = separation(&particles.motion, (i, j), &offset, periodic);
+            if !L::near(&self.scratch, (i, j), &between, gap) {
+                return;
+            }
+            let held = self
+                .memories
+                .binary_search_by_key(&key, |(key, _)| *key)
+                .map_or(L::Memory::default(), |at| self.memories[at].1);
+            let lives = squared < reach * reach || L::bonded(&held);
+            self.pairs.push(Pair {
+                first: ghosts::index(i),
+                second: ghosts::index(j),
+                reach,
+                radius: a.radius,
+                row,
+                offset: ghosts::index(place),
+                scale: L::scale(self.rows.at(row), &partners),
+                memory: if lives { held } else { L::Memory::default() },
+            });
+        });
+        self.list_facets(particles, gap, &search);
+        self.search = search;
+        for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
+            let (body, motion) = (&particles.body[k], &particles.motion[k]);
+            for (w, wall) in self.walls.iter().enumerate() {
+                if wall.open || wall.surface.is_some() {
+                    continue;
+                }
+                let distance = wall.distance(&motion.position);
+                if distance > body.radius + gap {
+                    continue;
+                }
+                let wall_index = ghosts::index(w);
+                let held = self
+                    .wall_memories
+                    .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
+                    .map_or(L::Memory::default(), |at| self.wall_memories[at].1);
+                let lives = distance < body.radius || L::bonded(&held);
+                let partners = at_wall(wall.material, body);
+                self.wall_pairs.push(WallPair {
+                    wall: wall_index,
+                    grain: ghosts::index(k),
+                    radius: body.radius,
+                    constants: self.at_wall(&partners),
+                    memory: if lives { held } else { L::Memory::default() },
+                });
+            }
+        }
+        self.memories.clear();
+        self.wall_memories.clear();
+        self.path = 0.0;
+        let threads = rayon::current_num_threads();
+        self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
+        L::share_out(self, particles);
+        self.activate(particles);
+    }
+
+    pub(super) fn at_wall(&self, partners: &Partners) -> L::Constants {
+        let [wall, grain] = partners.materials;
+        L::between(self.rows.get(wall, grain), partners)
+    }
+
+    /// Chooses the pairs to test until grains have moved by another look's distance.
+    pub(super) fn activate(&mut self, particles: &Particles<S>) {
+        let skin = self.settings.skin;
+        let since = self.steps - self.activated_at;
+        if since < 30 {
+            self.look = (2.0 * self.look).min(0.5 * skin);
+        } else if since > 240 {
+            self.look = (0.5 * self.look).max(skin / 1024.0);
+        }
+        self.activated_at = self.steps;
+        self.activated = self.path + self.look;
+        let periodic = self.settings.region.any_periodic();
+        self.active.clear();
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let offset = &self.offsets[pair.offset as usize];
+            let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
+            // The slack is far above the rounding of a separation, far below any gap that costs.
+            let gap = 2.0 * self.look * (1.0 + 1e-9);
+            let far = pair.reach * (1.0 + 1e-12) + gap;
+            let near = squared <= far * far && L::near(&self.scratch, pair.ends(), &between, gap);
+            if near || L::bonded(&pair.memory) {
+                self.active.push(k);
+            } else {
+                pair.memory = L::Memory::default();
+            }
+        }
+        let facets = &mut self.facets;
+        facets.active.clear();
+        for (k, pair) in (0..).zip(&mut facets.pairs) {
+            let wall = &self.walls[pair.wall as usize];
+            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
+            let closes = || {
+                wall.surface.as_ref().is_some_and(|surface| {
+                    let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+                    near.iter()
+                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
+                })
+            };
+            if pair.held.0 < pair.held.1 || closes() {
+                facets.active.push(k);
+            } else {
+                // It is not looked at again before it is active, and others come and go meanwhile.
+                pair.held = (0, 0);
+            }
+        }
+        self.parts
+            .note(&self.active, |k| self.pairs[k as usize].second);
+    }
+}

@@ -1,0 +1,157 @@
+//! Contacts and counts for output: every contact with its overlap and force, and how many there are.
+
+use super::super::Contact;
+use super::super::polyhedron::Narrow;
+use super::*;
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    pub(in crate::dem) fn time(&self) -> f64 {
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a run of 2^53 steps would not end"
+        )]
+        let steps = self.steps as f64;
+        steps * self.settings.time_step
+    }
+
+    /// Two spheres as a contact.
+    pub(super) fn sphere_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &Pair<L::Scale, L::Memory>,
+    ) -> Option<Contact<S>> {
+        let periodic = self.settings.region.any_periodic();
+        let offset = &self.offsets[pair.offset as usize];
+        let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
+        let bonded = L::bonded(&pair.memory);
+        if squared >= pair.reach * pair.reach && !bonded {
+            return None;
+        }
+        let (first, second) = pair.ends();
+        let distance = squared.sqrt();
+        let overlap = pair.reach - distance;
+        let normal = between * (1.0 / distance);
+        let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+        Some(Contact {
+            grain: first,
+            other: Some(second),
+            wall: None,
+            overlap,
+            normal,
+            position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&constants, &pair.memory, overlap),
+            bonded,
+        })
+    }
+
+    /// A sphere at a plane as a contact.
+    pub(super) fn sphere_plane_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &WallPair<L::Constants, L::Memory>,
+    ) -> Option<Contact<S>> {
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let distance = wall.distance(&particles.motion[grain].position);
+        let bonded = L::bonded(&pair.memory);
+        if distance >= pair.radius && !bonded {
+            return None;
+        }
+        let overlap = pair.radius - distance;
+        Some(Contact {
+            grain,
+            other: None,
+            wall: Some(pair.wall),
+            overlap,
+            normal: wall.normal,
+            position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
+            bonded,
+        })
+    }
+
+    /// Every contact this rank reports: those of pairs whose first it owns, and those with walls.
+    pub(in crate::dem) fn for_each_contact(
+        &self,
+        particles: &Particles<S>,
+        mut visit: impl FnMut(Contact<S>),
+    ) {
+        let mut narrow = Narrow::default();
+        let own = |pair: &&Pair<L::Scale, L::Memory>| (pair.first as usize) < particles.owned();
+        for pair in self.pairs.iter().filter(own) {
+            if let Some(contact) = L::contact(self, particles, pair, &mut narrow) {
+                visit(contact);
+            }
+        }
+        for pair in &self.wall_pairs {
+            if let Some(contact) = L::plane_contact(self, particles, pair, &mut narrow) {
+                visit(contact);
+            }
+        }
+        for pair in &self.facets.pairs {
+            L::facet_contacts(self, particles, pair, &mut narrow, &mut visit);
+        }
+    }
+
+    /// A sphere at facets as contacts.
+    pub(super) fn sphere_facet_contacts(
+        &self,
+        particles: &Particles<S>,
+        pair: &SurfacePair<L::Constants>,
+        visit: &mut impl FnMut(Contact<S>),
+    ) {
+        let (held, near) = (self.facets.held(pair), self.facets.near(pair));
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let at = wall.local(&particles.motion[grain].position);
+        let mut found = Vec::new();
+        surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
+        let mut taken = vec![false; held.len()];
+        for one in &found {
+            let memory = memory_of(surface, held, &mut taken, &found, one.facet);
+            let bonded = L::bonded(&memory);
+            if one.distance < pair.radius || bonded {
+                let overlap = pair.radius - one.distance;
+                let normal = S::from_volume(&one.normal);
+                visit(Contact {
+                    grain,
+                    other: None,
+                    wall: Some(pair.wall),
+                    overlap,
+                    normal,
+                    position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
+                    normal_force: L::normal_spring(&pair.constants, &memory, overlap),
+                    bonded,
+                });
+            }
+        }
+    }
+
+    /// What this rank has now.
+    pub(in crate::dem) fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        let mut now = Statistics {
+            owned: particles.owned() as u64,
+            ghosts: (particles.len() - particles.owned()) as u64,
+            listed: (self.pairs.len() + self.wall_pairs.len() + self.facets.pairs.len()) as u64,
+            active: self.active.len() as u64,
+            rebuilds: self.rebuilds,
+            tested: self.tested,
+            ..Statistics::default()
+        };
+        self.for_each_contact(particles, |contact| {
+            now.contacts += 1;
+            now.bonds += u64::from(contact.bonded);
+            let diameter = 2.0
+                * contact
+                    .other
+                    .map_or(particles.body[contact.grain].radius, |other| {
+                        particles.body[contact.grain]
+                            .radius
+                            .min(particles.body[other].radius)
+                    });
+            now.largest_overlap = now.largest_overlap.max(contact.overlap / diameter);
+        });
+        now
+    }
+}

@@ -1,0 +1,149 @@
+//! Which rank owns a grain, and the hand-over of grains that crossed into the slab of another rank.
+//!
+//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split axis,
+//! clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
+
+use super::columns::Crosses;
+use super::escape::Escape;
+use super::message::{Reader, Writer};
+use super::particles::Particles;
+use super::ranks::{Ranks, gather_all};
+use super::region::{Region, plane_of, wraps};
+use super::space::{Components, Space};
+use crate::error::Error;
+
+/// Brings every owned grain's shift into the box and checks that none is lost.
+pub(super) fn wrap<S: Space>(
+    particles: &mut Particles<S>,
+    region: &Region<S>,
+) -> Result<(), Error> {
+    for k in 0..particles.owned() {
+        for axis in 0..S::DIMENSION {
+            let at = particles.location(k).get(axis);
+            let (lower, length) = (region.lower.get(axis), region.length(axis));
+            if !at.is_finite() || (at - lower).abs() > 1e6 * length {
+                return Err(lost(particles, k, "is lost"));
+            }
+            if region.periodic[axis] {
+                let raw = particles.motion[k].position.get(axis);
+                particles.shift[k][axis] = wraps(raw, lower, length);
+            } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
+                let escape = Escape {
+                    grain: particles.body[k].id,
+                    axis,
+                    upper: at > lower,
+                };
+                return Err(named(particles, k, &escape.to_string()));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The error that names a grain.
+pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
+    named(
+        particles,
+        k,
+        &format!("grain {} {what}", particles.body[k].id),
+    )
+}
+
+/// A sentence about a grain with where it is and how it moves.
+fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
+    let motion = &particles.motion[k];
+    let show = |v: &S::Vector| {
+        let numbers: Vec<String> = (0..S::DIMENSION)
+            .map(|axis| format!("{:e}", v.get(axis)))
+            .collect();
+        numbers.join(", ")
+    };
+    Error::Numerical(format!(
+        "{what}: position ({}) m, velocity ({}) m/s",
+        show(&particles.location(k)),
+        show(&motion.velocity)
+    ))
+}
+
+/// The rank that owns each own grain now.
+pub(super) fn owners<S: Space>(
+    particles: &Particles<S>,
+    region: &Region<S>,
+    ranks: &dyn Ranks,
+) -> Result<Vec<usize>, Error> {
+    let axis = ranks.axis();
+    let slabs: Vec<_> = (0..ranks.size())
+        .map(|rank| ranks.planes_of(rank))
+        .collect();
+    (0..particles.owned())
+        .map(|k| {
+            let at = particles.location(k).get(axis);
+            let plane = plane_of(at, region.lower.get(axis), region.spacing, ranks.planes());
+            slabs
+                .iter()
+                .position(|slab| slab.contains(&plane))
+                .ok_or_else(|| Error::Internal(format!("plane {plane} belongs to no rank")))
+        })
+        .collect()
+}
+
+/// What all ranks know of each other when lists are made.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Census {
+    pub(super) owned: u64,
+    pub(super) added: u64,
+    pub(super) removed: u64,
+    pub(super) smallest: f64,
+    pub(super) largest: f64,
+}
+
+/// Every rank's census, by rank. Collective.
+pub(super) fn census<S: Space>(
+    particles: &Particles<S>,
+    ranks: &dyn Ranks,
+) -> Result<Vec<Census>, Error> {
+    let mut mine = Writer::default();
+    mine.integer(particles.owned() as u64);
+    mine.integer(particles.added);
+    mine.integer(particles.removed);
+    let radii = || {
+        particles.body[..particles.owned()]
+            .iter()
+            .map(|body| body.radius)
+    };
+    mine.float(radii().fold(f64::INFINITY, f64::min));
+    mine.float(radii().fold(0.0, f64::max));
+    gather_all(ranks, &mine.0)?
+        .iter()
+        .map(|bytes| {
+            let mut reader = Reader(bytes);
+            Ok(Census {
+                owned: reader.integer()?,
+                added: reader.integer()?,
+                removed: reader.integer()?,
+                smallest: reader.float()?,
+                largest: reader.float()?,
+            })
+        })
+        .collect()
+}
+
+/// Writes owned grains for their new owner.
+pub(super) fn pack_grains<S: Space>(particles: &Particles<S>, leaving: &[usize], to: &mut Writer) {
+    to.integer(leaving.len() as u64);
+    for &k in leaving {
+        particles.pack(k, particles.shift[k], Crosses::Migration, to);
+    }
+}
+
+/// Appends the grains that [`pack_grains`] wrote on another rank; call without ghosts.
+pub(super) fn unpack_grains<S: Space>(
+    particles: &mut Particles<S>,
+    from: &mut Reader<'_>,
+) -> Result<(), Error> {
+    for _ in 0..from.integer()? {
+        particles.unpack(Crosses::Migration, from)?;
+        particles.owned += 1;
+    }
+    Ok(())
+}

@@ -1,0 +1,263 @@
+//! The overlap of two solids: volume, centroid, and the part of each surface inside the other.
+//!
+//! Every face of either block is clipped by the planes of the other. The tetrahedra between the clipped triangles and a
+//! common point add up to the volume; the triangles of the first's surface add up to the vector area.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::super::HalfSpace;
+use super::super::cut::across;
+use super::super::shape::Polyhedron;
+use super::{Geometry, Narrow, Other};
+
+/// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
+/// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
+const GROWN: f64 = 1.0 / 68_719_476_736.0;
+
+/// A vector area smaller than this over the area has no direction to trust.
+const CANCELLED: f64 = 0.05;
+
+/// The overlap of two solids: m³, and relative to the first's centre m; the vector area (m²) of the first's surface in it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Overlap {
+    pub(super) volume: f64,
+    pub(super) centroid: Vector3<f64>,
+    pub(super) area: Vector3<f64>,
+    /// Areas (m²) of the first's surface inside the second, and of the second's inside the first.
+    pub(super) surfaces: [f64; 2],
+}
+
+impl Narrow {
+    /// The overlap of both solids, its volume summed up about `near`.
+    pub(super) fn overlap(
+        &mut self,
+        first: &Polyhedron,
+        other: &Other,
+        near: &Vector3<f64>,
+    ) -> Overlap {
+        self.grown.clear();
+        self.vertices.clear();
+        match other {
+            Other::Block {
+                shape,
+                turn,
+                separation,
+            } => {
+                for plane in shape.half_spaces() {
+                    let normal = turn * plane.normal;
+                    let offset = plane.offset * (1.0 + GROWN) + normal.dot(separation);
+                    self.grown.push(HalfSpace { normal, offset });
+                }
+                for vertex in shape.vertices() {
+                    self.vertices
+                        .push(separation + turn * (vertex * (1.0 + GROWN)));
+                }
+            }
+            Other::Plane(plane) => self.grown.push(*plane),
+        }
+        let mut sum = Overlap::default();
+        self.triangles.clear();
+        // The first's faces inside the second.
+        cutters(&self.grown, first.vertices(), &mut self.cutting);
+        for face in 0..first.half_spaces().len() {
+            self.polygon.clear();
+            let corners = first.face(face).iter();
+            self.polygon
+                .extend(corners.map(|&v| first.vertices()[v as usize]));
+            for k in 0..self.cutting.len() {
+                let plane = self.cutting[k].1;
+                if !self.cut(|narrow| narrow.grown[plane]) {
+                    break;
+                }
+            }
+            for k in 1..self.polygon.len().saturating_sub(1) {
+                let triangle = [0, k, k + 1].map(|k| self.polygon[k] - near);
+                let part = add(&mut sum, &triangle);
+                sum.area += part;
+                sum.surfaces[0] += part.norm();
+                self.triangles.push(triangle.map(|corner| corner + near));
+            }
+        }
+        // The second's faces inside the first.
+        match other {
+            Other::Block { shape, .. } => {
+                cutters(first.half_spaces(), &self.vertices, &mut self.cutting);
+                for face in 0..shape.half_spaces().len() {
+                    self.polygon.clear();
+                    let corners = shape.face(face).iter();
+                    self.polygon
+                        .extend(corners.map(|&v| self.vertices[v as usize]));
+                    self.rest(first, near, &mut sum);
+                }
+            }
+            Other::Plane(plane) => {
+                let middle = plane.normal * plane.offset;
+                square(&mut self.polygon, &middle, &plane.normal, first.radius());
+                self.vertices.extend_from_slice(&self.polygon);
+                cutters(first.half_spaces(), &self.vertices, &mut self.cutting);
+                self.rest(first, near, &mut sum);
+            }
+        }
+        sum.centroid = near + sum.centroid / sum.volume;
+        sum
+    }
+
+    /// Adds what of the polygon is inside the first.
+    pub(super) fn rest(&mut self, first: &Polyhedron, near: &Vector3<f64>, sum: &mut Overlap) {
+        for k in 0..self.cutting.len() {
+            let plane = self.cutting[k].1;
+            if !self.cut(|_| first.half_spaces()[plane]) {
+                break;
+            }
+        }
+        for k in 1..self.polygon.len().saturating_sub(1) {
+            let triangle = [0, k, k + 1].map(|k| self.polygon[k] - near);
+            sum.surfaces[1] += add(sum, &triangle).norm();
+        }
+    }
+
+    /// Cuts the polygon down to what is inside a half-space; false where nothing is left.
+    #[inline]
+    pub(super) fn cut(&mut self, plane: impl Fn(&Self) -> HalfSpace) -> bool {
+        let plane = plane(self);
+        self.heights.clear();
+        let heights = self.polygon.iter().map(|corner| plane.height(corner));
+        self.heights.extend(heights);
+        if self.heights.iter().all(|&height| height <= 0.0) {
+            return !self.polygon.is_empty();
+        }
+        self.spare.clear();
+        let count = self.polygon.len();
+        for k in 0..count {
+            let next = if k + 1 == count { 0 } else { k + 1 };
+            let (a, b) = (self.heights[k], self.heights[next]);
+            if a <= 0.0 {
+                self.spare.push(self.polygon[k]);
+            }
+            if (a > 0.0) != (b > 0.0) {
+                // The same bits whichever way the edge runs.
+                let (from, to, low, high) = if a > 0.0 {
+                    (self.polygon[next], self.polygon[k], b, a)
+                } else {
+                    (self.polygon[k], self.polygon[next], a, b)
+                };
+                self.spare.push(from + (to - from) * (low / (low - high)));
+            }
+        }
+        std::mem::swap(&mut self.polygon, &mut self.spare);
+        !self.polygon.is_empty()
+    }
+
+    /// The contact of an overlap; none where its surface has no direction.
+    pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
+        let area = overlap.area.norm();
+        let normal = match other {
+            // The plane's own normal: no rounding.
+            Other::Plane(plane) => -plane.normal,
+            Other::Block { .. } => overlap.area / area,
+        };
+        // Where both surfaces nearly cancel one block goes through the other: the vector says nothing.
+        let [one, two] = overlap.surfaces;
+        let sound = overlap.volume > 0.0
+            && area > CANCELLED * one.min(two)
+            && overlap.centroid.iter().all(|c| c.is_finite());
+        sound.then(|| Geometry {
+            arm: overlap.centroid,
+            normal,
+            depth: overlap.volume / area,
+            area,
+            second: self.second_moments(&overlap.centroid, &normal),
+        })
+    }
+
+    /// Second moments (m⁴) about an axis of the first's surface inside the second, seen along the axis.
+    pub(super) fn second_moments(
+        &self,
+        point: &Vector3<f64>,
+        normal: &Vector3<f64>,
+    ) -> Matrix3<f64> {
+        let mut sum = Matrix3::zeros();
+        for triangle in &self.triangles {
+            let flat = triangle.map(|corner| {
+                let arm = corner - point;
+                arm - normal * normal.dot(&arm)
+            });
+            let twice = (flat[1] - flat[0]).cross(&(flat[2] - flat[0])).dot(normal);
+            sum += spread(&flat) * (twice / 24.0);
+        }
+        sum
+    }
+
+    /// Area and second moments of the section of all half-spaces across `normal` at `point`.
+    pub(super) fn section(
+        &mut self,
+        point: &Vector3<f64>,
+        normal: &Vector3<f64>,
+        radius: f64,
+    ) -> (f64, Matrix3<f64>) {
+        square(&mut self.polygon, point, normal, 2.0 * radius);
+        for k in 0..self.planes.len() {
+            if !self.cut(|narrow| narrow.planes[k]) {
+                return (0.0, Matrix3::zeros());
+            }
+        }
+        let (mut area, mut second) = (0.0, Matrix3::zeros());
+        for k in 1..self.polygon.len().saturating_sub(1) {
+            let triangle = [0, k, k + 1].map(|k| self.polygon[k] - point);
+            let twice = (triangle[1] - triangle[0])
+                .cross(&(triangle[2] - triangle[0]))
+                .dot(normal);
+            area += 0.5 * twice;
+            second += spread(&triangle) * (twice / 24.0);
+        }
+        (area, second)
+    }
+}
+
+/// The planes that cut a set of vertices, those with most outside first, and how many they have outside.
+pub(super) fn cutters(
+    planes: &[HalfSpace],
+    vertices: &[Vector3<f64>],
+    found: &mut Vec<(usize, usize)>,
+) {
+    found.clear();
+    for (k, plane) in planes.iter().enumerate() {
+        let outside = vertices.iter().filter(|v| plane.height(v) > 0.0).count();
+        if outside > 0 {
+            found.push((outside, k));
+        }
+    }
+    found.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+}
+
+/// Adds the tetrahedron between a triangle and the origin; returns the triangle's vector area.
+#[inline]
+pub(super) fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f64> {
+    let [a, b, c] = triangle;
+    let volume = a.dot(&b.cross(c)) / 6.0;
+    sum.volume += volume;
+    sum.centroid += (a + b + c) * (0.25 * volume);
+    (b - a).cross(&(c - a)) * 0.5
+}
+
+/// Twelve times the mean of `r r^T` over a triangle of corners r.
+#[inline]
+pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
+    let [a, b, c] = triangle;
+    let sum = a + b + c;
+    a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()
+}
+
+/// A square across `normal`, counter-clockwise about it.
+pub(super) fn square(
+    polygon: &mut Vec<Vector3<f64>>,
+    middle: &Vector3<f64>,
+    normal: &Vector3<f64>,
+    half: f64,
+) {
+    let (s, t) = across(normal);
+    polygon.clear();
+    for (p, q) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+        polygon.push(middle + s * (p * half) + t * (q * half));
+    }
+}

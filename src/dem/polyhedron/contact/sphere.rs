@@ -1,0 +1,92 @@
+//! Contacts of a block with a sphere: the point of the block closest to the centre of the sphere.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::super::shape::Polyhedron;
+use super::{Geometry, Narrow, Placed};
+
+impl Narrow {
+    /// A block (the first) and a sphere (the second) of `radius` (m) whose centre is at `separation` (m) from the block's: the
+    /// block's point closest to the centre.
+    #[must_use]
+    pub fn sphere(
+        &self,
+        block: &Placed,
+        separation: &Vector3<f64>,
+        radius: f64,
+    ) -> Option<Geometry> {
+        let reach = block.shape.radius() + radius;
+        if separation.norm_squared() >= reach * reach {
+            return None;
+        }
+        let centre = block.rotation.tr_mul(separation);
+        let (foot, normal, distance) = closest(block.shape, &centre);
+        let depth = radius - distance;
+        if depth <= 0.0 {
+            return None;
+        }
+        // The sphere's section in the middle of the overlap.
+        let half = (distance + 0.5 * depth).abs().min(radius);
+        let area = std::f64::consts::PI * (radius * radius - half * half);
+        let normal = block.rotation * normal;
+        // Of a disc: the same about all axes across the normal.
+        let moment = area * area / (4.0 * std::f64::consts::PI);
+        Some(Geometry {
+            arm: block.rotation * foot - normal * (0.5 * depth),
+            normal,
+            depth,
+            area,
+            second: (Matrix3::identity() - normal * normal.transpose()) * moment,
+        })
+    }
+}
+
+/// The point of a block's surface closest to a point of its frame, the unit normal from there, and the signed distance (m).
+fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>, f64) {
+    let mut highest = (f64::NEG_INFINITY, Vector3::z());
+    for plane in shape.half_spaces() {
+        let height = plane.height(point);
+        if height > highest.0 {
+            highest = (height, plane.normal);
+        }
+    }
+    if highest.0 <= 0.0 {
+        return (point - highest.1 * highest.0, highest.1, highest.0);
+    }
+    let mut best = (f64::INFINITY, *point);
+    for (face, plane) in shape.half_spaces().iter().enumerate() {
+        let height = plane.height(point);
+        if height <= 0.0 || height * height >= best.0 {
+            continue;
+        }
+        let corners = shape.face(face);
+        let mut inside = true;
+        for (k, &corner) in corners.iter().enumerate() {
+            let (a, b) = (corner, corners[(k + 1) % corners.len()]);
+            // The same bits from both faces of the edge.
+            let [from, to] = [a.min(b), a.max(b)].map(|v| shape.vertices()[v as usize]);
+            let edge = to - from;
+            let out = edge.cross(&plane.normal) * if a < b { 1.0 } else { -1.0 };
+            if out.dot(&(point - from)) > 0.0 {
+                inside = false;
+                let along = (edge.dot(&(point - from)) / edge.norm_squared()).clamp(0.0, 1.0);
+                let foot = from + edge * along;
+                let squared = (point - foot).norm_squared();
+                if squared < best.0 {
+                    best = (squared, foot);
+                }
+            }
+        }
+        if inside {
+            best = (height * height, point - plane.normal * height);
+        }
+    }
+    let away = point - best.1;
+    let distance = away.norm();
+    let normal = if distance > 0.0 {
+        away / distance
+    } else {
+        highest.1
+    };
+    (best.1, normal, distance)
+}
