@@ -1,4 +1,4 @@
-//! Solid fractions of cells at a surface: what each method costs and how far it is from the truth (B-25).
+//! Solid fractions of cells at a surface: what each method costs and how far it is from the truth.
 //!
 //! Bodies at places that no cell favours: error of ε as root mean square over the cells at the surface, error of the volume, time of a cell.
 //! `cargo bench --bench solid_fraction`, on an idle core.

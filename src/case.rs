@@ -1,7 +1,7 @@
 //! case.json as written: SI, nothing derived, unknown fields refused.
 //!
-//! Every field is documented with its unit; the JSON schema (`solver schema`) and the reference are made from these
-//! very comments. A case is read in four steps, and each reports everything it finds rather than the first thing:
+//! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are generated from
+//! these comments. A case is read in four steps, and each reports everything it finds rather than the first thing:
 //!
 //! 1. [`text`]: JSON text to a tree; a key written twice is refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
@@ -26,6 +26,7 @@ pub mod fluid;
 pub mod geometry;
 pub mod grains;
 pub mod observe;
+pub mod reference;
 pub mod restart;
 pub mod set;
 pub mod solids;
@@ -51,19 +52,20 @@ pub struct Case {
     /// What the run is for.
     #[serde(default)]
     pub description: String,
-    /// How exact the forces of the water shall be. What the case leaves out, of spacing, time step, operator, eddy viscosity and number
-    /// type, is then chosen for it; so it is where spacing or time step are left out, for `normal`.
+    /// Target accuracy of the fluid forces. The program chooses whatever the case leaves out of cell size, time step, collision operator,
+    /// eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step and names no accuracy gets
+    /// `normal`.
     #[serde(default)]
     pub accuracy: Option<accuracy::Accuracy>,
     /// The box and its cells.
     pub domain: domain::Domain,
-    /// Acceleration of gravity [m/s2]; none without it.
+    /// Acceleration of gravity [m/s2]. Default: none.
     #[serde(default)]
     pub gravity: Option<Vector>,
     /// Materials by name.
     #[serde(default)]
     pub materials: BTreeMap<String, domain::Material>,
-    /// The fluid; without it grains are dry.
+    /// The fluid. Without it the grains are dry.
     #[serde(default)]
     pub fluid: Option<fluid::Fluid>,
     /// The grains.
@@ -72,44 +74,44 @@ pub struct Case {
     /// Convex polyhedral blocks (3-D).
     #[serde(default)]
     pub blocks: Option<blocks::Blocks>,
-    /// Law of the contacts of what moves. Without it, for discs and spheres: Hertz-Mindlin where all materials have their moduli, in
-    /// 3-D, else linear, stiff enough for overlaps of a hundredth of a diameter.
+    /// Contact law of everything that moves. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
+    /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
-    /// Plane walls for grains, anywhere.
+    /// Walls that grains and blocks touch, anywhere in the domain.
     #[serde(default)]
     pub walls: Vec<solids::Wall>,
-    /// Faces of the domain that are walls for grains.
+    /// Faces of the domain that act as walls for grains and blocks.
     #[serde(default)]
     pub box_walls: Vec<Face>,
-    /// Material of the `box_walls`; without it that of the grains, or of the blocks.
+    /// Material of the `box_walls`. Default: the material of the grains, or of the blocks.
     #[serde(default)]
     pub box_wall_material: Option<String>,
     /// Named solids in the fluid.
     #[serde(default)]
     pub bodies: Vec<solids::Body>,
-    /// Action of fluid and solids on each other. Without it: interpolated links at discs and spheres, partially saturated cells at
+    /// Method that couples fluid and solids. Default: interpolated bounce-back at discs and spheres, partially saturated cells at
     /// polyhedra.
     #[serde(default)]
     pub coupling: Option<coupling::Coupling>,
-    /// Duration and steps.
+    /// Duration and time steps.
     pub time: time::Time,
-    /// Boxes that remove, generate or record grains.
+    /// Boxes in which grains are removed, generated or recorded.
     #[serde(default)]
     pub regions: Vec<observe::Region>,
-    /// Quantities sampled in time.
+    /// Quantities sampled over time and written as CSV.
     #[serde(default)]
     pub probes: Vec<observe::Probe>,
-    /// Files for ParaView.
+    /// Fields written for ParaView.
     #[serde(default)]
     pub output: observe::Output,
-    /// Places to restart from.
+    /// Checkpoints to restart from.
     #[serde(default)]
     pub checkpoint: time::Checkpoint,
-    /// Limits whose crossing ends the run.
+    /// Limits that end the run when they are exceeded.
     #[serde(default)]
     pub guards: time::Guards,
-    /// Numbers computed during the run.
+    /// Analyses computed during the run.
     #[serde(default)]
     pub analysis: observe::Analysis,
     /// Folder to which paths in the case are relative.

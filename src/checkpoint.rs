@@ -24,7 +24,7 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Calls `each` with the incoming populations of a slab in the order [z][y][x][i]: the local cell, i, the number.
+/// Calls `each` with the incoming populations of a slab in the order `[z][y][x][i]`: the local cell, i, the number.
 fn for_each_incoming<S: Stored>(fluid: &Fluid<S>, mut each: impl FnMut([usize; 3], usize, S)) {
     let populations = fluid.populations();
     let cells = populations.cells();
@@ -42,7 +42,7 @@ fn for_each_incoming<S: Stored>(fluid: &Fluid<S>, mut each: impl FnMut([usize; 3
     }
 }
 
-/// Incoming populations of a slab in the order [z][y][x][i].
+/// Incoming populations of a slab in the order `[z][y][x][i]`.
 fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
     let populations = fluid.populations();
     let count = populations.cells().iter().product::<usize>() * populations.velocities().q();
@@ -72,7 +72,7 @@ fn scatter<S: Stored>(fluid: &mut Fluid<S>, all: &[S], step: u64) {
     }
 }
 
-/// Local cells of a slab in the order [z][y][x] with their positions.
+/// Local cells of a slab in the order `[z][y][x]` with their positions.
 fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
     let populations = fluid.populations();
     let [nx, ny, nz] = populations.cells();
@@ -81,7 +81,7 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
         .map(|at| (at, populations.cell(at.map(usize::cast_signed))))
 }
 
-/// Velocities of a slab from which the next eddy viscosity comes, in the order [z][y][x][component]; none without turbulence.
+/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without turbulence.
 fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<Vec<f32>> {
     let field = fluid.velocities()?;
     Some(
@@ -122,7 +122,7 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub particles: &'a Particles<Sp>,
     /// Contacts, if any.
     pub dem: Option<&'a Dem<Sp>>,
-    /// Velocities of the fluid at an earlier step, three numbers a cell in the order [z][y][x], where a preparation compares with
+    /// Velocities of the fluid at an earlier step, three numbers a cell in the order `[z][y][x]`, where a preparation compares with
     /// them; no part of the hash.
     pub earlier: Option<&'a [f64]>,
 }
@@ -452,7 +452,7 @@ pub struct Expected {
     pub steps: u64,
     /// Steps of the fluid before the first, at most.
     pub warm_up: u64,
-    /// Longest edge of the domain [m].
+    /// Longest edge of the domain \[m\].
     pub length: f64,
 }
 
@@ -595,7 +595,7 @@ impl Expected {
 /// What grains and contacts of a case can be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bounds {
-    /// Edges of the domain [m].
+    /// Edges of the domain \[m\].
     pub size: [f64; 3],
     /// How many materials there are.
     pub materials: u64,

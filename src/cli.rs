@@ -1,9 +1,9 @@
-//! The commands. This is the only module that prints to the terminal.
+//! The commands. This is the only room that prints to the terminal.
 //!
-//! Everything that can be wrong with a case is found before MPI starts, by every rank for itself and with the same
-//! result; only the first rank reports it.
+//! All errors of a case are found before MPI starts, by every rank and with the same result; only the first rank reports them.
 
 mod manual;
+mod reference;
 mod usage;
 
 use crate::case::{Document, examples, schema};
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
-/// Water eroding grains and rock.
+/// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
 #[derive(Debug, Parser)]
 #[command(name = "solver", version = VERSION.as_str(), about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
@@ -39,7 +39,7 @@ static VERSION: LazyLock<String> =
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
 
 Exit codes: 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
-75 stopped early with a checkpoint, 101 panic.";
+75 stopped early with a checkpoint, 101 panic, 128 + n ended by signal n.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -47,23 +47,23 @@ enum Command {
     Run {
         #[command(flatten)]
         case: CaseArgs,
-        /// Folder for everything the run writes [default: results/NAME-OF-THE-CASE].
+        /// Output folder [default: results/NAME-OF-THE-CASE].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
-        /// Replace the run that the folder holds.
+        /// Replace the run in the output folder.
         #[arg(long)]
         overwrite: bool,
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Check a case and say everything that is wrong with it.
+    /// Check a case and list everything that is wrong with it.
     Validate {
         #[command(flatten)]
         case: CaseArgs,
         #[command(flatten)]
         stability: Stability,
     },
-    /// Check a case and print models, time steps, limits and costs.
+    /// Check a case and show models, time steps, limits and costs.
     Plan {
         #[command(flatten)]
         case: CaseArgs,
@@ -72,42 +72,51 @@ enum Command {
     },
     /// Print the JSON schema of a case, or of a study.
     Schema {
-        /// Of what.
+        /// Document that the schema describes.
         #[arg(default_value = "case")]
         of: Text,
     },
-    /// List the ready cases, or print one.
+    /// Write the reference of all parameters of a case: one page for each section.
+    Reference {
+        /// Format of the pages.
+        #[arg(long, default_value = "html")]
+        format: reference::Format,
+        /// Folder for the pages; files of the same names are replaced.
+        #[arg(long, value_name = "DIR", default_value = "reference")]
+        output: PathBuf,
+    },
+    /// List the example cases, or print one.
     Example {
-        /// Which one.
+        /// Name of the example.
         name: Option<String>,
-        /// The list as JSON.
+        /// Print the list as JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Say what is in an output or checkpoint.
+    /// Describe an output file, an output folder or a checkpoint.
     Info {
-        /// The file or folder.
+        /// File or folder.
         file: PathBuf,
-        /// As JSON.
+        /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Go on from the newest checkpoint of a run, on any number of ranks; with a later `time.end` a finished run too.
+    /// Continue a run from its newest checkpoint, on any number of ranks. A later `time.end` extends a finished run.
     Restart {
-        /// The output folder of the run.
+        /// Output folder of the run.
         directory: PathBuf,
-        /// Change a field of the case that a restart may change (`solver schema` marks them as x-restart): path=value.
+        /// Change a field that a restart may change (`solver reference` lists them): path=value.
         #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
         set: Vec<String>,
         #[command(flatten)]
         run: RunArgs,
-        /// Tables as JSON.
+        /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Draw the water and the grains of a run at some times, as one SVG file.
+    /// Draw fluid and grains of a run at several times as one SVG file.
     Picture {
-        /// The output folder of the run.
+        /// Output folder of the run.
         run: PathBuf,
         #[command(flatten)]
         options: PictureOptions,
@@ -117,70 +126,70 @@ enum Command {
         /// Output folders of the runs.
         #[arg(required = true)]
         runs: Vec<PathBuf>,
-        /// Folder for the CSV and SVG files.
+        /// Folder for CSV and SVG files.
         #[arg(long, value_name = "DIR", default_value = ".")]
         output: PathBuf,
-        /// A published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
+        /// Published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
         #[arg(long, value_name = "C,TAU,K")]
         published: Option<Published>,
-        /// The fit as JSON.
+        /// Print the fit as JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Run the members of a study and write a table and a picture of error against cost.
+    /// Run the members of a study; write a table and a picture of error against cost.
     Sweep {
-        /// The study file.
+        /// Study file.
         study: PathBuf,
-        /// Folder of members, table and picture [default: beside the study, of its name].
+        /// Output folder [default: beside the study, with its name].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
         #[command(flatten)]
         task: TaskArgs,
-        /// Ask the members to stop before this much wall-clock time is over; the same command goes on.
+        /// Stop before this wall-clock time has passed. The same command continues later.
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
         max_walltime: Option<Duration>,
     },
-    /// Print a script that completes commands and options in a shell.
+    /// Print the completion script of a shell.
     Completions {
-        /// Of which shell.
+        /// Shell.
         shell: clap_complete::Shell,
     },
-    /// Print the manual page of the program and its commands: `solver man | man -l -`.
+    /// Print the manual page: `solver man | man -l -`.
     Man,
-    /// Search the smallest drive of a seepage that erodes, by runs of the case that differ in nothing else.
+    /// Find the smallest seepage drive that erodes, by bisection over runs of one case.
     CriticalGradient {
         #[command(flatten)]
         case: CaseArgs,
         #[command(flatten)]
         stability: Stability,
-        /// The boundary that drives the water [default: the one with the highest head].
+        /// Boundary that drives the water [default: the one with the highest head].
         #[arg(long, value_name = "NAME")]
         boundary: Option<String>,
-        /// A drive that does not erode, in the unit of the boundary's condition.
+        /// Drive that does not erode, in the unit of the boundary condition.
         #[arg(long, allow_hyphen_values = true)]
         from: f64,
-        /// A drive that erodes.
+        /// Drive that erodes.
         #[arg(long, allow_hyphen_values = true)]
         to: f64,
-        /// Width of the answer, over its upper end.
+        /// Width of the final bracket over its upper end [1].
         #[arg(long, default_value_t = 0.05, value_parser = share)]
         tolerance: f64,
-        /// So many grains that leave in the second half of a run are erosion.
+        /// Minimum outflow counted as erosion: number of grains that leave in the second half of a run.
         #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
         grains: u64,
         /// Folder of the runs [default: results/NAME-OF-THE-CASE].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
-        /// Threads of each rank, at most 1024 [default: the cores of the machine over the ranks on it].
+        /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
         #[arg(long, value_parser = usage::threads)]
         threads: Option<u16>,
-        /// Stop before this much wall-clock time is over; the same command goes on.
+        /// Stop before this wall-clock time has passed. The same command continues later.
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
         max_walltime: Option<Duration>,
     },
 }
 
-/// The texts that have a schema.
+/// Documents with a schema.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Text {
     Case,
@@ -190,16 +199,16 @@ enum Text {
 #[derive(Debug, Args)]
 #[group(multiple = false)]
 struct TaskArgs {
-    /// Only say which members there are, what they will cost, and which are done.
+    /// Only list the members, their costs and their states.
     #[arg(long)]
     list: bool,
-    /// Only run the member of this number in the list, for a job array.
+    /// Only run the member with this number in the list, for a job array.
     #[arg(long, value_name = "K")]
     member: Option<usize>,
-    /// Only write the table and the picture, from what is there.
+    /// Only write table and picture from the members that are done.
     #[arg(long)]
     collect: bool,
-    /// Only print a script for a job array of Slurm.
+    /// Only print a Slurm job array script.
     #[arg(long)]
     slurm: bool,
 }
@@ -218,25 +227,25 @@ impl TaskArgs {
 
 #[derive(Debug, Args)]
 struct CaseArgs {
-    /// The case file.
+    /// Case file.
     case: PathBuf,
-    /// Change a field of the case: path=value, for example time.end=2 or probes[0].every=0.1.
+    /// Set a field of the case: path=value, for example time.end=2 or probes[0].every=0.1.
     #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
     set: Vec<String>,
-    /// Tables as JSON.
+    /// Print JSON.
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Debug, Args)]
 struct RunArgs {
-    /// Threads of each rank, at most 1024 [default: the cores of the machine over the ranks on it].
+    /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
     #[arg(long, value_parser = usage::threads)]
     threads: Option<u16>,
-    /// Stop with a checkpoint before this much wall-clock time is over.
+    /// Stop with a checkpoint before this wall-clock time has passed.
     #[arg(long, value_name = "H:M:S", value_parser = walltime)]
     max_walltime: Option<Duration>,
-    /// Do not keep the end of the run as a checkpoint: it cannot be extended then.
+    /// Write no checkpoint at the end of the run. The run cannot be extended then.
     #[arg(long)]
     no_final_checkpoint: bool,
     #[command(flatten)]
@@ -245,7 +254,7 @@ struct RunArgs {
 
 #[derive(Clone, Copy, Debug, Args)]
 struct Stability {
-    /// Accept a case although runs like it were seen to fail.
+    /// Run a case although similar runs failed.
     #[arg(long)]
     allow_unstable: bool,
 }
@@ -302,6 +311,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Plan { case, stability } => plan(&case, stability),
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
+        Command::Reference { format, output } => {
+            reference::write(format, &output).and_then(|text| print(&text))
+        }
         Command::Example { name, json } => example(name.as_deref(), json),
         Command::Info { file, json } => {
             output::info::info(&file, json).and_then(|text| print(&text))
@@ -378,7 +390,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     ended(result)
 }
 
-/// Tells an error and returns the exit code.
+/// Reports an error and returns the exit code.
 fn ended(result: Result<(), Error>) -> i32 {
     match result {
         Ok(()) => 0,
@@ -388,7 +400,7 @@ fn ended(result: Result<(), Error>) -> i32 {
                 report_error(&format!("solver: {error}"));
             }
             if !first_rank() {
-                // mpirun ends all ranks as soon as one has ended with an error: let the first have its say before.
+                // mpirun ends all ranks as soon as one ends with an error: the first one reports before that.
                 std::thread::sleep(SILENT_RANKS_WAIT);
             }
             error.exit_code()
@@ -396,7 +408,7 @@ fn ended(result: Result<(), Error>) -> i32 {
     }
 }
 
-/// How much later than the first rank, which tells the error, the others end.
+/// Delay of the other ranks behind the first one, which reports the error.
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// `solver case.json` is `solver run case.json`.
@@ -451,7 +463,7 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Lists what only the run itself could find wrong with the case, such as slabs for another number of ranks.
+/// Lists problems that only the run itself can find, such as slabs for another number of ranks.
 fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     if let Err(Error::Case(problems)) = &outcome {
         list(problems);
@@ -471,7 +483,7 @@ fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
 /// The verdict on a case that is not run.
 fn refusal(findings: &[Problem], name: &Path) -> String {
     let sentence = match Verdict::of(findings) {
-        // Where no finding could be made, as of a file that is no text.
+        // Files that are not text have no findings.
         Verdict::Valid => Verdict::Refused.name().to_owned(),
         _ => Verdict::sentence(findings),
     };
@@ -539,7 +551,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
     })
 }
 
-/// Says the verdict, once, unless it stands in the JSON already.
+/// Prints the verdict unless the JSON contains it.
 ///
 /// # Errors
 /// [`Error::Case`] where the case is not run.
@@ -558,7 +570,7 @@ fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<
     print(&format!("{}: {sentence}", case.case.display()))
 }
 
-/// Reads, checks and plans the case; lists everything that is wrong with it.
+/// Reads, checks and plans the case; lists all problems.
 fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let path = &case.case;
     let text = io::plain::text(path, io::plain::LONGEST_CASE);
@@ -638,7 +650,7 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// Whether this process speaks for all: launchers tell the rank before MPI starts.
+/// Whether this process is the first rank: launchers set the rank before MPI starts.
 fn first_rank() -> bool {
     [
         "OMPI_COMM_WORLD_RANK",

@@ -7,19 +7,19 @@
 use std::borrow::Cow;
 use std::fmt;
 
-/// How much a [`Problem`] weighs.
+/// Severity of a [`Problem`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// The case is refused.
     Error,
-    /// The case runs, but runs like it were seen to fail.
+    /// The case can run, but similar runs failed.
     Unstable,
-    /// The case runs, and the user should know.
+    /// The case runs, possibly at a loss of accuracy.
     Warning,
 }
 
-/// One thing that is wrong with a case: where, what, what is allowed and what to do.
+/// A finding about a case: path, value, what is wrong, what is allowed and what to do.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
     /// JSON path of the value, such as `fluid.lattice_boltzmann.relaxation_time`.
@@ -31,7 +31,7 @@ pub struct Problem {
     /// The smallest change that would pass.
     #[serde(flatten)]
     pub remedy: Remedy,
-    /// Refused or only worth knowing.
+    /// Severity.
     pub severity: Severity,
 }
 
@@ -48,7 +48,7 @@ pub struct Finding {
     pub severity: Severity,
 }
 
-/// What to do about a [`Problem`]: a sentence, and the same as values to set where it names any.
+/// Remedy of a [`Problem`]: a sentence, and values to set where it names any.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Remedy {
     #[serde(rename = "remedy")]
@@ -150,14 +150,13 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Whether a character controls a terminal instead of standing for something: C0, DEL and C1, line breaks and tabs among them.
+/// Whether a character controls a terminal: C0, DEL and C1, including line breaks and tabs.
 #[must_use]
 pub fn controls(c: char) -> bool {
     c.is_control()
 }
 
-/// A text of unknown origin as one line that a terminal shows and does not obey: control characters as `\u001b`, which
-/// in the text of JSON means the same character.
+/// A text of unknown origin as one line without control characters, which are written as JSON does: `\u001b`.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
@@ -184,14 +183,14 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// What all findings about a case come to. Every command that reads a case gives exactly one.
+/// Verdict on a case from all findings. Every command that reads a case states exactly one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// Nothing was found.
+    /// There are no findings.
     Valid,
-    /// The case runs, and there are warnings.
+    /// The case runs, with warnings.
     ValidWithWarnings,
-    /// Runs like it were seen to fail: it runs only where this is allowed.
+    /// Similar runs failed: the case runs only with `--allow-unstable`.
     Unstable,
     /// The case does not run.
     Refused,
@@ -224,7 +223,7 @@ impl Verdict {
         }
     }
 
-    /// Whether a case with this verdict is run; `allow_unstable` is the answer where runs like it were seen to fail.
+    /// Whether a case with this verdict is run; `allow_unstable` decides about unstable cases.
     #[must_use]
     pub fn runs(self, allow_unstable: bool) -> bool {
         match self {
@@ -234,7 +233,7 @@ impl Verdict {
         }
     }
 
-    /// The exit code of a command that goes no further than the verdict.
+    /// The exit code of a command that ends with the verdict.
     #[must_use]
     pub fn exit_code(self, allow_unstable: bool) -> i32 {
         if self.runs(allow_unstable) {
@@ -244,7 +243,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict with the number of findings of each weight, such as `unstable, 1 finding, 2 warnings`.
+    /// The verdict with the number of findings of each severity, such as `unstable, 1 finding, 2 warnings`.
     #[must_use]
     pub fn sentence(findings: &[Problem]) -> String {
         let count = |severity| findings.iter().filter(|p| p.severity == severity).count();
@@ -268,7 +267,7 @@ impl Verdict {
     }
 }
 
-/// What lets an unstable case run.
+/// Option that lets an unstable case run.
 pub const ALLOW_UNSTABLE: &str = "--allow-unstable";
 
 /// Why a run ended before its end.
@@ -280,13 +279,13 @@ pub enum Error {
     /// The numbers failed: not finite, out of the envelope, a particle lost.
     #[error("numerical failure: {0}")]
     Numerical(String),
-    /// The command does not fit what is there: a folder in use, a run that is already finished.
+    /// Wrong usage: a folder in use, a run that is already finished.
     #[error("{0}")]
     Usage(String),
     /// A file could not be read or written.
     #[error("input/output: {0}")]
     Io(String),
-    /// A broken promise inside the program, or of MPI.
+    /// An error inside the program, or of MPI.
     #[error("internal error: {0}")]
     Internal(String),
     /// Stopped on request with a checkpoint written.

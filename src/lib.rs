@@ -4,26 +4,46 @@
     allow(clippy::float_cmp, reason = "tests compare bits on purpose")
 )]
 #![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets, in the schema too"
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
 )]
 
 pub mod analysis;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
 pub mod case;
 pub mod checkpoint;
 pub mod cli;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod coupling;
 pub mod darcy;
 pub mod dem;
 pub mod error;
 pub mod figures;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod lbm;
 pub mod output;
 pub mod plan;
 pub mod preparation;
 pub mod provenance;
 pub mod random;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod scene;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod simulation;
 pub mod sweep;
 pub mod thread_pool;

@@ -60,15 +60,15 @@ pub struct Plan {
 /// Time steps of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Clock {
-    /// The time step of the program [s]: that of the fluid, or of the grains where there is no fluid.
+    /// The time step of the program \[s\]: that of the fluid, or of the grains where there is no fluid.
     pub time_step: f64,
     /// Steps until the end, after the warm-up.
     pub steps: u64,
     /// Steps of the grains in one step.
     pub solid_steps_per_step: u32,
-    /// Time step of the grains [s].
+    /// Time step of the grains \[s\].
     pub solid_time_step: f64,
-    /// Critical time step of the grains 2 sqrt(m/k) [s]; none where nothing moves on springs.
+    /// Critical time step of the grains 2 sqrt(m/k) \[s\]; none where nothing moves on springs.
     pub critical_solid_time_step: Option<f64>,
     /// Steps of the warm-up at most.
     pub warm_up_steps: u64,

@@ -220,7 +220,7 @@ fn deposition_of<S: Space>(
     engine: &Engine<'_, S>,
     block: &Block,
     grading: &Grading,
-    written: &case::Rain,
+    written: &case::Deposition,
 ) -> Deposition<S> {
     let scene = &plan.scene;
     let material = scene.grains.as_ref().map_or(0, |g| g.material);

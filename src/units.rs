@@ -3,16 +3,16 @@
 //! On the lattice the spacing h, the time step dt and the density at rest rho_0 are 1. Every other scale follows:
 //! velocity C = h/dt, pressure rho_0 C², kinematic viscosity h C. In 2-D forces are per metre of depth, so that the
 //! unit of force is rho_0 h³/dt² (N/m), against rho_0 h⁴/dt² (N) in 3-D; the same holds for torque, one power of h
-//! higher. Source.
+//! higher.
 
 use serde::Serialize;
 
 /// The scales of a lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LatticeUnits {
-    /// Edge of a cell h [m].
+    /// Edge of a cell h \[m\].
     pub spacing: f64,
-    /// Time step dt [s].
+    /// Time step dt \[s\].
     pub time_step: f64,
     /// Density at rest rho_0 [kg/m3].
     pub density: f64,
@@ -48,13 +48,13 @@ impl LatticeUnits {
         velocity * self.velocity_scale()
     }
 
-    /// Length [m] to cells.
+    /// Length \[m\] to cells.
     #[must_use]
     pub fn length_to_lattice(&self, length: f64) -> f64 {
         length / self.spacing
     }
 
-    /// Time [s] to fluid steps (not rounded).
+    /// Time \[s\] to fluid steps (not rounded).
     #[must_use]
     pub fn time_to_lattice(&self, time: f64) -> f64 {
         time / self.time_step
@@ -84,31 +84,31 @@ impl LatticeUnits {
         viscosity * (self.spacing * self.velocity_scale())
     }
 
-    /// Relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
+    /// Relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
     #[must_use]
     pub fn relaxation_time(&self, viscosity: f64) -> f64 {
         self.viscosity_to_lattice(viscosity) / Self::SOUND_SPEED_SQUARED + 0.5
     }
 
-    /// Time step [s] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing [m].
+    /// Time step \[s\] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing \[m\].
     #[must_use]
     pub fn time_step_for(tau: f64, spacing: f64, viscosity: f64) -> f64 {
         (tau - 0.5) * Self::SOUND_SPEED_SQUARED * spacing * spacing / viscosity
     }
 
-    /// rho_0 C² [Pa]: the scale of pressure and stress.
+    /// rho_0 C² \[Pa\]: the scale of pressure and stress.
     #[must_use]
     pub fn pressure_scale(&self) -> f64 {
         self.density * self.velocity_scale().powi(2)
     }
 
-    /// Pressure above the reference [Pa] to the density deviation rho/rho_0 - 1 on the lattice: p = c_s² rho.
+    /// Pressure above the reference \[Pa\] to the density deviation rho/rho_0 - 1 on the lattice: p = c_s² rho.
     #[must_use]
     pub fn pressure_to_density_deviation(&self, pressure: f64) -> f64 {
         pressure / (self.pressure_scale() * Self::SOUND_SPEED_SQUARED)
     }
 
-    /// Density deviation on the lattice to the pressure above the reference [Pa].
+    /// Density deviation on the lattice to the pressure above the reference \[Pa\].
     #[must_use]
     pub fn density_deviation_to_pressure(&self, deviation: f64) -> f64 {
         deviation * self.pressure_scale() * Self::SOUND_SPEED_SQUARED
@@ -144,7 +144,7 @@ impl LatticeUnits {
         self.acceleration_to_lattice(force / self.density)
     }
 
-    /// Unit of force: N in 3-D, N/m in 2-D (A-12: h²/dt times a momentum density).
+    /// Unit of force: N in 3-D, N/m in 2-D (h²/dt times a momentum density).
     #[must_use]
     pub fn force_scale(&self) -> f64 {
         self.pressure_scale() * self.area_scale()
@@ -156,7 +156,7 @@ impl LatticeUnits {
         force * self.force_scale()
     }
 
-    /// Force [N] (2-D: per metre of depth) to the lattice.
+    /// Force \[N\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn force_to_lattice(&self, force: f64) -> f64 {
         force / self.force_scale()
@@ -168,13 +168,13 @@ impl LatticeUnits {
         torque * self.force_scale() * self.spacing
     }
 
-    /// Torque [N m] (2-D: per metre of depth) to the lattice.
+    /// Torque \[N m\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn torque_to_lattice(&self, torque: f64) -> f64 {
         torque / (self.force_scale() * self.spacing)
     }
 
-    /// Mass of a cell of fluid at rest [kg] (2-D: per metre of depth).
+    /// Mass of a cell of fluid at rest \[kg\] (2-D: per metre of depth).
     #[must_use]
     pub fn mass_scale(&self) -> f64 {
         self.density * self.area_scale() * self.spacing

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every test: installs what the tests need, then runs formatting, lints, the Rust tests of all packages (real mpirun among
+# Every test: installs what the tests need, then runs formatting, lints, documentation, the Rust tests of all packages (real mpirun among
 # them), and VTK's readers on the files of a real run. Ends with one line `N passed, N failed` and status 1 if any failed.
 #
 #   bash tests/run.sh
@@ -133,6 +133,7 @@ every_source() {
 }
 gate "rustfmt" every_source
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
+gate "cargo doc" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 rust_tests
 gate "python environment" python_environment
 gate "schema accepts the examples" timeout 60 "$target/venv/bin/python" tests/schema.py "$target/debug/solver"

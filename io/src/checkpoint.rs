@@ -94,11 +94,11 @@ struct Signed {
 }
 
 const FORMAT: u32 = 1;
-/// Longest manifest [bytes].
+/// Longest manifest \[bytes\].
 const LONGEST: u64 = 1 << 30;
 /// Axes of an array at most.
 const DIMENSIONS: usize = 8;
-/// Room for what describes the arrays in a file [bytes].
+/// Room for what describes the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
 /// Fewer than this many are never kept: the last may be the damaged one.
 const FEWEST: usize = 2;

@@ -10,11 +10,11 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Longest text of a case or a study [bytes].
+/// Longest text of a case or a study \[bytes\].
 pub const LONGEST_CASE: u64 = 256 << 20;
-/// Longest list that a case names: samples, blocks, meshes, profiles [bytes].
+/// Longest list that a case names: samples, blocks, meshes, profiles \[bytes\].
 pub const LONGEST_INPUT: u64 = 2 << 30;
-/// Longest table or summary that a run wrote and that is read back [bytes].
+/// Longest table or summary that a run wrote and that is read back \[bytes\].
 pub const LONGEST_TABLE: u64 = 8 << 30;
 
 fn refused(path: &Path, reason: &str) -> Error {

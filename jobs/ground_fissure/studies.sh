@@ -69,7 +69,7 @@ packing() {
   rm -rf "$folder"
   mkdir -p "$output/packing"
   call "$folder.log" "$output/sand.json" --output "$folder" --set fluid=null --set time.end=1e-6 --set output='{}' \
-    --set analysis='{}' --set "contact.linear.normal_stiffness.absolute=$2" ${3:+--set "grains.initial.rain.seed=$3"}
+    --set analysis='{}' --set "contact.linear.normal_stiffness.absolute=$2" ${3:+--set "grains.initial.deposition.seed=$3"}
 }
 
 # member STUDY SOIL NAME PACKING SET...: one run of a soil.

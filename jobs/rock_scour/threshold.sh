@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The velocity of the stream at which a block at the edge of a step leaves its place, by bisection, and how it goes: lifted, slid
-# or turned (B-33). A block goes when its centre has moved by 1 mm before the run ends: one that stays gives by some micrometres, one
+# or turned. A block goes when its centre has moved by 1 mm before the run ends: one that stays gives by some micrometres, one
 # that goes may turn slowly, for water has to get under it. Writes threshold.csv in the output folder, one row per run: velocity (m/s),
 # whether it went, when (s), how far up and along (m), how far turned (rad), the mode; then means until it had moved by 0.25 mm, or
 # over the second half of the run where it stayed: drag and uplift beyond buoyancy (N), moment of the water about y (N m), uplift over

@@ -1,14 +1,14 @@
 //! The erosion law of a piping run: eroded mass, hydraulic shear stress, erosion rate and their fit.
 //!
 //! Eroding soil is described by `rate = k_d (tau_h - tau_c)` above a critical shear stress (equation 9 of Sibille,
-//! Lominé and Marot, ICSE-6, 2012; criteria, E-05). The chain from a run to the law is one file each:
+//! Lominé and Marot, ICSE-6, 2012). The chain from a run to the law is one file each:
 //!
-//! | file | question | source |
-//! |---|---|---|
-//! | [`record`] | what does a run write down | A-27, A-28 |
-//! | [`hole`] | where are the faces of the hole and what shear acts on them | A-29, E-05 |
-//! | [`rate`] | how fast do the faces erode, per area, and how well is that known | A-30 |
-//! | [`fit`] | which critical stress and erosion coefficient follow | A-31, A-32 |
+//! | file | question |
+//! |---|---|
+//! | [`record`] | what does a run record |
+//! | [`hole`] | where are the faces of the hole and what shear stress acts on them (equation 10) |
+//! | [`rate`] | how fast do the faces erode, per area, and with which standard error |
+//! | [`fit`] | which critical stress and erosion coefficient follow (equation 9) |
 //!
 //! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The pipe's area is then its two faces, `2 L`.
 

@@ -1,7 +1,7 @@
 //! Ground that collapses over a hidden hole: what is measured, when a stage has begun, in what clusters grains come loose.
 //!
 //! Water drags grains out through seepage points; a hole grows, an arch stands over it for a while, the surface gives way,
-//! and the depression grows along the fissure (criteria C-20 to C-26). Each step from a run to these claims is one file:
+//! and the depression grows along the fissure. Each step from a run to these claims is one file:
 //!
 //! | file | question |
 //! |---|---|
@@ -26,7 +26,7 @@
 //! - **Front.** From the point up, layer by layer over its footprint, the ground moves as long as the mean of its downward
 //!   displacement exceeds a threshold, or the layer is empty; the front is how far up that goes, as part of the cover. Its *shape* is
 //!   the number of moving cells in the upper half below the front over that in the lower half: 1/3 for a triangle with its apex
-//!   up, 1 for a rectangle, so that C-21 is a number.
+//!   up, 1 for a rectangle, which makes the triangular shape of the front measurable.
 //! - **Surface.** The elevation of a column is the top of the highest grain with its centre in it that has two others within half a
 //!   mean diameter: a grain in flight is no ground, soil that falls together is. Where nothing is left it is the lowest
 //!   ground the column had.

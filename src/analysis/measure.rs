@@ -4,6 +4,11 @@
 //! [`Take`] makes a number of them. A profile keeps the values of the last time over a coordinate, and two profiles
 //! are compared by a [`Norm`].
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets"
+)]
+
 use super::expression::evaluate;
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -1,20 +1,20 @@
-//! How exact a run shall be.
+//! Target accuracy of a run.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A level or a target. What it rests on is measured: `solver plan` names the row.
+/// Accuracy level or target error of fluid forces. Each level rests on measured errors; `solver plan` names the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
-    /// Forces to 10 %: for a first look.
+    /// Forces within 10 %: for a first look.
     Draft,
-    /// Forces to 5 %.
+    /// Forces within 5 %.
     #[default]
     Normal,
-    /// Forces to 2 %.
+    /// Forces within 2 %.
     Reference,
-    /// Forces to this part of themselves, without unit.
+    /// Target relative error of forces [1].
     DragError(#[schemars(range(min = 0.002, max = 0.5))] f64),
 }
 

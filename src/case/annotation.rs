@@ -1,4 +1,4 @@
-//! Values that say where they come from.
+//! Values with a note of their source.
 //!
 //! Wherever a value may stand, `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}` may stand too.
 //! `source` is `assumed`, `paper` or any text. [`strip`] leaves the value in place and keeps the rest in a table.

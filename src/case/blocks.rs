@@ -1,4 +1,4 @@
-//! Blocks: a jointed rock mass, a list in a file, or one by one (B-30, B-40). For 3-D.
+//! Blocks: a jointed rock mass, a list in a file, or one by one. 3-D only.
 
 use super::geometry::{Extent, Vector};
 use super::solids::{Mesh, Orientation, Plane, Shape};
@@ -10,15 +10,15 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Blocks {
-    /// Material of the blocks; its density is needed.
+    /// Material of the blocks. It needs a density.
     pub material: String,
     /// Where the blocks come from.
     pub initial: BlockSource,
-    /// Boxes of bed rock [m]: a block never moves if its centroid lies in one.
+    /// Boxes of fixed bedrock [m]: a block whose centroid lies in one of them never moves.
     #[serde(default)]
     pub fixed: Vec<Extent>,
-    /// JSON file to which the blocks are written as they start, in the form that `file` reads, so that every run of a study can
-    /// reuse them: a file name in the output folder, none of those that the run writes itself.
+    /// JSON file to which the initial blocks are written, in the format that `initial.file` reads, so that other runs can reuse them. A
+    /// file name in the output folder, different from the names of the run's own outputs.
     #[serde(default)]
     pub save: Option<PathBuf>,
 }
@@ -29,39 +29,39 @@ pub struct Blocks {
 pub enum BlockSource {
     /// A rock mass cut by sets of joints.
     Joints(Joints),
-    /// A list in a file: what `save` wrote, or the blocks of `SparkRocks`.
+    /// A list in a file: written by `save`, or the blocks of `SparkRocks`.
     File {
-        /// JSON file; relative to the case.
+        /// JSON file, relative to the case.
         path: PathBuf,
     },
     /// One by one.
     List(Vec<Block>),
 }
 
-/// A convex rock mass cut into blocks by sets of joints, one after the other. The same blocks for a seed on any number of ranks.
+/// A convex rock mass that sets of joints cut into blocks, one set after the other. A seed gives the same blocks on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joints {
-    /// The rock before it is cut.
-    pub mass: Mass,
-    /// Faces of slopes and excavations: what is on the side to which the normal points is not there.
+    /// The rock mass before it is cut.
+    pub rock_mass: Mass,
+    /// Planes of slopes and excavations: the rock on the side of the normal is removed.
     #[serde(default)]
     pub excavation: Vec<Plane>,
-    /// The sets of joints, in the order in which they cut.
+    /// Joint sets, in the order in which they cut.
     pub sets: Vec<JointSet>,
     /// Seed of the random numbers.
     #[serde(default)]
     pub seed: u64,
-    /// Distance between the two walls of a joint [m]: 0 leaves blocks in touch, more lets water in.
+    /// Distance between the two walls of a joint [m]. With 0 the blocks touch; an open joint admits water.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub aperture: f64,
-    /// A joint does not cut where a part would be thinner than this [m], measured by the largest sphere in it; without it a twentieth of the
-    /// smallest mean spacing.
+    /// Smallest thickness of a block [m], measured by its inscribed sphere: a joint does not cut off anything thinner. Default: a twentieth
+    /// of the smallest mean spacing.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub smallest_thickness: Option<f64>,
-    /// A joint does not cut where a part would be smaller than this [m3].
+    /// Smallest volume of a block [m3]: a joint does not cut off anything smaller.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub smallest_volume: f64,
@@ -77,22 +77,22 @@ pub enum Mass {
     Mesh(Mesh),
 }
 
-/// Parallel joints. Orientation as geologists measure it, with x to the east, y to the north and z up.
+/// A set of parallel joints. Orientation follows the geological convention, with x to the east, y to the north and z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointSet {
-    /// Angle of the steepest line of a joint below the horizontal [degrees].
+    /// Dip: angle between the line of steepest descent and the horizontal [degrees].
     #[schemars(range(min = 0.0, max = 90.0))]
     pub dip_degrees: f64,
-    /// Bearing of that line, clockwise from north [degrees].
+    /// Dip direction: bearing of the line of steepest descent, clockwise from north [degrees].
     #[schemars(range(min = 0.0, max = 360.0))]
     pub dip_direction_degrees: f64,
-    /// Distance between neighbouring joints, across them.
+    /// Normal distance between neighbouring joints [m].
     pub spacing: Spacing,
-    /// A point of one joint [m]; the centroid of the rock mass without it.
+    /// A point on one of the joints [m]. Default: the centroid of the rock mass.
     #[serde(default)]
     pub origin: Option<Vector>,
-    /// Probability that a joint cuts a block in its way.
+    /// Persistence: probability that a joint cuts a block on its path [1].
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub persistence: f64,
@@ -102,26 +102,26 @@ pub struct JointSet {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Spacing {
-    /// Always the same.
+    /// The same spacing everywhere [m].
     Constant(#[schemars(extend("exclusiveMinimum" = 0))] f64),
-    /// All values between two bounds equally likely.
+    /// Uniform distribution between two bounds.
     Uniform {
-        /// Smallest [m].
+        /// Smallest spacing [m].
         #[schemars(extend("exclusiveMinimum" = 0))]
         min: f64,
-        /// Largest [m].
+        /// Largest spacing [m].
         #[schemars(extend("exclusiveMinimum" = 0))]
         max: f64,
     },
-    /// Negative exponential: joints placed at random.
+    /// Negative exponential distribution: joints placed at random.
     Exponential {
-        /// Mean [m].
+        /// Mean spacing [m].
         #[schemars(extend("exclusiveMinimum" = 0))]
         mean: f64,
     },
-    /// Normal; values not above zero are drawn again.
+    /// Normal distribution. Values that are not positive are drawn again.
     Normal {
-        /// Mean [m].
+        /// Mean spacing [m].
         #[schemars(extend("exclusiveMinimum" = 0))]
         mean: f64,
         /// Standard deviation [m], at most half of the mean.
@@ -134,21 +134,21 @@ pub enum Spacing {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// Its shape: a polyhedron.
+    /// Shape: a convex polyhedron.
     pub shape: Shape,
-    /// Its centroid [m]; without it the shape stands where its own coordinates say.
+    /// Centroid [m]. Default: the position given by the coordinates of the shape.
     #[serde(default)]
     pub position: Option<Vector>,
-    /// How its shape is turned; as it is without it.
+    /// Rotation of the shape. Default: none.
     #[serde(default)]
     pub orientation: Option<Orientation>,
-    /// Velocity [m/s]; at rest without it.
+    /// Initial velocity [m/s]. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
-    /// Rotation rate [rad/s]; none without it.
+    /// Initial angular velocity [rad/s]. Default: zero.
     #[serde(default)]
     pub angular_velocity: Option<[f64; 3]>,
-    /// Material, if it is not that of the other blocks.
+    /// Material. Default: the material of all blocks.
     #[serde(default)]
     pub material: Option<String>,
 }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A condition on a face or on a part of it. Parts outweigh the condition of their whole face.
+/// A condition on a face or on a part of it. A condition on a part takes precedence over the condition of the whole face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Boundary {
@@ -13,11 +13,10 @@ pub struct Boundary {
     pub name: String,
     /// The face.
     pub face: Face,
-    /// The part of the face that lies in this box (its extent normal to the face does not matter) [m]; without it
-    /// the whole face.
+    /// Box that selects a part of the face [m]; its extent normal to the face has no effect. Default: the whole face.
     #[serde(default)]
     pub patch: Option<Extent>,
-    /// What holds there.
+    /// The condition.
     pub condition: Condition,
 }
 
@@ -27,39 +26,39 @@ pub struct Boundary {
 pub enum Condition {
     /// A wall at rest: half-way bounce-back.
     NoSlip {},
-    /// A wall that slides in its own plane.
+    /// A wall that moves in its own plane.
     MovingWall {
         /// Velocity of the wall, tangential to the face [m/s].
         velocity: Vector,
     },
-    /// A plane of symmetry: no flow through it, no friction. A body that it cuts takes partially saturated cells: links along the
-    /// plane do not see the body's mirror image.
+    /// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated cells, because
+    /// bounce-back links along the plane do not see the mirror image of the body.
     FreeSlip {},
-    /// Velocity imposed.
+    /// Imposed velocity.
     Velocity {
         /// The profile over the face or patch.
         profile: VelocityProfile,
-        /// Grows linearly from zero over this time [s]; counted from the first fluid step, warm-up included.
+        /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0))]
         ramp_time: Option<f64>,
-        /// Turbulence that enters with the flow; the profile is then the mean.
+        /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
         #[serde(default)]
         turbulence: Option<Fluctuations>,
     },
-    /// Pressure imposed, tangential velocity zero.
+    /// Imposed pressure, with zero tangential velocity (Zou and He 1997).
     Pressure {
         /// Pressure above the reference [Pa].
         value: f64,
-        /// Changes linearly to `value`; without it the pressure is there at once (the water hammer).
+        /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
         #[serde(default)]
         ramp: Option<Ramp>,
     },
-    /// The flow leaves freely: no gradient along the normal.
+    /// Free outflow: zero gradient along the normal.
     Outflow {},
-    /// What leaves is carried out with the flow: df/dt + U df/dn = 0. Vortices leave with little reflection.
+    /// Convective outflow: df/dt + U df/dn = 0. Vortices leave with little reflection.
     ConvectiveOutflow {
-        /// U [m/s]; without it the velocity of the fluid at the face, cell by cell.
+        /// Convection velocity U [m/s]. Default: the local velocity of the fluid at the face.
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0))]
         velocity: Option<f64>,
@@ -74,13 +73,13 @@ pub enum VelocityProfile {
     Uniform(Vector),
     /// A parabola over the face or patch, along the inward normal; in 3-D the product of two parabolas.
     Parabolic {
-        /// Velocity in the middle [m/s]; positive flows into the domain.
+        /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
     },
     /// From a table.
     File {
-        /// CSV with a header: the tangential coordinate(s) [m], then the velocity components [m/s]; linear between
-        /// rows. Relative to the case.
+        /// CSV file with a header, relative to the case: tangential coordinates [m], then velocity components [m/s]. Values are
+        /// interpolated linearly between rows.
         path: PathBuf,
     },
 }
@@ -89,10 +88,10 @@ pub enum VelocityProfile {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fluctuations {
-    /// Root mean square of each component over the mean speed at the same place, without unit.
+    /// Turbulence intensity: root mean square of each component over the local mean speed [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub intensity: f64,
-    /// Longitudinal integral length: the integral of the correlation exp(-pi r²/(4 L²)) [m].
+    /// Longitudinal integral length scale L [m]; the correlation is exp(-pi r²/(4 L²)).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub length_scale: f64,
     /// Seed of the random numbers.
@@ -104,10 +103,10 @@ pub struct Fluctuations {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ramp {
-    /// Time of the change [s], from the first fluid step, warm-up included.
+    /// Duration of the change [s], counted from the first fluid step, warm-up included.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub duration: f64,
-    /// Pressure at the start [Pa].
+    /// Initial pressure [Pa].
     #[serde(default)]
     pub from: f64,
 }

@@ -1,5 +1,5 @@
-//! The tree against the schema of [`Case`](super::Case): everything that is unknown, missing, of the wrong type or out
-//! of range, in one go. The ranges are those written beside the fields.
+//! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing, mistyped or
+//! out-of-range field. Ranges are stated beside the fields.
 
 mod template;
 
@@ -11,6 +11,15 @@ use serde_json::{Map, Value};
 use std::borrow::Cow;
 use std::sync::OnceLock;
 use template::Template;
+
+/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one is known.
+const RENAMED: [(&str, &str); 5] = [
+    ("mach", "lattice_velocity"),
+    ("max_mach", "max_lattice_velocity"),
+    ("mass", "rock_mass"),
+    ("part", "fraction"),
+    ("rain", "deposition"),
+];
 
 /// No quantity of a case is larger than this, in any unit of the SI.
 const LARGEST: f64 = 1e30;
@@ -239,6 +248,7 @@ impl<'a> Walk<'a> {
             .keys()
             .map(String::as_str)
             .collect();
+        self.rename(map, &known, path);
         let open = (schema.get("additionalProperties"))
             .filter(|s| s.is_object() || s.as_bool() == Some(true));
         let mut unknown = Vec::new();
@@ -275,6 +285,23 @@ impl<'a> Walk<'a> {
                     severity: Severity::Error,
                 });
             }
+        }
+    }
+
+    /// Reports fields and choices under an old name, and goes on as if the new one had been written: one mistake, one problem.
+    fn rename(&mut self, map: &mut Map<String, Value>, known: &[&str], path: &str) {
+        for (old, new) in RENAMED {
+            if known.contains(&old) || !known.contains(&new) {
+                continue;
+            }
+            let Some(value) = map.remove(old) else {
+                continue;
+            };
+            let (from, to) = (join(path, old), join(path, new));
+            let remedy = Remedy::take_out(format!("write `{new}`"), &from).set(to, value.clone());
+            let reason = format!("`{old}` is now named `{new}`");
+            self.report(&from, &value, reason, remedy);
+            map.entry(new).or_insert(value);
         }
     }
 
@@ -384,6 +411,7 @@ impl<'a> Walk<'a> {
                 self.report(path, value, "there is no such choice here".into(), remedy);
             }
             Value::Object(map) if map.len() == 1 && !names.is_empty() => {
+                self.rename(map, &all, path);
                 let Some((tag, child)) = map.iter_mut().next() else {
                     return;
                 };
@@ -520,8 +548,12 @@ fn about(schema: &Value) -> String {
     let text = schema
         .get("description")
         .and_then(Value::as_str)
-        .unwrap_or_default();
-    let first = text.split(['.', ';', '\n']).next().unwrap_or_default();
+        .unwrap_or_default()
+        .replace('\n', " ");
+    // A full stop within a number or a formula ends no sentence.
+    let first = text.split(". ").next().unwrap_or_default();
+    let first = first.split(';').next().unwrap_or_default();
+    let first = first.trim_end_matches('.');
     if first.is_empty() {
         String::new()
     } else {
@@ -595,6 +627,36 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_old_name_is_refused_and_the_new_one_named() {
+        let text = crate::case::examples::find("cavity").unwrap().text;
+        let mut tree: Value = serde_json::from_str(text).unwrap();
+        let lattice = &mut tree["fluid"]["lattice_boltzmann"];
+        lattice["mach"] = lattice["lattice_velocity"].take();
+        lattice.as_object_mut().unwrap().remove("lattice_velocity");
+        let problems = against_schema(&mut tree).problems;
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert_eq!(problems[0].path, "fluid.lattice_boltzmann.mach");
+        assert_eq!(problems[0].reason, "`mach` is now named `lattice_velocity`");
+        assert_eq!(problems[0].remedy.proposal().len(), 2);
+
+        let mut tree: Value =
+            serde_json::from_str(crate::case::examples::find("rain").unwrap().text).unwrap();
+        let initial = tree["grains"]["initial"].as_object_mut().unwrap();
+        let written = initial.remove("deposition").unwrap();
+        initial.insert("rain".into(), written);
+        let problems = against_schema(&mut tree).problems;
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert_eq!(problems[0].reason, "`rain` is now named `deposition`");
+
+        for (_, new) in RENAMED {
+            assert!(
+                bare_schema().to_string().contains(&format!("\"{new}\"")),
+                "{new} is a name of the case"
+            );
+        }
+    }
 
     #[test]
     fn the_nearest_name_is_by_edit_distance() {

@@ -1,41 +1,41 @@
-//! Ground that collapses over a hidden hole: what is measured, where, and when a stage has begun (C-20 … C-26).
+//! Ground collapse over seepage points: measured quantities, their places, and the thresholds of the stages.
 
 use super::geometry::{Axis, Extent};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Eroded grains, voids over the seepage points, settlement of the surface and its extension in time, the stages of the
-/// collapse, and the clusters in which grains come loose: 3-D, with gravity along one axis.
+/// Ground collapse over seepage points: eroded grains, voids over the points, settlement and extent of the surface depression, stages of
+/// the collapse, and clusters of loose grains. 3-D only, with gravity along one axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundCollapse {
     /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// The seepage points; without them every region that removes grains is one.
+    /// Seepage points. Default: every region that removes grains.
     #[serde(default)]
     pub points: Vec<SeepagePoint>,
-    /// Horizontal axis along which the ground is long; without it the one along which the domain is longer.
+    /// Horizontal axis along which the ground extends. Default: the longer horizontal edge of the domain.
     #[serde(default)]
     pub long_axis: Option<Axis>,
-    /// Edge of the cells in which voids, displacements and the surface are measured [m]; without it two mean diameters at
-    /// time 0: smaller cells would take pores for voids.
+    /// Edge of the cells in which voids, displacements and the surface are measured [m]. Default: two initial mean diameters. Smaller cells
+    /// would count pores as voids.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub cell_size: Option<f64>,
-    /// A cell of the ground is void when less than this part of the solid that it held at time 0 is left.
+    /// A cell is void if its solid volume is below this fraction of the initial one [1].
     #[serde(default = "half")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub void_below: f64,
-    /// A grain has come loose when it is this many mean diameters from where it was at time 0.
+    /// A grain is loose if its displacement exceeds this many mean diameters [1].
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub loose_diameters: f64,
-    /// Which percentile of the settlement of all columns is written.
+    /// Percentile of the settlement of all columns that is written [%].
     #[serde(default = "ninety")]
     #[schemars(range(min = 0.0, max = 100.0))]
     pub settlement_percentile: f64,
-    /// When a stage of the collapse has begun.
+    /// Thresholds at which the stages of the collapse begin.
     #[serde(default)]
     pub stages: StageThresholds,
 }
@@ -44,43 +44,42 @@ pub struct GroundCollapse {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeepagePoint {
-    /// Name of a region that removes grains: those it takes have left through this point. Or any name, with a box: those
-    /// taken within the box have.
+    /// Name of a region that removes grains: the grains it removes count for this point. With `box`, any name: grains removed within the
+    /// box count.
     pub name: String,
-    /// The opening, above which voids are looked for [m]; without it the box of the region of this name.
+    /// The opening above which voids are measured [m]. Default: the box of the region with this name.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
 }
 
-/// When a stage of the collapse has begun; lengths are in mean diameters at time 0, since a grain is the least that can
-/// move.
+/// Thresholds at which the stages of the collapse begin. Lengths are in initial mean diameters, the scale of a single grain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StageThresholds {
-    /// A stage begins with the first of this many samples in a row that show it: one sample may be chance.
+    /// Number of consecutive samples that must show a stage; it begins with the first of them. A single sample may be noise.
     #[schemars(range(min = 1, max = 1000))]
     pub samples: u32,
-    /// t1, hidden hole: this many grains have left through one point; more than the few that lay in the opening.
+    /// Stage t1, hidden hole: number of grains that have left through one point. It must exceed the few that initially lie in the opening.
     #[schemars(range(min = 1))]
     pub hole_grains: u32,
-    /// t1 also begins with a void of this volume over one point [m3]; without it that of one cell.
+    /// Stage t1 also begins with a void of this volume over one point [m3]. Default: the volume of one cell.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub hole_volume: Option<f64>,
-    /// A cell moves when its grains have gone down by this many mean diameters on average: more than they settle under
-    /// water and load, less than one place in the packing.
+    /// Mean downward displacement, in mean diameters, above which a cell counts as moving [1]. It lies above the settlement under water and
+    /// load and below one grain spacing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub moving_diameters: f64,
-    /// t2, arch: the ground over one point moves up to this part of its cover.
+    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub arch_reach: f64,
-    /// t3, sinkhole: a column of the surface has settled by this many mean diameters, its elevation and the grains that were
-    /// its surface at time 0. A column belongs to the depression from this settlement on.
+    /// Stage t3, sinkhole: settlement of a surface column in mean diameters, measured by its elevation and by its initial surface grains
+    /// [1]. Columns beyond it form the depression.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sinkhole_diameters: f64,
-    /// t4, extension: the longest depression is this many times as long as the sinkhole was long or wide at t3.
+    /// Stage t4, extension: length of the longest depression over the larger extent of the sinkhole at t3 [1].
     #[schemars(extend("exclusiveMinimum" = 1))]
     pub extension_ratio: f64,
-    /// t4 also needs that the soil beside the points has moved towards them by this many mean diameters on average.
+    /// Stage t4 also requires this mean displacement of the soil towards the points, in mean diameters [1].
     #[schemars(range(min = 0.0))]
     pub inward_diameters: f64,
 }

@@ -1,67 +1,67 @@
-//! Water that seeps between the grains on a coarse grid (C-09 … C-17).
+//! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Darcy seepage with drag on the grains: pressure on a coarse grid of cells that hold many grains. It needs no `coupling`.
+/// Darcy seepage with drag on the grains. The pressure is solved on a coarse grid whose cells hold several grains. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Darcy {
     /// Density of the water [kg/m3].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: f64,
-    /// Dynamic viscosity [Pa s]; water at 20 °C has 1e-3.
+    /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
-    /// The coarse grid; without it the cells of the domain.
+    /// The coarse grid. Default: the cells of the domain.
     #[serde(default)]
     pub grid: Option<DarcyGrid>,
-    /// What the water may fill.
+    /// Part of the grid that the water fills.
     #[serde(default)]
     pub enclosure: Enclosure,
-    /// Conditions on faces of the coarse grid or parts of them; nothing flows through the rest. A later one outweighs an
-    /// earlier one.
+    /// Boundary conditions on faces of the coarse grid or parts of them. All other faces are impermeable. A later condition takes
+    /// precedence over an earlier one.
     #[serde(default)]
     pub boundaries: Vec<SeepageBoundary>,
-    /// Which equations.
+    /// Form of the equations.
     #[serde(default)]
     pub equations: Equations,
-    /// How grains count for the porosity of the cells they touch.
+    /// Method that computes the porosity of the cells.
     #[serde(default)]
     pub porosity: PorosityMethod,
-    /// Which mean of the diameters enters the permeability.
+    /// Mean diameter in the permeability.
     #[serde(default)]
     pub mean_diameter: MeanDiameter,
-    /// Which law of resistance.
+    /// Law of flow resistance.
     #[serde(default)]
     pub resistance: Resistance,
-    /// Porosity above which a cell conducts no better (C-11), without unit.
+    /// Largest porosity in the permeability [1]: cells above it keep the permeability at this value.
     #[serde(default = "default_cap")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity_cap: f64,
-    /// Porosity below which a cell conducts no worse, without unit: overlapping grains may overfill a cell.
+    /// Smallest porosity in the permeability [1]: overlapping grains may overfill a cell.
     #[serde(default = "default_least")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub least_porosity: f64,
-    /// Whether pores that open or close take in or give off water (C-13).
+    /// Whether changes of the porosity act as a source in the mass balance of the water.
     #[serde(default)]
     pub transient_porosity: bool,
-    /// The drag law.
+    /// Drag law.
     #[serde(default)]
     pub drag: Drag,
-    /// Whether a grain that follows the water faster than the coupling interval feels the drag at its end.
+    /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
-    /// Steps of the grains between two couplings (C-16). Without it as many as the `accuracy` allows, and 100 where none is asked for.
+    /// Solid steps between two couplings. Default: as many as `accuracy` allows; 100 without `accuracy`.
     #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]
     pub coupling_interval: Option<u32>,
-    /// Largest imbalance of a cell at which the pressure is accepted, relative to that at uniform pressure.
+    /// Relative tolerance of the pressure solver: largest imbalance of a cell over the one at uniform pressure [1].
     #[serde(default = "default_tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.01))]
     pub tolerance: f64,
-    /// Iterations after which the run ends with an error.
+    /// Largest number of iterations of the pressure solver. More end the run with an error.
     #[serde(default = "default_iterations")]
     #[schemars(range(min = 1, max = 100_000))]
     pub max_iterations: u32,
@@ -87,7 +87,7 @@ fn yes() -> bool {
     true
 }
 
-/// The coarse grid: a box cut into equal cells; it may be smaller than the domain.
+/// The coarse grid: a box divided into equal cells. It may be smaller than the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DarcyGrid {
@@ -95,19 +95,19 @@ pub struct DarcyGrid {
     pub from: Vector,
     /// Upper corner [m].
     pub to: Vector,
-    /// Cells along each axis.
+    /// Number of cells along each axis.
     #[schemars(extend("minItems" = 2, "maxItems" = 3))]
     pub cells: Vec<u32>,
 }
 
-/// What the water may fill.
+/// Part of the grid that the water fills.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Enclosure {
     /// The whole grid.
     #[default]
     Grid,
-    /// The side of all these planes that their normals point to.
+    /// The side of all planes to which their normals point.
     Planes(Vec<Plane>),
 }
 
@@ -115,9 +115,9 @@ pub enum Enclosure {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plane {
-    /// A point of it [m].
+    /// A point of the plane [m].
     pub point: Vector,
-    /// Its normal, towards the water; of any length but 0.
+    /// Normal vector towards the water, of any length [1].
     pub normal: Vector,
 }
 
@@ -129,44 +129,43 @@ pub struct SeepageBoundary {
     pub name: String,
     /// The face.
     pub face: Face,
-    /// The part of the face that lies in this box (its extent normal to the face does not matter) [m]; without it the
-    /// whole face.
+    /// Box that selects a part of the face [m]; its extent normal to the face has no effect. Default: the whole face.
     #[serde(default)]
     pub patch: Option<Extent>,
-    /// What holds there.
+    /// The condition.
     pub condition: SeepageCondition,
 }
 
-/// What the water does at a face of the coarse grid.
+/// Boundary condition of the seepage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SeepageCondition {
-    /// Pressure imposed.
+    /// Imposed pressure.
     Pressure {
         /// Pressure [Pa].
         value: f64,
     },
-    /// Hydraulic head imposed: p/(rho g) + elevation above the origin.
+    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
     Head {
         /// Head [m].
         value: f64,
     },
-    /// Flux through the face.
+    /// Imposed flux through the face.
     Flux {
         /// Volume per area and time into the grid [m/s].
         value: f64,
     },
-    /// Rain on the face.
+    /// Rainfall on the face.
     Rain {
         /// Volume per horizontal area and time [m/s].
         #[schemars(range(min = 0.0))]
         rate: f64,
     },
-    /// Nothing flows.
+    /// Impermeable.
     NoFlow {},
 }
 
-/// Which equations (E-13 … E-16).
+/// Form of the equations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -174,47 +173,48 @@ pub enum Equations {
     /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
     #[default]
     Corrected,
-    /// As printed: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs are Darcy's.
+    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
+    /// follow Darcy's law.
     Paper,
 }
 
-/// How grains count for the porosity of cells (C-10).
+/// Method that computes the porosity of the cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum PorosityMethod {
-    /// Where the centre stands.
+    /// A grain counts in the cell that holds its centre.
     Centroid,
-    /// By 29 points (17 in 2-D) of equal weight.
+    /// A grain is divided into 29 points (17 in 2-D) of equal weight.
     Divided,
-    /// By exact overlap.
+    /// Exact overlap of grains and cells.
     #[default]
     Exact,
 }
 
-/// Which law of resistance of the bed (C-11).
+/// Law of flow resistance of the bed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Resistance {
-    /// Kozeny and Carman: the loss of pressure grows with the flux.
+    /// Kozeny-Carman: the pressure gradient is proportional to the flux.
     #[default]
     KozenyCarman,
-    /// Ergun 1952: with the inertia of fast water, by repeated solutions; goes with the corrected equations.
+    /// Ergun (1952): includes inertial losses and is solved iteratively. Requires the corrected equations.
     Ergun,
 }
 
-/// Which mean of the diameters (C-11).
+/// Mean diameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum MeanDiameter {
-    /// Sum of cubes over sum of squares.
+    /// Sauter mean: sum of cubes over sum of squares.
     #[default]
     Sauter,
     /// Arithmetic mean.
     Number,
-    /// Weighted with the mass.
+    /// Mass-weighted mean.
     Mass,
 }
 

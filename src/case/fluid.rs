@@ -1,4 +1,4 @@
-//! The fluid: its properties, its numerics, what drives it and how it starts.
+//! The fluid: properties, numerical method, forcing and initial state.
 
 use super::boundary::{Boundary, Fluctuations};
 use super::darcy::Darcy;
@@ -9,70 +9,69 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// How the fluid is solved.
+/// Fluid model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fluid {
-    /// Resolved between the grains by the lattice Boltzmann method.
+    /// Flow resolved between the grains by the lattice Boltzmann method.
     LatticeBoltzmann(LatticeBoltzmann),
-    /// Averaged over many grains, by Darcy's law on a coarse grid, with drag on the grains.
+    /// Seepage averaged over many grains: Darcy's law on a coarse grid, with drag on the grains.
     Darcy(Darcy),
 }
 
-/// A slightly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and
-/// `reference_velocity` fixes the time step; with none of them the program chooses it for the `accuracy` of the case.
+/// A weakly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and `reference_velocity` sets the time step.
+/// Without them the program chooses it to meet the `accuracy` of the case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatticeBoltzmann {
-    /// Density at rest [kg/m3].
+    /// Reference density [kg/m3].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: f64,
-    /// Kinematic viscosity [m2/s]; water at 20 °C has 1e-6.
+    /// Kinematic viscosity [m2/s]. Water at 20 °C: 1e-6.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub kinematic_viscosity: f64,
-    /// Velocity set.
+    /// Velocity set of the lattice.
     #[serde(default)]
     pub lattice: LatticeChoice,
-    /// Collision operator. Without it TRT; where the program chooses, in 3-D cumulants when the flow is too fast for TRT.
+    /// Collision operator. Default: TRT; in 3-D cumulants if the program chooses the time step and the flow is too fast for TRT.
     #[serde(default)]
     pub collision: Option<Collision>,
-    /// Model of the eddies that are smaller than a cell. Without it all scales are taken as resolved; where the program chooses, only
-    /// as far as the Reynolds number says so.
+    /// Turbulence model for eddies smaller than a cell. Default: none; if the program chooses the cell size or the time step, WALE where the
+    /// Reynolds number demands it.
     #[serde(default)]
     pub turbulence: Option<TurbulenceChoice>,
-    /// Relaxation time tau, without unit: the viscosity on the lattice is (tau - 1/2)/3 and the time step
-    /// (tau - 1/2) h²/(3 nu). Above 0.5.
+    /// Relaxation time tau [1], above 0.5. The lattice viscosity is (tau - 1/2)/3 and the time step is (tau - 1/2) h²/(3 nu).
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub relaxation_time: Option<f64>,
-    /// Time step of the fluid [s]; tau follows from it.
+    /// Time step of the fluid [s]. The relaxation time follows from it.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: Option<f64>,
-    /// Largest velocity expected [m/s]; the time step is `mach` h / `reference_velocity`.
+    /// Largest expected velocity U [m/s]. The time step is `lattice_velocity` h/U.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub reference_velocity: Option<f64>,
-    /// The reference velocity over the lattice speed C = h/dt, without unit (the speed of sound is C/√3); needed
-    /// beside `reference_velocity`, at most 0.3.
+    /// Reference velocity in lattice units, U dt/h [1]. Required with `reference_velocity`. The Mach number is √3 times this value, because
+    /// the lattice speed of sound is h/(√3 dt).
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.3))]
-    pub mach: Option<f64>,
-    /// Storage precision of the populations; the arithmetic is in f64 always. Without it f64; where the program chooses, f32 for a
-    /// draft in 3-D.
+    pub lattice_velocity: Option<f64>,
+    /// Storage precision of the populations; arithmetic is always f64. Default: f64; f32 if the program chooses the time step of a 3-D run
+    /// with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
-    /// Force per volume that drives the fluid [N/m3], beside gravity.
+    /// Body force that drives the fluid [N/m3], in addition to gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,
-    /// Whether gravity acts on the fluid itself. Without it pressure is the excess over the hydrostatic one, and the
-    /// weight of a solid is less by that of the fluid it displaces.
+    /// Whether gravity acts on the fluid. If not, pressure is the excess over the hydrostatic pressure, and solids have their buoyant
+    /// weight.
     #[serde(default)]
     pub gravity_acts_on_fluid: bool,
-    /// Velocity and pressure at the start.
+    /// Initial velocity and pressure.
     #[serde(default)]
     pub initial: Initial,
-    /// Conditions on faces or parts of faces; faces not named and not periodic are no-slip walls.
+    /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
 }
@@ -93,14 +92,14 @@ pub enum LatticeChoice {
     D3q27,
 }
 
-/// A model of eddies, or the word that there is none.
+/// A turbulence model, or `none`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
 pub enum TurbulenceChoice {
-    /// None, whatever the program would choose.
+    /// No turbulence model.
     Without(NoTurbulence),
-    /// This model.
+    /// A turbulence model.
     Model(Turbulence),
 }
 
@@ -120,11 +119,11 @@ impl TurbulenceChoice {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum NoTurbulence {
-    /// All scales are taken as resolved.
+    /// All scales are resolved.
     None,
 }
 
-/// Number type in memory or in a file.
+/// Floating-point format in memory or in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -136,32 +135,32 @@ pub enum Precision {
     F32,
 }
 
-/// Force per volume on the fluid.
+/// Body force on the fluid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum BodyForce {
-    /// The same at all times [N/m3].
+    /// Constant force [N/m3].
     Constant(Vector),
-    /// amplitude · cos(2 pi t / period + phase): the plane Womersley flow.
+    /// Oscillating force amplitude · cos(2 pi t / period + phase), as in plane Womersley flow.
     Oscillating {
-        /// Largest force [N/m3].
+        /// Amplitude [N/m3].
         amplitude: Vector,
-        /// Time of one oscillation [s].
+        /// Period [s].
         #[schemars(extend("exclusiveMinimum" = 0))]
         period: f64,
-        /// Phase at the start [degrees].
+        /// Initial phase [degrees].
         #[serde(default)]
         phase_degrees: f64,
     },
 }
 
-/// The fluid at the start.
+/// Initial state of the fluid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
     /// At rest, at the reference density.
     Rest {},
-    /// The same velocity and pressure everywhere.
+    /// Uniform velocity and pressure.
     Uniform {
         /// Velocity [m/s].
         velocity: Vector,
@@ -169,45 +168,45 @@ pub enum Initial {
         #[serde(default)]
         pressure: f64,
     },
-    /// The Taylor-Green vortices with their pressure and stress: u = -U cos(ax) sin(by) cos(cz),
-    /// v = (a/b) U sin(ax) cos(by) cos(cz), with a = 2 pi n/size. Along z they are the same (c = 0) if no waves are asked for.
+    /// Taylor-Green vortices with their pressure and stress: u = -U cos(ax) sin(by) cos(cz),
+    /// v = (a/b) U sin(ax) cos(by) cos(cz), with a = 2 pi n/size.
     TaylorGreen {
         /// Largest velocity U along x [m/s].
         velocity: f64,
-        /// Waves along x and y.
+        /// Number of waves along x and y.
         #[serde(default = "one_wave")]
         waves: [u32; 2],
-        /// Waves along z, which make the vortices stretch each other (Taylor and Green 1937).
+        /// Number of waves along z; any above zero lets the vortices stretch each other (Taylor and Green 1937).
         #[serde(default)]
         waves_along_z: u32,
     },
     /// Two shear layers that roll up (Minion and Brown 1997): u = U tanh((y - L_y/4)/d) in the lower half, U tanh((3 L_y/4 - y)/d) in the
-    /// upper, v = p U sin(2 pi (x/L_x + 1/4)). What is too coarse for it shows false vortices between the true ones, or fails.
+    /// upper half, v = p U sin(2 pi (x/L_x + 1/4)). Underresolved runs show spurious vortices or fail.
     ShearLayers {
-        /// Velocity U on either side [m/s].
+        /// Velocity U outside the layers [m/s].
         velocity: f64,
-        /// Thickness d of a layer [m]; Minion and Brown take L_y/80 and L_y/100.
+        /// Thickness d of a layer [m]. Minion and Brown use L_y/80 and L_y/100.
         #[schemars(extend("exclusiveMinimum" = 0))]
         thickness: f64,
-        /// Perturbation p of the velocity across, over U.
+        /// Perturbation p of the transverse velocity, relative to U [1].
         #[serde(default = "one_twentieth")]
         perturbation: f64,
     },
-    /// A parabola across the domain: the developed flow between two walls.
+    /// Developed flow between two walls: a parabolic profile.
     Channel {
         /// Axis of the flow.
         flow: super::geometry::Axis,
         /// Axis from wall to wall.
         across: super::geometry::Axis,
-        /// Velocity half-way between the walls [m/s].
+        /// Velocity at the centre of the channel [m/s].
         peak: f64,
-        /// Fluctuations about the parabola, from which turbulence grows.
+        /// Fluctuations that trigger turbulence.
         #[serde(default)]
         fluctuations: Option<Fluctuations>,
     },
     /// Velocity and pressure of a field output (VTKHDF) of the same size and spacing.
     File {
-        /// The file, relative to the case.
+        /// Path of the file, relative to the case.
         path: PathBuf,
     },
 }

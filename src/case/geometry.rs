@@ -21,14 +21,14 @@ impl Vector {
     }
 }
 
-/// A rotation rate: one number in 2-D (about z, counter-clockwise), three in 3-D. Unit: rad/s.
+/// An angular velocity [rad/s]: one number in 2-D (about z, counter-clockwise), three in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
 pub enum Rotation {
-    /// Rate about z, in 2-D.
+    /// Rate about z [rad/s], in 2-D.
     AboutZ(f64),
-    /// The vector of rotation, in 3-D.
+    /// Angular velocity vector [rad/s], in 3-D.
     Vector([f64; 3]),
 }
 
@@ -49,7 +49,7 @@ impl Rotation {
     }
 }
 
-/// An axis-parallel box (a rectangle in 2-D). Unit: m.
+/// An axis-parallel box [m] (a rectangle in 2-D).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Extent {

@@ -1,4 +1,4 @@
-//! The grains: where they come from, what is cut away, when they are bonded.
+//! The grains: their source, preparation, cutting and bonding.
 
 use super::geometry::{Extent, Rotation, Vector};
 use schemars::JsonSchema;
@@ -9,19 +9,18 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Grains {
-    /// Material of the grains; its density is needed.
+    /// Material of the grains. It needs a density.
     pub material: String,
     /// Where the grains come from.
     pub initial: GrainSource,
-    /// CSV file to which the prepared sample is written before anything is cut, so that every run of a study can
-    /// reuse it: a file name in the output folder, none of those that the run writes itself.
+    /// CSV file to which the prepared sample is written before cutting, so that other runs can reuse it. A file name in the output folder,
+    /// different from the names of the run's own outputs.
     #[serde(default)]
     pub save: Option<PathBuf>,
-    /// Boxes emptied after the preparation: chambers, holes. A grain goes if its centre lies in the box.
+    /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the box.
     #[serde(default)]
     pub cut: Vec<Cut>,
-    /// Whether the contacts that exist after preparation and cutting become bonds. No contact made later
-    /// is ever bonded.
+    /// Whether contacts that exist after preparation and cutting are bonded. Contacts that form later are never bonded.
     #[serde(default)]
     pub bond_at_start: bool,
 }
@@ -30,95 +29,95 @@ pub struct Grains {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum GrainSource {
-    /// A loose random cloud whose radii grow until the sample is compacted.
+    /// A loose random cloud whose radii grow until the sample is compacted.
     Growth(Growth),
-    /// A loose random cloud that falls onto the walls and settles (C-08).
-    Rain(Rain),
+    /// A loose random cloud that falls onto the walls and settles (dry pluviation).
+    Deposition(Deposition),
     /// A sample saved before.
     File {
-        /// CSV with the columns of `save`; relative to the case.
+        /// CSV file with the columns that `save` writes, relative to the case.
         path: PathBuf,
     },
     /// One by one.
     List(Vec<Grain>),
 }
 
-/// Preparation by growing radii, without cohesion and without fluid. The faces of the box are frictional
-/// walls while the grains grow, also where the domain is open. The same sample for a seed on any number of ranks.
+/// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional walls, also where the
+/// domain is open. A seed gives the same sample on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {
-    /// How many grains.
+    /// Amount of grains.
     pub amount: Amount,
     /// Radii at the end of the growth [m].
     pub radii: Radii,
     /// Seed of the random numbers.
     #[serde(default)]
     pub seed: u64,
-    /// The box that is filled [m]; the whole domain without it.
+    /// The box that is filled [m]. Default: the whole domain.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
-    /// Friction angle while growing [degrees]; a small one makes a dense sample. Without it that of the contact law.
+    /// Friction angle during the growth [degrees]. A small angle gives a dense sample. Default: the friction angle of the contact law.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// When the sample counts as at rest after the growth.
+    /// Criteria at which the preparation ends.
     #[serde(default)]
     pub stop: Stop,
 }
 
-/// Preparation by rain (C-06, C-08), without cohesion and without fluid: a cloud without contacts in a box, which falls, settles on
-/// `walls` and `box_walls`, and is trimmed. The same sample for a seed on any number of ranks.
+/// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and `box_walls`, and is
+/// trimmed. A seed gives the same sample on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Rain {
-    /// How many grains fall.
+pub struct Deposition {
+    /// Number of grains.
     #[schemars(range(min = 1))]
     pub number: u32,
-    /// Their sizes.
+    /// Size distribution.
     pub grading: Grading,
-    /// The box of the cloud [m]: at most 0.3 of it is filled (2-D: 0.45).
+    /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
     #[serde(rename = "box")]
     pub region: Extent,
     /// Seed of the random numbers.
     #[serde(default)]
     pub seed: u64,
-    /// Grains whose centre is higher than this coordinate of the axis of gravity are taken away once settled [m].
+    /// Coordinate along the axis of gravity above which settled grains are removed [m].
     #[serde(default)]
     pub trim_above: Option<f64>,
-    /// Normal stiffness while falling [N/m], softer than that of the contact law, for larger steps; the sample then rests at ten
-    /// times it and so on until that of the law.
+    /// Normal stiffness during the fall [N/m]. A value below that of the contact law allows larger time steps. The settled sample then comes
+    /// to rest at ten times this stiffness, and so on, until it reaches the stiffness of the law.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub falling_stiffness: Option<f64>,
-    /// Friction angle meanwhile [degrees]; without it that of the contact law.
+    /// Friction angle during the deposition [degrees]. Default: the friction angle of the contact law.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Local damping while falling; at least 0.7 once landed.
-    #[serde(default = "default_rain_damping")]
+    /// Local damping during the fall [1]; at least 0.7 after landing.
+    #[serde(default = "default_deposition_damping")]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
-    /// When the sample counts as settled.
+    /// Criteria at which the sample counts as settled.
     #[serde(default)]
     pub stop: Settled,
 }
 
-fn default_rain_damping() -> f64 {
+fn default_deposition_damping() -> f64 {
     0.2
 }
 
-/// When rain has settled: both hold.
+/// Criteria at which a deposited sample counts as settled. Both must hold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settled {
-    /// Mean kinetic energy over m g d of the mean grain, without unit.
+    /// Mean kinetic energy over m g d of the mean grain [1].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub kinetic_energy: f64,
-    /// Mean resultant force on a grain over the mean contact force, without unit.
+    /// Unbalanced force: mean resultant force on a grain over the mean contact force [1].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// Solid steps per rest at most; the sample is used as it then is, and the report says so.
+    /// Largest number of solid steps per stage. A sample that is not settled by then is used as it is, with a note in the report.
     #[schemars(range(min = 1))]
     pub at_most_steps: u32,
 }
@@ -133,17 +132,17 @@ impl Default for Settled {
     }
 }
 
-/// Classes of sizes, and what their parts are parts of; the parts add up to 1.
+/// Size classes and the quantity to which their fractions refer. The fractions add up to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {
-    /// Parts of the number of grains.
+    /// Fractions of the number of grains.
     ByCount(Vec<SizeClass>),
-    /// Parts of their mass.
+    /// Fractions of the mass.
     ByMass(Vec<SizeClass>),
 }
 
-/// A range of radii, equally likely.
+/// A size class: radii distributed uniformly between two bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SizeClass {
@@ -153,19 +152,19 @@ pub struct SizeClass {
     /// Largest radius [m].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub max: f64,
-    /// Its part of the grains.
+    /// Fraction of the grains in this class [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
-    pub part: f64,
+    pub fraction: f64,
 }
 
-/// How many grains grow.
+/// Amount of grains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Amount {
-    /// This many.
+    /// Number of grains.
     Number(#[schemars(range(min = 1))] u32),
-    /// As many as give this solid fraction of the box at full size (2-D: area fraction; about 0.80 … 0.86 is a
-    /// compact sample of discs, 0.58 … 0.64 of spheres).
+    /// Solid fraction of the box at full size (2-D: area fraction) [1]. Compact samples have 0.80 to 0.86 for discs and 0.58 to 0.64 for
+    /// spheres.
     SolidFraction(#[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))] f64),
 }
 
@@ -173,7 +172,7 @@ pub enum Amount {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Radii {
-    /// All values between two bounds equally likely.
+    /// Uniform distribution between two bounds.
     Uniform {
         /// Smallest radius [m].
         #[schemars(extend("exclusiveMinimum" = 0))]
@@ -182,7 +181,7 @@ pub enum Radii {
         #[schemars(extend("exclusiveMinimum" = 0))]
         max: f64,
     },
-    /// One of these, equally likely [m].
+    /// Values drawn with equal probability [m].
     List(Vec<f64>),
 }
 
@@ -215,18 +214,18 @@ impl Radii {
     }
 }
 
-/// When the preparation is over.
+/// Criteria at which the preparation ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Stop {
-    /// Mean resultant force on a grain over the mean contact force, without unit.
+    /// Unbalanced force: mean resultant force on a grain over the mean contact force [1].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// Mean overlap of the contacts over the mean diameter, to which the jammed sample is released. For bonded grains
-    /// well below the opening at which a bond breaks (strength over stiffness), or cutting the sample breaks bonds.
+    /// Mean overlap of contacts over the mean diameter to which the jammed sample is released [1]. For bonded grains it must lie well below
+    /// the opening at which a bond breaks (strength over stiffness); otherwise cutting the sample breaks bonds.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mean_overlap: f64,
-    /// Solid steps of the whole preparation at most; a sample that is not ready by then is an error.
+    /// Largest number of solid steps of the preparation. A sample that is not ready by then is an error.
     pub at_most_steps: u32,
 }
 
@@ -249,13 +248,13 @@ pub struct Grain {
     /// Radius [m].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
-    /// Velocity [m/s]; at rest without it.
+    /// Initial velocity [m/s]. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
-    /// Rotation rate [rad/s]; none without it.
+    /// Initial angular velocity [rad/s]. Default: zero.
     #[serde(default)]
     pub angular_velocity: Option<Rotation>,
-    /// Material, if it is not that of the other grains.
+    /// Material. Default: the material of all grains.
     #[serde(default)]
     pub material: Option<String>,
 }
@@ -264,7 +263,7 @@ pub struct Grain {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cut {
-    /// Name in tables: `hole`, `inlet chamber`.
+    /// Name in tables, such as `hole` or `inlet chamber`.
     pub name: String,
     /// The box [m].
     #[serde(rename = "box")]

@@ -1,4 +1,4 @@
-//! What is removed, generated, recorded, probed, written and analysed.
+//! Regions, probes, outputs and analyses.
 
 use super::collapse::GroundCollapse;
 use super::fluid::Precision;
@@ -7,7 +7,7 @@ use super::grains::Radii;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A box in which something happens to grains.
+/// A box in which grains are removed, generated or recorded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
@@ -16,53 +16,53 @@ pub struct Region {
     /// The box [m].
     #[serde(rename = "box")]
     pub region: Extent,
-    /// What happens there.
+    /// Action of the region.
     pub action: Action,
 }
 
-/// What happens in a region.
+/// Action of a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Action {
-    /// Grains are taken out; time, id and mass are logged.
+    /// Removes grains and logs time, id and mass.
     Remove {
-        /// When a grain goes.
+        /// Criterion for removal.
         #[serde(default)]
         when: When,
     },
-    /// Grains appear at random places that are free.
+    /// Generates grains at random free positions.
     Generate {
-        /// Grains per second [1/s].
+        /// Generation rate [1/s].
         #[schemars(extend("exclusiveMinimum" = 0))]
         rate: f64,
-        /// Their radii [m].
+        /// Radii of the grains.
         radii: Radii,
-        /// Their velocity [m/s]; at rest without it.
+        /// Initial velocity [m/s]. Default: zero.
         #[serde(default)]
         velocity: Option<Vector>,
         /// Seed of the random numbers.
         #[serde(default)]
         seed: u64,
-        /// Their material, if it is not that of the other grains.
+        /// Material. Default: the material of all grains.
         #[serde(default)]
         material: Option<String>,
-        /// At most this many; without it no end.
+        /// Largest number of generated grains. Default: no limit.
         #[serde(default)]
         at_most: Option<u32>,
     },
-    /// Entries and exits of grains are logged.
+    /// Logs entries and exits of grains.
     Record {},
 }
 
-/// When a grain is in a region of removal.
+/// Criterion for removal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum When {
-    /// When its surface touches the region.
+    /// The surface of the grain touches the region.
     #[default]
     Touches,
-    /// When its centre is in the region.
+    /// The centre of the grain lies in the region.
     Centre,
 }
 
@@ -75,11 +75,11 @@ pub struct Probe {
     /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// Where.
+    /// Place of the samples.
     pub at: ProbeAt,
 }
 
-/// Where a probe samples.
+/// Place of the samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProbeAt {
@@ -107,7 +107,7 @@ pub enum ProbeAt {
     },
     /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth).
     Body {
-        /// Its name.
+        /// Name of the body.
         name: String,
     },
     /// Force of the fluid on a face of the domain [N], and its mean traction [Pa].
@@ -117,23 +117,23 @@ pub enum ProbeAt {
     },
 }
 
-/// What is written, and how often; nothing that is not named here.
+/// Output fields and their intervals. Only the fields named here are written.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Output {
     /// Fields of the fluid.
     pub fluid: Option<FluidOutput>,
-    /// Positions, velocities, forces of the grains; of blocks with the radius of the sphere round them.
+    /// Positions, velocities and forces of the grains; for blocks with the radius of the bounding sphere.
     pub grains: Option<GrainOutput>,
     /// Contacts with their forces and bonds.
     pub contacts: Option<Every>,
-    /// Surfaces of the blocks, with where each came from and how it moves.
+    /// Surfaces of the blocks with origin and velocity.
     pub blocks: Option<Every>,
-    /// Averages over time of velocity, pressure and Reynolds stresses of a fluid on a lattice.
+    /// Time averages of velocity, pressure and Reynolds stresses of a lattice Boltzmann fluid.
     pub averages: Option<AveragesOutput>,
 }
 
-/// Averages over time: sums of velocity, its products and pressure in every cell, which go on through a restart.
+/// Time averages: sums of velocity, its products and pressure in every cell, continued across restarts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AveragesOutput {
@@ -144,12 +144,12 @@ pub struct AveragesOutput {
     /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, counted from the first sample.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sample_every: f64,
-    /// Time between outputs of what has been summed so far [s], written at the steps nearest to its multiples and at the end of the
-    /// run; without it at the end of the run only.
+    /// Time between outputs of the averages [s], written at the steps nearest to its multiples and at the end of the run. Default: only at
+    /// the end of the run.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
-    /// Means over the planes across this axis, too, as a table: the profile between walls.
+    /// Axis along which a profile of plane averages is also written as a table.
     #[serde(default)]
     pub profile: Option<Axis>,
 }
@@ -161,10 +161,10 @@ pub struct FluidOutput {
     /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// Which fields.
+    /// Names of the fields.
     #[serde(default = "default_fields")]
     pub fields: Vec<FieldName>,
-    /// Number type in the file.
+    /// Floating-point format in the file.
     #[serde(default = "single")]
     pub precision: Precision,
 }
@@ -190,7 +190,7 @@ pub enum FieldName {
     Density,
     /// Vorticity [1/s].
     Vorticity,
-    /// Viscosity of the eddies smaller than a cell [m2/s]; 0 without turbulence.
+    /// Eddy viscosity [m2/s]; 0 without a turbulence model.
     EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
@@ -215,12 +215,12 @@ pub struct GrainOutput {
     /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// How far each grain is from where it was at time 0, too [m]; every grain then carries along where it started.
+    /// Whether the displacement of each grain since time 0 [m] is also written.
     #[serde(default)]
     pub displacement: bool,
 }
 
-/// An interval.
+/// Output interval.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Every {
@@ -229,21 +229,21 @@ pub struct Every {
     pub every: f64,
 }
 
-/// Numbers a user came for, computed during the run.
+/// Analyses computed during the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Analysis {
-    /// Eroded mass, shear stress on the hole and erosion rate (A-28 … A-31).
+    /// Erosion law of a hole erosion test: eroded mass, hydraulic shear stress and erosion rate.
     pub erosion_law: Option<ErosionLaw>,
-    /// Ground that collapses over seepage points: voids, settlement, stages, loose clusters (C-20 … C-26).
+    /// Ground collapse over seepage points: voids, settlement, stages, loose clusters.
     pub ground_collapse: Option<GroundCollapse>,
 }
 
-/// Eroded mass M_e(t), hydraulic shear stress on the hole three ways, and the erosion rate per pipe area.
+/// Erosion law: eroded mass M_e(t), hydraulic shear stress on the hole by three methods, and erosion rate per area of the hole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ErosionLaw {
-    /// The hole before any erosion [m].
+    /// The initial hole [m].
     pub hole: Extent,
     /// Axis of the flow through the hole.
     #[serde(default = "along_x")]
@@ -251,11 +251,11 @@ pub struct ErosionLaw {
     /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// The region whose removals count as eroded; without it all regions that remove.
+    /// Region whose removed grains count as eroded. Default: all regions that remove grains.
     #[serde(default)]
     pub outlet: Option<String>,
-    /// The run is done when this part of the mass of the grains has left, even before `time.end`: what is left is a bare
-    /// channel, whose flow only grows faster. Without it the run goes on.
+    /// Fraction of the mass of the grains whose removal ends the run, even before `time.end` [1]: the remaining channel only flows faster.
+    /// Default: the run continues to `time.end`.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub end_at_eroded_fraction: Option<f64>,

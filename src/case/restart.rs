@@ -20,41 +20,44 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
 
 /// What a restart may change.
 pub const CHANGEABLE: [Changeable; 32] = [
-    may("title", "a name only"),
-    may("description", "a text only"),
+    may("title", "changes a name only"),
+    may("description", "changes a text only"),
     may(
         "time.end",
-        "a later end extends the run, also one that is done",
+        "a later end extends the run, even a finished one",
     ),
-    may("time.neighbour_skin", "costs, no result"),
-    may("domain.split", "costs, no result"),
-    may("domain.slab_bounds", "costs, no result"),
+    may("time.neighbour_skin", "affects the cost only"),
+    may("domain.split", "affects the cost only"),
+    may("domain.slab_bounds", "affects the cost only"),
     may("output", "from the checkpoint on"),
     may("probes", "from the checkpoint on"),
     may("checkpoint", "from the checkpoint on"),
     may("guards", "from the checkpoint on"),
     may(
         "analysis.erosion_law.end_at_eroded_fraction",
-        "when the run is done",
+        "changes when the run ends",
     ),
     may(
         "walls",
-        "walls may come and go, and change their velocity; a wall that stays keeps its shape and material",
+        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape and material",
     ),
-    may("box_walls", "walls on faces may come and go"),
+    may("box_walls", "walls on faces may be added and removed"),
     may(
         "regions",
-        "regions may come, go and change; one that keeps its name keeps its counts",
+        "regions may be added, removed and changed; a region that keeps its name keeps its counts",
     ),
-    may("gravity", "acts at once"),
+    may("gravity", "takes effect at once"),
     may(
         "fluid.lattice_boltzmann.body_force",
-        "acts at once; phases count from the start of the run",
+        "takes effect at once; phases count from the start of the run",
     ),
-    may("fluid.lattice_boltzmann.boundaries[*].name", "a name only"),
+    may(
+        "fluid.lattice_boltzmann.boundaries[*].name",
+        "changes a name only",
+    ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.profile",
-        "acts at once",
+        "takes effect at once",
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.ramp_time",
@@ -62,11 +65,11 @@ pub const CHANGEABLE: [Changeable; 32] = [
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.turbulence",
-        "acts at once",
+        "takes effect at once",
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.pressure.value",
-        "acts at once, unless a ramp is still under way",
+        "takes effect at once, unless a ramp is in progress",
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.pressure.ramp",
@@ -74,32 +77,38 @@ pub const CHANGEABLE: [Changeable; 32] = [
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.moving_wall.velocity",
-        "acts at once",
+        "takes effect at once",
     ),
     may(
         "fluid.lattice_boltzmann.boundaries[*].condition.convective_outflow.velocity",
-        "acts at once",
+        "takes effect at once",
     ),
-    may("fluid.darcy.boundaries[*].name", "a name only"),
+    may("fluid.darcy.boundaries[*].name", "changes a name only"),
     may(
         "fluid.darcy.boundaries[*].condition.pressure.value",
-        "acts at the next coupling",
+        "takes effect at the next coupling",
     ),
     may(
         "fluid.darcy.boundaries[*].condition.head.value",
-        "acts at the next coupling",
+        "takes effect at the next coupling",
     ),
     may(
         "fluid.darcy.boundaries[*].condition.flux.value",
-        "acts at the next coupling",
+        "takes effect at the next coupling",
     ),
     may(
         "fluid.darcy.boundaries[*].condition.rain.rate",
-        "acts at the next coupling",
+        "takes effect at the next coupling",
     ),
-    may("fluid.darcy.tolerance", "of the pressure from now on"),
-    may("fluid.darcy.max_iterations", "of the pressure from now on"),
-    may("accuracy", "nothing: what was chosen at the start stays"),
+    may(
+        "fluid.darcy.tolerance",
+        "applies to the pressure solver from the checkpoint on",
+    ),
+    may(
+        "fluid.darcy.max_iterations",
+        "applies to the pressure solver from the checkpoint on",
+    ),
+    may("accuracy", "has no effect: the choices at the start remain"),
 ];
 
 /// Why the rest may not change, by the first part of the path that fits.
@@ -109,12 +118,12 @@ const KEPT: [(&str, &str); 12] = [
         "materials",
         "the saved bodies and contacts are of these materials",
     ),
-    ("contact", "the saved contacts remember forces of this law"),
+    ("contact", "the saved contacts hold forces of this law"),
     ("grains", "the grains are in the checkpoint"),
     ("blocks", "the blocks are in the checkpoint"),
     (
         "bodies",
-        "the bodies are in the checkpoint as they were and moved",
+        "the bodies are in the checkpoint with their motion",
     ),
     (
         "coupling",
@@ -129,8 +138,8 @@ const KEPT: [(&str, &str); 12] = [
         "a face keeps its kind of condition; its drive may change",
     ),
     ("fluid", "the saved fluid is scaled by it"),
-    ("time", "the saved step counts time in these steps"),
-    ("analysis", "its records began with the run"),
+    ("time", "the saved step number counts these steps"),
+    ("analysis", "its records start with the run"),
 ];
 
 /// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are not equal as
@@ -218,7 +227,7 @@ fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
         path,
         value: format!("{} (was {})", brief(new), brief(old)),
         reason: format!("a restart may not change this: {reason}"),
-        remedy: "take the change back, or start another run with it in a folder of its own; `solver schema` marks as x-restart what may change".into(),
+        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may change".into(),
         severity: Severity::Error,
     }
 }

@@ -5,60 +5,61 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A wall that grains touch; the fluid does not see it.
+/// A wall that grains and blocks touch. The fluid does not see it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
     /// Name in tables.
     pub name: String,
-    /// What it looks like, and where it is.
+    /// Shape and position.
     pub shape: WallShape,
-    /// Its material.
+    /// Material of the wall.
     pub material: String,
-    /// Velocity [m/s]: along the wall it drags, across it the wall moves; at rest without it.
+    /// Velocity [m/s]. The tangential component drags grains along, the normal component moves the wall. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
-    /// When it stands: a wall of the preparation holds the grains while they settle and are bonded, and is gone as the run begins.
+    /// Period in which the wall exists. A wall of the preparation holds the grains while they settle and are bonded, and is removed when the
+    /// run begins.
     #[serde(default)]
     pub during: WallStage,
 }
 
-/// When a wall stands.
+/// Period in which a wall exists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WallStage {
-    /// In the preparation and in the run.
+    /// During the preparation and the run.
     #[default]
     Always,
-    /// In the preparation only: a gate, a plug in an opening.
+    /// Only during the preparation, such as a gate or a plug in an opening.
     Preparation,
 }
 
-/// The shape of a wall. All but the plane are touched from both sides, and are for 3-D.
+/// Shape of a wall. All shapes but the plane act on both sides and are 3-D only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum WallShape {
-    /// A plane without end.
+    /// An infinite plane.
     Plane(Plane),
-    /// A plane convex polygon: its corners in order [m].
+    /// A planar convex polygon: its corners in order [m].
     Polygon(Vec<Vector>),
     /// The faces of a box [m].
     Box(Extent),
-    /// A surface of triangles.
+    /// A triangulated surface.
     Mesh(Mesh),
 }
 
-/// A triangulated surface from a file. Triangles whose corners fall together are neighbours, without bumps between them.
+/// A triangulated surface from a file. Triangles that share corners form one smooth surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
-    /// STL file, as text or binary; relative to the case.
+    /// STL file, text or binary, relative to the case.
     pub path: PathBuf,
-    /// Metres in a unit of the file: 0.001 where it is in mm.
+    /// Length of the file's unit [m]: 0.001 for a file in mm.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
-    /// Where the origin of the file lies [m]; at that of the domain without it.
+    /// Position of the file's origin [m]. Default: the origin of the domain.
     #[serde(default)]
     pub origin: Option<Vector>,
 }
@@ -67,13 +68,13 @@ fn one() -> f64 {
     1.0
 }
 
-/// A plane: grains are on the side to which the normal points.
+/// A plane. Grains are on the side of the normal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plane {
     /// A point of the plane [m].
     pub point: Vector,
-    /// Normal towards the grains; of any length.
+    /// Normal vector towards the grains, of any length [1].
     pub normal: Vector,
 }
 
@@ -81,28 +82,28 @@ pub struct Plane {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
-    /// Name by which probes ask for its force and torque.
+    /// Name that probes use for force and torque.
     pub name: String,
-    /// Its shape.
+    /// Shape of the body.
     pub shape: Shape,
-    /// Centre [m]; of a polyhedron its centroid.
+    /// Centre [m]; the centroid for polyhedra.
     pub position: Vector,
-    /// How a polyhedron is turned; as it is without it.
+    /// Rotation of a polyhedron. Default: none.
     #[serde(default)]
     pub orientation: Option<Orientation>,
-    /// How it moves.
+    /// Motion of the body.
     pub motion: Motion,
-    /// Its material; the density is needed if it moves freely.
+    /// Material of the body. A free body needs a density.
     pub material: String,
 }
 
-/// A turn about an axis.
+/// A rotation about an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Orientation {
-    /// The axis; of any length.
+    /// Rotation axis, of any length [1].
     pub axis: [f64; 3],
-    /// The angle, counter-clockwise where the axis points at the viewer [degrees].
+    /// Rotation angle [degrees], counter-clockwise when seen against the axis.
     pub angle_degrees: f64,
 }
 
@@ -122,16 +123,16 @@ pub enum Shape {
         #[schemars(extend("exclusiveMinimum" = 0))]
         radius: f64,
     },
-    /// A box, its edges along the axes before it is turned.
+    /// A box with edges along the axes before the rotation.
     Cuboid {
         /// Lengths of the edges [m].
         edges: [f64; 3],
     },
     /// The convex hull of these points [m].
     Vertices(Vec<[f64; 3]>),
-    /// What lies in all of these half-spaces, each `[a, b, c, d]` for a x + b y + c z <= d [m].
+    /// The intersection of half-spaces, each `[a, b, c, d]` for a x + b y + c z <= d [m].
     HalfSpaces(Vec<[f64; 4]>),
-    /// A closed convex surface of triangles.
+    /// A closed convex triangulated surface.
     Mesh(Mesh),
 }
 
@@ -143,27 +144,27 @@ impl Shape {
     }
 }
 
-/// How a body moves.
+/// Motion of a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Motion {
-    /// Not at all.
+    /// At rest.
     Fixed {},
-    /// With a given velocity, whatever acts on it.
+    /// Prescribed velocity, independent of the forces.
     Driven {
-        /// Velocity of the centre [m/s]; zero without it.
+        /// Velocity of the centre [m/s]. Default: zero.
         #[serde(default)]
         velocity: Option<Vector>,
-        /// Rotation rate [rad/s]; zero without it.
+        /// Angular velocity [rad/s]. Default: zero.
         #[serde(default)]
         angular_velocity: Option<Rotation>,
     },
-    /// By the forces on it.
+    /// Free motion under the acting forces.
     Free {
-        /// Velocity at the start [m/s]; zero without it.
+        /// Initial velocity [m/s]. Default: zero.
         #[serde(default)]
         velocity: Option<Vector>,
-        /// Rotation rate at the start [rad/s]; zero without it.
+        /// Initial angular velocity [rad/s]. Default: zero.
         #[serde(default)]
         angular_velocity: Option<Rotation>,
     },

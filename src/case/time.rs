@@ -1,34 +1,34 @@
-//! How long, in which steps, and what a run guards and keeps.
+//! Duration, time steps, checkpoints and guards.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Duration and steps.
+/// Duration and time steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// Physical time of the run [s], from the end of the warm-up.
+    /// Physical end time [s], counted from the end of the warm-up.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub end: f64,
-    /// Steps of the grains in one step of the fluid: `auto` is the smallest number that keeps the solid time
-    /// step below `solid_time_step_safety` times the critical one.
+    /// Solid steps per fluid step. `auto` takes the smallest number that keeps the solid time step below `solid_time_step_safety` times the
+    /// critical time step.
     #[serde(default)]
     pub solid_steps_per_fluid_step: SolidSteps,
-    /// Time step of the grains [s] where there is no fluid; without it the safety times the critical one.
+    /// Solid time step [s] of a case without fluid. Default: `solid_time_step_safety` times the critical time step.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub solid_time_step: Option<f64>,
-    /// Largest solid time step allowed, as a fraction of the critical one 2 sqrt(m/k) of the lightest grain, of elastic spheres
-    /// the shorter one of that and Rayleigh's time. A grain has several contacts: beyond about 0.2 the plan looks at them one by one.
+    /// Largest solid time step over the critical one [1]. The critical time step is 2 sqrt(m/k) of the lightest grain; for Hertz-Mindlin
+    /// contacts the shorter of that and the Rayleigh time. Above about 0.2 the plan checks every grain with all of its contacts.
     #[serde(default = "default_safety")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub solid_time_step_safety: f64,
-    /// How far beyond contact lists of neighbours reach, over the mean radius of the grains: with more they are made less often and are
-    /// longer. No result depends on it.
+    /// Skin of the neighbour lists over the mean grain radius [1]. A larger skin gives longer lists that are rebuilt less often. Results do
+    /// not depend on it.
     #[serde(default = "default_skin")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 4))]
     pub neighbour_skin: f64,
-    /// What happens before the clock starts.
+    /// Warm-up before time 0. Default: none.
     #[serde(default)]
     pub warm_up: Option<WarmUp>,
 }
@@ -42,14 +42,14 @@ fn default_safety() -> f64 {
     0.1
 }
 
-/// Steps of the grains in one step of the fluid.
+/// Solid steps per fluid step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
 pub enum SolidSteps {
-    /// This many.
+    /// A fixed number.
     Number(#[schemars(range(min = 1, max = 100_000))] u32),
-    /// As many as stability needs.
+    /// As many as stability requires.
     Auto(Auto),
 }
 
@@ -68,33 +68,33 @@ pub enum Auto {
     Auto,
 }
 
-/// What happens before the clock starts.
+/// Warm-up before time 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum WarmUp {
-    /// The fluid flows round the grains held in place until it is steady.
+    /// The fluid flows around fixed grains until it is steady.
     FluidOnly {
-        /// Steady when the velocity changes by less than this fraction of itself in 100 steps.
+        /// Relative change of the velocity in 100 steps below which the flow counts as steady [1].
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
         relative_change: f64,
-        /// Ends after this time in any case [s].
+        /// Longest duration of the warm-up [s].
         #[schemars(extend("exclusiveMinimum" = 0))]
         at_most: f64,
     },
 }
 
-/// Checkpoints: places from which a run can go on, on any number of ranks.
+/// Checkpoints, from which a run can restart on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Physical time between checkpoints [s], written at the steps nearest to its multiples and at the end of the run; none of this
-    /// kind without it.
+    /// Physical time between checkpoints [s], written at the steps nearest to its multiples and at the end of the run. Default: no
+    /// checkpoints by physical time.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
-    /// Wall-clock time between checkpoints [s]; 0 for none of this kind.
+    /// Wall-clock time between checkpoints [s]. 0 turns them off.
     #[schemars(range(min = 0.0))]
     pub every_wall_seconds: f64,
-    /// How many of the newest stay on disk.
+    /// Number of the newest checkpoints that stay on disk.
     #[schemars(range(min = 2, max = 1000))]
     pub keep: u32,
 }
@@ -109,41 +109,41 @@ impl Default for Checkpoint {
     }
 }
 
-/// Limits whose crossing ends the run.
+/// Limits that end the run when they are exceeded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Guards {
-    /// Fluid steps between two looks at every cell and grain for values that are not finite and the limits below.
+    /// Fluid steps between two checks of every cell and grain for non-finite values and for the limits below.
     #[schemars(range(min = 1, max = 1_000_000))]
     pub check_every_steps: u32,
-    /// Largest velocity over the lattice speed C = h/dt (A-06: the paper's Mach number), without unit.
+    /// Largest velocity in lattice units, |u| dt/h [1]. The Mach number is √3 times this value.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
-    pub max_mach: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns, without unit. The error of the pressure and of the
-    /// continuity of the flow is of this size.
+    pub max_lattice_velocity: f64,
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns [1]. The errors of pressure and mass conservation of an
+    /// incompressible flow are of this size.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub warn_compression: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and a plan is refused, without unit. Cells
-    /// that bodies shut in are left out: bodies that move squeeze them. Beside the corner of a fast lid it may be more than the default.
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and the plan is refused [1]. Cells enclosed by
+    /// bodies are excluded, because moving bodies compress them. Corners of fast lid-driven flows may need more than the default.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
-    /// Memory of all machines of the run together [GiB]; without it that of this machine.
+    /// Memory of all nodes of the run together [GiB]. Default: the memory of this node.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub memory_gib: Option<f64>,
-    /// What a limit of the method that the plan finds crossed (Mach number, density change, cells in a diameter, time step of the
-    /// grains) means before the run.
+    /// Consequence of a limit of the method that the plan finds exceeded: lattice velocity, density change, cells per diameter, solid time
+    /// step.
     pub limits: Limits,
 }
 
-/// What a crossed limit means.
+/// Consequence of an exceeded limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Limits {
-    /// Nothing is run.
+    /// The case is refused.
     #[default]
     Refuse,
-    /// A warning, for studies of where the limits are.
+    /// The case runs with a warning, for studies of the limits.
     Warn,
 }
 
@@ -151,7 +151,7 @@ impl Default for Guards {
     fn default() -> Self {
         Self {
             check_every_steps: 100,
-            max_mach: 0.3,
+            max_lattice_velocity: 0.3,
             warn_compression: 0.05,
             max_compression: 0.2,
             memory_gib: None,

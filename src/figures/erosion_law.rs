@@ -29,7 +29,7 @@ use std::str::FromStr;
 pub struct Published {
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Critical shear stress [Pa].
+    /// Critical shear stress \[Pa\].
     pub critical_shear: f64,
     /// Erosion coefficient [s/m].
     pub coefficient: f64,

@@ -21,6 +21,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// What to draw of a run.
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the help of the command, where units stand in brackets"
+)]
 #[derive(Clone, Debug, Args)]
 pub struct PictureOptions {
     /// A time [s], the nearest output of it; may be given several times [default: four over the run].

@@ -3,7 +3,9 @@
 //! From a start on, every so many steps, each cell whose centre is in the fluid adds its state to eleven sums: the number of
 //! samples, the density deviation, the velocity and its six products. From these come
 //!
+//! ```text
 //! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
+//! ```
 //!
 //! as fields (`averages`), and, where a `profile` is asked for, the same for all cells of each plane across an axis
 //! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the profile are
@@ -51,7 +53,7 @@ pub struct Averages {
     first: u64,
     every: Interval,
     samples: u64,
-    /// In the order [z][y][x][sum].
+    /// In the order `[z][y][x][sum]`.
     sums: Vec<f64>,
     states: Scratch,
 }
@@ -112,7 +114,7 @@ impl Averages {
         self.samples
     }
 
-    /// The sums of the slab, in the order [z][y][x][sum].
+    /// The sums of the slab, in the order `[z][y][x][sum]`.
     #[must_use]
     pub fn sums(&self) -> &[f64] {
         &self.sums

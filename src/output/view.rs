@@ -28,6 +28,6 @@ pub struct View<'a, S: Space> {
     pub dem: Option<&'a Dem<S>>,
     /// Steps done, without the warm-up.
     pub step: u64,
-    /// Time [s], 0 at the end of the warm-up.
+    /// Time \[s\], 0 at the end of the warm-up.
     pub time: f64,
 }

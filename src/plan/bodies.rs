@@ -1,9 +1,9 @@
-//! What a body must be for the lattice to feel it; [`super::added_mass`] says how light it may be.
+//! Smallest resolution of a body on the lattice; [`super::added_mass`] limits its density.
 //!
-//! * A disc or sphere is at least four cells across, else the water does not feel its shape.
-//! * A block is at least a cell thick. One of less than two may lie across cells none of which it fills, and with the viscous weighting
-//!   a cell that is filled in part gives way as τ nears ½: a stream at τ = 0.50006 ran through a plate of half a cell, and through
-//!   one of a cell that lay across two, with less than 4 % of its force on the plate.
+//! * A disc or sphere is at least four cells across, because fewer cells do not represent its shape.
+//! * A block is at least one cell thick. A block of less than two cells may cover all of its cells only in part, and with the viscous
+//!   weighting a partly covered cell becomes permeable as τ approaches ½: a stream at τ = 0.50006 passed through a plate of half a cell, and
+//!   through a plate of one cell that straddled two, with less than 4 % of its force on the plate.
 
 use super::margin::{Margin, margin};
 use crate::case::coupling::Coupling;
@@ -32,7 +32,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 fn grains_path(source: &GrainSource) -> &'static str {
     match source {
         GrainSource::Growth { .. } => "grains.initial.growth.radii",
-        GrainSource::Rain { .. } => "grains.initial.rain.grading",
+        GrainSource::Rain { .. } => "grains.initial.deposition.grading",
         _ => "grains.initial",
     }
 }

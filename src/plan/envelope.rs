@@ -1,7 +1,7 @@
 //! How far each limit of the method is, before a single step.
 //!
-//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The Mach number is U/C with C = h/dt, and at a given
-//! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
+//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C with C = h/dt, and at a given
+//! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
@@ -16,8 +16,8 @@ use crate::scene::grid::count;
 use crate::scene::initial::Initial;
 use crate::scene::speed::{passage, pressure_difference, speeds};
 
-/// The paper's "typically lower than".
-const USUAL_MACH: f64 = 0.1;
+/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
+const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
@@ -36,7 +36,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
             let what = format!("time step for {}", limit.what);
             margins.push(margin(&what, flow.time_step, limit.time_step, "accuracy"));
         }
-        mach(scene, flow, &mut margins, findings);
+        lattice_velocity(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
         super::linear_stability::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
@@ -88,49 +88,54 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     margins
 }
 
-fn mach(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
+fn lattice_velocity(
+    scene: &Scene,
+    flow: &Flow,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
     let (h, dt, nu) = (scene.grid.spacing, flow.time_step, flow.kinematic_viscosity);
     let c = h / dt;
-    let most = scene.guards.max_mach;
+    let most = scene.guards.max_lattice_velocity;
     for speed in speeds(scene, flow) {
-        let mach = speed.value / c;
-        if mach > most || mach.is_nan() {
+        let lattice_velocity = speed.value / c;
+        if lattice_velocity > most || lattice_velocity.is_nan() {
             findings.error(
                 &speed.path,
                 format!(
-                    "{} gives {} m/s, Mach U/C = {}; it must be below {most}, and better below {USUAL_MACH}",
+                    "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, and preferably below {USUAL_LATTICE_VELOCITY}",
                     speed.what,
                     number(speed.value),
-                    number(mach)
+                    number(lattice_velocity)
                 ),
                 remedy(flow, h, nu, speed.value),
             );
-        } else if mach > USUAL_MACH {
+        } else if lattice_velocity > USUAL_LATTICE_VELOCITY {
             findings.warn(
                 &speed.path,
                 format!(
-                    "{} gives {} m/s, Mach U/C = {}, above {USUAL_MACH}",
+                    "{} gives {} m/s, a lattice velocity U dt/h of {}, above {USUAL_LATTICE_VELOCITY}",
                     speed.what,
                     number(speed.value),
-                    number(mach)
+                    number(lattice_velocity)
                 ),
                 remedy(flow, h, nu, speed.value),
             );
         }
         margins.push(margin(
-            &format!("Mach U/C: {}", speed.what),
-            mach,
+            &format!("lattice velocity U dt/h: {}", speed.what),
+            lattice_velocity,
             most,
             &speed.path,
         ));
     }
 }
 
-/// What brings the Mach number down to the usual one.
+/// Remedies that reduce the lattice velocity to the usual one.
 fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
-    let dt = USUAL_MACH * h / velocity;
+    let dt = USUAL_LATTICE_VELOCITY * h / velocity;
     let tau = 0.5 + 3.0 * nu * dt / (h * h);
-    let finer = 3.0 * nu * USUAL_MACH / ((flow.relaxation_time - 0.5) * velocity);
+    let finer = 3.0 * nu * USUAL_LATTICE_VELOCITY / ((flow.relaxation_time - 0.5) * velocity);
     let first = match flow.fixed_by {
         "relaxation_time" => {
             format!(
@@ -217,12 +222,12 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
     }
 }
 
-/// The largest Reynolds number a passage of height b admits at Mach 0.1: U b/nu with U = 0.1 C.
+/// The largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1 C.
 #[must_use]
 pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;
     let axis = pressure_difference(flow).map_or(0, |(.., axis)| axis);
     let (_, height) = passage(scene, axis);
     let cells = height.min(scene.grid.size[0] * count(scene.grid.dimension)) / scene.grid.spacing;
-    Some(USUAL_MACH * 3.0 / (flow.relaxation_time - 0.5) * cells)
+    Some(USUAL_LATTICE_VELOCITY * 3.0 / (flow.relaxation_time - 0.5) * cells)
 }

@@ -18,19 +18,19 @@ pub struct Estimate {
     pub bytes_per_cell: f64,
     /// Number of grains, blocks and bodies, before cutting.
     pub grains: f64,
-    /// Memory of all ranks together [bytes].
+    /// Memory of all ranks together \[bytes\].
     pub memory_bytes: f64,
-    /// One fluid output [bytes].
+    /// One fluid output \[bytes\].
     pub fluid_output_bytes: f64,
     /// Number of fluid outputs.
     pub fluid_outputs: f64,
-    /// All outputs and the checkpoints kept [bytes].
+    /// All outputs and the checkpoints kept \[bytes\].
     pub disk_bytes: f64,
     /// Million lattice updates per second and core assumed.
     pub mlups: f64,
     /// Million particle steps per second and core assumed.
     pub million_particle_steps: f64,
-    /// Time of the run on one core [s].
+    /// Time of the run on one core \[s\].
     pub seconds_on_one_core: f64,
 }
 
@@ -209,7 +209,7 @@ pub(crate) fn size(bytes: f64) -> String {
     }
 }
 
-/// Memory of this machine [bytes], where the system says it.
+/// Memory of this machine \[bytes\], where the system says it.
 fn machine_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;

@@ -110,7 +110,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 VelocitySet::D2Q9 => ("D2Q9", "the domain is 2-D"),
                 VelocitySet::D3Q19 => (
                     "D3Q19",
-                    "the domain is 3-D; the smallest set that is accurate at these Mach numbers",
+                    "the domain is 3-D; the smallest velocity set that is accurate at these velocities",
                 ),
                 VelocitySet::D3Q27 if operator.only_on().is_some() => {
                     ("D3Q27", "the moments of the operator are those of this set")

@@ -117,7 +117,11 @@ impl Plan {
             if let Some(reynolds) =
                 envelope::largest_reynolds(&self.scene).filter(|r| r.is_finite())
             {
-                rows.push(row("largest Reynolds number at Mach 0.1", reynolds, ""));
+                rows.push(row(
+                    "largest Reynolds number at a lattice velocity of 0.1",
+                    reynolds,
+                    "",
+                ));
             }
         }
         rows

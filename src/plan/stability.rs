@@ -169,7 +169,7 @@ pub(super) fn check(
     findings.unstable(
         &speed.path,
         format!(
-            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up to {} and failed from {} on{}",
+            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up to {} and failed from {} on{}",
             speed.what,
             number(cell),
             number(limit.holds),

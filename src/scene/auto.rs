@@ -79,7 +79,7 @@ pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
         lbm.relaxation_time.is_none()
             && lbm.time_step.is_none()
             && lbm.reference_velocity.is_none()
-            && lbm.mach.is_none()
+            && lbm.lattice_velocity.is_none()
     });
     let chosen = case.domain.spacing.is_none() || no_step;
     case.accuracy.or(chosen.then(Accuracy::default))

@@ -187,9 +187,9 @@ fn rock_mass(
     path: &str,
     findings: &mut Findings,
 ) -> Option<RockMass> {
-    let whole = match &joints.mass {
+    let whole = match &joints.rock_mass {
         Mass::Box(extent) => {
-            let path = format!("{path}.mass.box");
+            let path = format!("{path}.rock_mass.box");
             let extent = Extent::resolve(grid, extent, &path, findings);
             let [from, to] = [extent.from, extent.to].map(Vector3::from);
             let made = Polyhedron::cuboid(to - from).map(|shape| Solid {
@@ -199,7 +199,7 @@ fn rock_mass(
             });
             usable(made.map_err(|e| e.to_string()), &path, findings)?
         }
-        Mass::Mesh(mesh) => surface(case, mesh, &format!("{path}.mass.mesh"), findings)?,
+        Mass::Mesh(mesh) => surface(case, mesh, &format!("{path}.rock_mass.mesh"), findings)?,
     };
     let mut planes = whole.half_spaces();
     for (n, plane) in joints.excavation.iter().enumerate() {

@@ -356,11 +356,11 @@ impl ContactTable {
         }
         let falls = matches!(
             case.grains.as_ref().map(|grains| &grains.initial),
-            Some(GrainSource::Rain(rain)) if rain.falling_stiffness.is_some()
+            Some(GrainSource::Deposition(rain)) if rain.falling_stiffness.is_some()
         );
         if falls {
             findings.error(
-                "grains.initial.rain.falling_stiffness",
+                "grains.initial.deposition.falling_stiffness",
                 "hertz_mindlin has no spring to soften",
                 "take it out, or let the grains fall with a softer young_modulus and read them from the file that they save",
             );
@@ -497,7 +497,7 @@ fn agrees_with_blocks(case: &Case, findings: &mut Findings) {
     if let Some(grains) = &case.grains {
         let source = match grains.initial {
             GrainSource::Growth(_) => Some("grains.initial.growth"),
-            GrainSource::Rain(_) => Some("grains.initial.rain"),
+            GrainSource::Deposition(_) => Some("grains.initial.deposition"),
             GrainSource::File { .. } | GrainSource::List(_) => None,
         };
         if let Some(path) = source {

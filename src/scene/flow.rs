@@ -241,28 +241,28 @@ fn time_step(
         .filter(|(_, value)| value.is_some())
         .map(|(name, _)| *name)
         .collect();
-    if lbm.mach.is_some() != lbm.reference_velocity.is_some() {
-        let missing = if lbm.mach.is_some() {
+    if lbm.lattice_velocity.is_some() != lbm.reference_velocity.is_some() {
+        let missing = if lbm.lattice_velocity.is_some() {
             "reference_velocity"
         } else {
-            "mach"
+            "lattice_velocity"
         };
         findings.error(
             &format!("{PATH}.{missing}"),
-            "`reference_velocity` and `mach` fix the time step together",
-            if lbm.mach.is_some() {
+            "`reference_velocity` and `lattice_velocity` fix the time step together",
+            if lbm.lattice_velocity.is_some() {
                 Remedy::take_out(
-                    format!("add `{missing}`, or leave `mach` out"),
-                    &format!("{PATH}.mach"),
+                    format!("add `{missing}`, or leave `lattice_velocity` out"),
+                    &format!("{PATH}.lattice_velocity"),
                 )
             } else {
                 Remedy::from(format!(
-                    "add `{missing}` (for example mach 0.05), or leave both out"
+                    "add `{missing}` (for example 0.05), or leave both out"
                 ))
-                .set(format!("{PATH}.mach"), 0.05)
+                .set(format!("{PATH}.lattice_velocity"), 0.05)
             },
         );
-        if given.is_empty() || missing == "mach" {
+        if given.is_empty() || missing == "lattice_velocity" {
             return None;
         }
     }
@@ -282,7 +282,7 @@ fn time_step(
                         "keep one of them, or none: the program then chooses the time step",
                     );
                     let others = given[1..].iter().copied();
-                    let more = lbm.mach.is_some().then_some("mach");
+                    let more = lbm.lattice_velocity.is_some().then_some("lattice_velocity");
                     others.chain(more).fold(remedy, |remedy, name| {
                         remedy.set(format!("{PATH}.{name}"), serde_json::Value::Null)
                     })
@@ -296,11 +296,11 @@ fn time_step(
         lbm.relaxation_time,
         lbm.time_step,
         lbm.reference_velocity,
-        lbm.mach,
+        lbm.lattice_velocity,
     ) {
         (Some(tau), ..) => LatticeUnits::time_step_for(tau, h, nu),
         (_, Some(dt), ..) => dt,
-        (.., Some(velocity), Some(mach)) => mach * h / velocity,
+        (.., Some(velocity), Some(lattice_velocity)) => lattice_velocity * h / velocity,
         _ => return None,
     };
     if let Some(tau) = lbm.relaxation_time
@@ -364,7 +364,7 @@ fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
     for (name, given) in [
         ("relaxation_time", lbm.relaxation_time),
         ("reference_velocity", lbm.reference_velocity),
-        ("mach", lbm.mach),
+        ("lattice_velocity", lbm.lattice_velocity),
     ] {
         if given.is_some() {
             remedy = remedy.set(format!("{PATH}.{name}"), null.clone());

@@ -8,7 +8,7 @@ use super::sample::{self, Grain};
 use super::{grading, material, unique};
 use crate::case::Case;
 use crate::case::grains::{
-    Amount, Grading, GrainSource as Written, Growth, Radii, Rain as WrittenRain, SizeClass,
+    Amount, Deposition as WrittenRain, Grading, GrainSource as Written, Growth, Radii, SizeClass,
 };
 use crate::error::Remedy;
 use serde::Serialize;
@@ -92,7 +92,7 @@ pub(crate) fn grains(
         .collect();
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Rain(written) => falls(case, written, grid, findings)?,
+        Written::Deposition(written) => falls(case, written, grid, findings)?,
         Written::File { path } => sample(
             &case.directory.join(path),
             path,
@@ -260,13 +260,13 @@ fn falls(
     grid: &Grid,
     findings: &mut Findings,
 ) -> Option<Source> {
-    let path = "grains.initial.rain";
+    let path = "grains.initial.deposition";
     let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
         let class = |c: &SizeClass| grading::Class {
             min: c.min,
             max: c.max,
-            part: c.part,
+            part: c.fraction,
         };
         list.iter().map(class).collect()
     };

@@ -2,7 +2,7 @@
 //! as a meter.
 //!
 //! * *Look*: every `guards.check_every_steps` steps (100 unless the case says otherwise), and at the end however it comes, every cell
-//!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_mach` and a compression above
+//!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_lattice_velocity` and a compression above
 //!   `guards.max_compression` end the run; [`failure`] names the cell. A compression above `guards.warn_compression` is said at
 //!   once, and in each line of the log while it lasts. Cells that bodies shut in are left out there: bodies that move squeeze them. The warm-up is looked at in the same way. A look takes 9, 30 and 40 ns a cell
 //!   with 9, 19 and 27 populations in f64 where reading them once takes 7, 16 and 24 (one core of a busy machine); a step reads and
@@ -166,8 +166,8 @@ impl Guards {
     /// What there is to say of the water in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
-            [Some(now), Some(most)] => format!("Mach {now:.3} (largest {most:.3})"),
-            _ => "Mach -".into(),
+            [Some(now), Some(most)] => format!("lattice velocity {now:.3} (largest {most:.3})"),
+            _ => "lattice velocity -".into(),
         };
         text += "  density ";
         match self.squeezed[0] {
@@ -451,7 +451,7 @@ impl Guards {
             self.squeezed = [Some(squeezed), Some(known.unwrap_or(squeezed))];
             let limits = &plan.scene.guards;
             let (fast, dense) = (
-                fastest.value.sqrt() > limits.max_mach,
+                fastest.value.sqrt() > limits.max_lattice_velocity,
                 squeezed.value.abs() > limits.max_compression,
             );
             failure = failure.or(match (fast, dense) {

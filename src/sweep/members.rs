@@ -41,9 +41,9 @@ pub struct Prepared {
     pub text: String,
     /// Hash of the text.
     pub hash: String,
-    /// Planned time on one core [s].
+    /// Planned time on one core \[s\].
     pub seconds: f64,
-    /// Planned memory of all ranks [bytes].
+    /// Planned memory of all ranks \[bytes\].
     pub memory: f64,
 }
 
@@ -497,7 +497,10 @@ mod tests {
             })
         };
         let problems = refused("stop").unwrap_err();
-        assert!(problems[0].to_string().contains("Mach"), "{problems:?}");
+        assert!(
+            problems[0].to_string().contains("lattice velocity"),
+            "{problems:?}"
+        );
         let recorded = refused("record").unwrap();
         assert_eq!(recorded[0].verdict, Verdict::Valid);
         assert_eq!(recorded[1].verdict, Verdict::Refused);

@@ -78,13 +78,13 @@ pub struct Record {
     pub case_hash: String,
     /// Version of the program.
     pub solver: String,
-    /// The limit it ran under [s].
+    /// The limit it ran under \[s\].
     pub time_limit: Option<f64>,
-    /// Wall time of the steps [s].
+    /// Wall time of the steps \[s\].
     pub loop_seconds: f64,
-    /// Wall time in all [s].
+    /// Wall time in all \[s\].
     pub wall_seconds: f64,
-    /// Processor time of all ranks on this machine [s].
+    /// Processor time of all ranks on this machine \[s\].
     pub processor_seconds: f64,
     /// Whether the times are those of all attempts; not where one was ended by force.
     pub timed: bool,

@@ -52,7 +52,7 @@ struct Job<'a> {
     begun: Instant,
     asked: Option<Instant>,
     given_up: bool,
-    /// Processor time so far [s].
+    /// Processor time so far \[s\].
     processor: f64,
     record: Record,
 }
@@ -350,7 +350,7 @@ impl Job<'_> {
     }
 }
 
-/// Planned time of a member on one core [s].
+/// Planned time of a member on one core \[s\].
 fn seconds(member: &Member) -> f64 {
     member.prepared.as_ref().map_or(0.0, |p| p.seconds.max(0.1))
 }
@@ -385,7 +385,7 @@ fn last_words(folder: &Path) -> String {
 }
 
 /// Whether a child has ended (it is kept until it is waited for), and the processor time of it and of those that it waited for,
-/// such as the ranks of mpirun [s].
+/// such as the ranks of mpirun \[s\].
 fn processor_time(process: u32) -> (bool, f64) {
     let Ok(text) = fs::read_to_string(format!("/proc/{process}/stat")) else {
         return (true, 0.0);

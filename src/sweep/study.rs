@@ -1,4 +1,9 @@
-//! The study as written: a base case, what is varied, what is looked at and what it should be.
+//! A study as written: a base case, variations, outputs and references.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets"
+)]
 
 use crate::analysis::expression;
 use crate::analysis::measure::{Measure, Norm, Take};
@@ -14,103 +19,102 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// Members of one case under other settings, and how error and cost are read from each.
+/// A parameter study: members of one base case, with error and cost of each.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// One line above tables and pictures, without control characters.
+    /// Title of tables and pictures: one line without control characters.
     #[serde(default)]
     pub title: String,
-    /// What the study is for.
+    /// Description of the study.
     #[serde(default)]
     pub description: String,
-    /// The base case: the path of a case file, relative to the study, or the case itself.
+    /// Base case: the path of a case file, relative to the study, or the case itself.
     pub case: Value,
-    /// Fields of every member by their path in the case, as `--set` takes them. A text that begins with `=` is a formula
-    /// of other numbers of the case, worked out last: `"=domain.spacing/2"`.
+    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the case, evaluated
+    /// last: `"=domain.spacing/2"`.
     #[serde(default)]
     pub set: BTreeMap<String, Value>,
-    /// What is varied: every combination is a member. A field of the case with the list of its values, or a name with
-    /// named choices that set several fields each. The first one colours the picture.
+    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name with named choices
+    /// that set several fields each. The first variation colours the picture.
     #[serde(default)]
     pub vary: Ordered<Variation>,
-    /// Members beside those of the grid.
+    /// Members in addition to the combinations.
     #[serde(default)]
     pub members: Vec<Listed>,
-    /// What is read from the files of each member.
+    /// Outputs read from the files of each member.
     pub outputs: Ordered<Output>,
-    /// What outputs should be; those without a reference are listed only.
+    /// References of the outputs. Outputs without a reference are only listed.
     #[serde(default)]
     pub reference: BTreeMap<String, Reference>,
-    /// What outputs and numbers of the case must fulfil, such as `energy < 10*first`: a member that gets to its end without it counts
-    /// as failed, not as finished.
+    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as failed.
     #[serde(default)]
     pub sound: Option<String>,
-    /// The output whose error is that of the picture and of the Pareto set; without it the largest of all errors.
+    /// Output whose error the picture and the Pareto set use. Default: the largest of all errors.
     #[serde(default)]
     pub error: Option<String>,
-    /// What counts as the cost beside memory.
+    /// Measure of the cost, besides memory.
     #[serde(default)]
     pub cost: Cost,
-    /// What happens where the verdict on a member is `refused` or `unstable`.
+    /// Treatment of members with the verdict `refused` or `unstable`.
     #[serde(default)]
     pub refused: Refused,
-    /// Two varied fields, along x and y: a picture of which members finish, beside what the plan says of them.
+    /// Two variations, along x and y, of a map that compares the outcome of the members with their plans.
     #[serde(default)]
     pub map: Option<[String; 2]>,
-    /// How members are run.
+    /// Execution of the members.
     #[serde(default)]
     pub run: Run,
 }
 
-/// What one varied thing takes.
+/// Values of a variation.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Variation {
     /// Values of the field.
     Values(Vec<Value>),
-    /// Fields of the case by the name of the choice.
+    /// Fields of the case for each named choice.
     Choices(Ordered<BTreeMap<String, Value>>),
 }
 
-/// A member that is written out.
+/// A single member.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Listed {
-    /// Its name, which is that of its folder.
+    /// Name of the member and of its folder.
     pub name: String,
-    /// Its fields, as in `set`.
+    /// Fields of the member, as in `set`.
     #[serde(default)]
     pub set: BTreeMap<String, Value>,
 }
 
-/// A number or a profile of a member: from a `file`, from the `summary`, or a formula.
+/// An output of a member: a number or a profile from a `file`, from the `summary`, or from a formula.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
-    /// A formula of outputs named before and of numbers of the member's case by their path.
+    /// Formula of earlier outputs and of numbers of the case by path.
     #[serde(default)]
     pub is: Option<String>,
-    /// Formula of a coordinate: the output is the profile of `of` over it at the last time.
+    /// Formula of a coordinate: the output is then the profile of `of` over it at the last time.
     #[serde(default)]
     pub over: Option<String>,
-    /// How profiles are compared.
+    /// Norm that compares profiles.
     #[serde(default)]
     pub norm: Norm,
-    /// Where it is read from.
+    /// Source of the output.
     #[serde(flatten)]
     pub measure: Measure,
 }
 
-/// What an output should be. The error is relative; where the reference is 0 it is absolute.
+/// Reference of an output. The error is relative, or absolute if the reference is 0.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Reference {
     /// A number.
     Number(f64),
-    /// A formula of numbers of the member's case by their path.
+    /// Formula of numbers of the case by path.
     Formula(String),
-    /// Something that is read.
+    /// A reference that is read.
     Found(FoundReference),
 }
 
@@ -118,55 +122,55 @@ pub enum Reference {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FoundReference {
-    /// A CSV file beside the study with two columns, coordinate and value: for profiles.
+    /// CSV file beside the study with the columns coordinate and value, for profiles.
     Table(PathBuf),
-    /// The member of this name.
+    /// The member with this name.
     Member(String),
-    /// The member with the smallest value of this varied field among those that differ in nothing else.
+    /// The member with the smallest value of this field among members that are otherwise equal.
     Finest(String),
 }
 
-/// What counts as the cost of a member.
+/// Measure of the cost of a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Cost {
-    /// Wall time of the steps times ranks times threads.
+    /// Wall time of the steps times ranks and threads.
     #[default]
     CoreSeconds,
-    /// Processor time of the whole run, its start included: where others use the same machine, whom the wall time would show.
+    /// Processor time of the whole run, including its start; suited to shared machines.
     ProcessorTime,
 }
 
-/// What happens where the plan refuses a member.
+/// Treatment of members that the plan refuses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Refused {
-    /// Nothing is run.
+    /// The study stops before any run.
     #[default]
     Stop,
-    /// It stands in the table and is not run.
+    /// The member is listed but not run.
     Record,
-    /// It is run all the same: an unstable one with `--allow-unstable`, a refused one where only limits of the method speak
-    /// against it (`guards.limits` of the case).
+    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are exceeded (`guards.limits`
+    /// of the case).
     Run,
 }
 
-/// How members are run.
+/// Execution of the members.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Run {
-    /// MPI ranks of a member.
+    /// MPI ranks per member.
     #[schemars(range(min = 1, max = 100_000))]
     pub ranks: u32,
-    /// Threads of a rank.
+    /// Threads per rank.
     #[schemars(range(min = 1, max = 1024))]
     pub threads: u32,
-    /// Members that run side by side; all of them together may not need more cores than there are.
+    /// Members that run at the same time. Together they may not need more cores than the machine has.
     #[schemars(range(min = 1, max = 1024))]
     pub at_once: u32,
-    /// Wall-clock time after which a member is given up [s].
+    /// Wall-clock time after which a member is aborted [s].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
 }

@@ -34,13 +34,13 @@ pub struct Row {
     pub core_seconds: Option<f64>,
     /// Core-seconds of the whole run.
     pub run_core_seconds: Option<f64>,
-    /// Processor time [s]: less than the core-seconds where the run shared its cores with others.
+    /// Processor time \[s\]: less than the core-seconds where the run shared its cores with others.
     pub processor_seconds: Option<f64>,
-    /// Peak memory of all ranks together [bytes].
+    /// Peak memory of all ranks together \[bytes\].
     pub memory: Option<f64>,
     /// Steps.
     pub steps: Option<u64>,
-    /// Core-seconds or processor time, as the study asks [s].
+    /// Core-seconds or processor time, as the study asks \[s\].
     pub cost: Option<f64>,
     /// In the Pareto set of error against this cost.
     pub pareto_time: bool,

@@ -32,7 +32,7 @@ fn every_choice_has_a_reason_and_keeps_all_limits() {
         for word in [
             "spacing",
             "relaxation_time",
-            "mach",
+            "lattice_velocity",
             "collision",
             "coupling",
         ] {
@@ -73,7 +73,12 @@ fn examples_without_their_numerics_still_plan() {
         let text = solver::case::examples::find(name).unwrap().text;
         let mut set = vec!["domain.spacing=null".to_owned()];
         if text.contains("lattice_boltzmann") {
-            for field in ["relaxation_time", "time_step", "reference_velocity", "mach"] {
+            for field in [
+                "relaxation_time",
+                "time_step",
+                "reference_velocity",
+                "lattice_velocity",
+            ] {
                 set.push(format!("{lattice}.{field}=null"));
             }
         }
@@ -157,7 +162,7 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_mach_number() {
             .chosen
             .limits
             .iter()
-            .find(|l| l.what.starts_with("Mach"));
+            .find(|l| l.what.starts_with("lattice velocity"));
         let step = mach.unwrap().time_step / plan.scene.grid.spacing;
         let cells = plan.scene.grid.cell_count();
         assert!(cells >= last.0 && step <= last.1, "{level}: {cells} cells");

@@ -145,7 +145,7 @@ fn a_flow_that_diverges_is_named_by_its_cell() {
     let study = Study::of(
         "cavity",
         &[
-            ("fluid.lattice_boltzmann.mach", "null"),
+            ("fluid.lattice_boltzmann.lattice_velocity", "null"),
             ("fluid.lattice_boltzmann.reference_velocity", "null"),
             ("fluid.lattice_boltzmann.relaxation_time", "0.5001"),
             ("fluid.lattice_boltzmann.collision", r#"{"bgk": {}}"#),
@@ -187,7 +187,7 @@ fn soil_that_cannot_be_is_named() {
     let open = ("walls", "[]");
     refuses(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
     // A level of trimming below the floor.
-    let level = ("grains.initial.rain.trim_above", "0.001");
-    let short = ("grains.initial.rain.stop.at_most_steps", "2000");
+    let level = ("grains.initial.deposition.trim_above", "0.001");
+    let short = ("grains.initial.deposition.stop.at_most_steps", "2000");
     refuses(&Study::of("rain", &[level, short]), &["trim_above"]);
 }

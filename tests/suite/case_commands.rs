@@ -286,3 +286,28 @@ fn an_unstable_run_goes_on_only_where_this_is_allowed() {
         restart.assert().code(code);
     }
 }
+
+#[test]
+fn the_reference_is_written_in_both_formats() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, first) in [("html", "index.html"), ("markdown", "index.md")] {
+        let pages = folder.path().join(format);
+        let output = solver()
+            .args(["reference", "--format", format, "--output"])
+            .arg(&pages)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert!(said.contains(first), "{said}");
+        let text = std::fs::read_to_string(pages.join(first)).unwrap();
+        assert!(text.contains("fluid"), "{text}");
+        assert!(std::fs::read_dir(&pages).unwrap().count() > 10);
+    }
+    let output = solver()
+        .args(["reference", "--output"])
+        .arg(folder.path().join("html/index.html/below"))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(5), "{output:?}");
+}

@@ -67,7 +67,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     );
     let plan = Plan::prepare(document).expect("a plan");
     let units = plan.units.expect("a lattice");
-    // nu_lb = 0.2 and C = 5 nu/h.
+    // nu_lb = 0.2 and C = 5 nu/h.
     approx::assert_relative_eq!(units.viscosity_to_lattice(1e-6), 0.2, max_relative = 1e-12);
     approx::assert_relative_eq!(
         units.velocity_scale(),
@@ -86,7 +86,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     );
     assert_eq!(plan.clock.solid_steps_per_step, 9);
     assert_eq!(plan.clock.steps, 12500);
-    // k_n and C go with the mean diameter of the pair.
+    // k_n and C go with the mean diameter of the pair.
     let pair = plan.scene.contact.as_ref().expect("contacts").pair(0, 0);
     approx::assert_relative_eq!(
         pair.cohesion.at(2e-4) / pair.normal_stiffness.at(2e-4),

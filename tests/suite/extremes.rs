@@ -14,7 +14,7 @@ const SETTLING: &str = r#"{
   "domain": {"size": [0.016, 0.016, 0.024], "spacing": 0.001, "periodic": ["x", "y"]},
   "gravity": [0, 0, -9.81],
   "materials": {"rock": {"density": 2650}, "wall": {}},
-  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5, "mach": 0.1}},
+  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5, "lattice_velocity": 0.1}},
   "bodies": [
     {"name": "b", "shape": {"sphere": {"radius": 0.003}}, "position": [0.008, 0.008, 0.0144], "motion": {"free": {}}, "material": "rock"}
   ],
@@ -31,7 +31,7 @@ const STREAM: &str = r#"{
   "domain": {"size": [0.032, 0.008, 0.008], "spacing": 0.001, "periodic": ["x", "y", "z"]},
   "materials": {"rock": {"density": 2650}},
   "fluid": {"lattice_boltzmann": {
-    "lattice": "d3q27", "density": 1000, "kinematic_viscosity": 1e-6, "reference_velocity": 1, "mach": 0.1,
+    "lattice": "d3q27", "density": 1000, "kinematic_viscosity": 1e-6, "reference_velocity": 1, "lattice_velocity": 0.1,
     "collision": {"mrt": {}}, "turbulence": {"wale": {}}, "body_force": {"constant": [2000, 0, 0]}
   }},
   "bodies": [
@@ -57,7 +57,7 @@ const VORTICES: &str = r#"{
 const LID: &str = r#"{
   "domain": {"size": [0.016, 0.016], "spacing": 0.001},
   "fluid": {"lattice_boltzmann": {
-    "density": 1000, "kinematic_viscosity": 1e-3, "reference_velocity": 1, "mach": 0.3,
+    "density": 1000, "kinematic_viscosity": 1e-3, "reference_velocity": 1, "lattice_velocity": 0.3,
     "boundaries": [{"name": "lid", "face": "y_max", "condition": {"moving_wall": {"velocity": [1, 0]}}}]
   }},
   "time": {"end": 0.1},
@@ -238,19 +238,19 @@ fn flows() -> Vec<Row> {
             "tau 0.5005, TRT: ghost moments grow",
             VORTICES,
             &["time.end=0.5"],
-            Fails("moves at Mach"),
+            Fails("moves at lattice velocity"),
         ),
         row(
             "tau 0.5005, sphere that outruns the lattice before the first check",
             SETTLING,
             &[
                 ".reference_velocity=null",
-                ".mach=null",
+                ".lattice_velocity=null",
                 ".relaxation_time=0.5005",
                 ".kinematic_viscosity=3.333e-8",
                 "time.end=0.1",
             ],
-            Fails("moves at Mach"),
+            Fails("moves at lattice velocity"),
         ),
         // No part of the water is faster than the lid.
         // In the corner under the lid the density is 1.7 times that at rest.
@@ -263,14 +263,14 @@ fn flows() -> Vec<Row> {
         row(
             "Mach 0.31",
             LID,
-            &[".mach=0.31"],
-            Refused(".mach", "at most 0.3"),
+            &[".lattice_velocity=0.31"],
+            Refused(".lattice_velocity", "at most 0.3"),
         ),
         row(
             "Mach 0.3 at Re 16 000",
             LID,
             &[".kinematic_viscosity=1e-6"],
-            Fails("moves at Mach"),
+            Fails("moves at lattice velocity"),
         ),
         // Stokes's speed in water without end is 2/9 0.01 g r²/nu = 1.962e-6 m/s; images make it slower.
         row(
@@ -278,7 +278,7 @@ fn flows() -> Vec<Row> {
             SETTLING,
             &[
                 ".reference_velocity=null",
-                ".mach=null",
+                ".lattice_velocity=null",
                 ".relaxation_time=2",
                 ".kinematic_viscosity=0.1",
                 "materials.rock.density=1010",
@@ -524,7 +524,7 @@ fn ranks_and_sizes() -> Vec<Row> {
             "size ratio 100 in water",
             SPECK,
             &[
-                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \"reference_velocity\": 1, \"mach\": 0.1}}",
+                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \"reference_velocity\": 1, \"lattice_velocity\": 0.1}}",
                 "coupling={\"partially_saturated\": {}}",
             ],
             Refused("bodies[1].shape", "0.1 cells; at least 4"),

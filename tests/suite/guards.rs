@@ -110,8 +110,8 @@ fn remedies_that_are_named_are_those_that_help() {
     let said = failed.stderr;
     for words in [
         "numerical failure: step ",
-        " m moves at Mach ",
-        " m/s, above guards.max_mach = 0.3; its density is ",
+        " m moves at lattice velocity ",
+        " m/s, above guards.max_lattice_velocity = 0.3; its density is ",
         " Pa); nearest to it is boundary ",
         " m away; of the plan's limits the nearest is `cell Reynolds number U h/nu",
         "a smaller time step did not help; a cell Reynolds number of at most 10 did",
@@ -234,7 +234,7 @@ fn what_was_not_measured_is_none() {
         "{said}"
     );
     assert!(
-        said.contains("largest Mach -, largest compression -, inflow -, outflow -"),
+        said.contains("largest lattice velocity -, largest compression -, inflow -, outflow -"),
         "{said}"
     );
 }

@@ -35,14 +35,14 @@ const MORE: &[(&str, &str, &[&str])] = &[
         "two ways to a time step, one of them in two parts",
         "couette",
         &[
-            "fluid.lattice_boltzmann.mach=0.1",
+            "fluid.lattice_boltzmann.lattice_velocity=0.1",
             "fluid.lattice_boltzmann.reference_velocity=0.01",
         ],
     ),
     (
-        "a Mach number without its velocity",
+        "a lattice velocity without its reference velocity",
         "couette",
-        &["fluid.lattice_boltzmann.mach=0.1"],
+        &["fluid.lattice_boltzmann.lattice_velocity=0.1"],
     ),
     (
         "a large relaxation time",
@@ -116,7 +116,7 @@ const MORE: &[(&str, &str, &[&str])] = &[
     (
         "a dense cloud",
         "rain",
-        &["grains.initial.rain.number=100000"],
+        &["grains.initial.deposition.number=100000"],
     ),
     (
         "one letter wrong",

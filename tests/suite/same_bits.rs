@@ -405,7 +405,7 @@ const SCOUR: &str = r#"{
   "box_walls": ["z_min"],
   "coupling": {"partially_saturated": {}},
   "time": {"end": 0.04},
-  "guards": {"max_mach": 0.3},
+  "guards": {"max_lattice_velocity": 0.3},
   "probes": [{"name": "plucked", "every": 0.004, "at": {"body": {"name": "plucked"}}}],
   "output": {
     "fluid": {"every": 0.02, "fields": ["velocity", "eddy_viscosity"], "precision": "f64"},

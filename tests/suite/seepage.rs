@@ -105,7 +105,7 @@ fn a_pocket_is_named() {
     );
 }
 
-/// C-19: the search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) to 5 %.
+/// The search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) to 5 %.
 #[test]
 fn the_search_finds_the_gradient_that_lifts_a_bed() {
     let _beside = beside_others();

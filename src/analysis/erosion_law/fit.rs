@@ -1,4 +1,4 @@
-//! The erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9; ).
+//! The erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9).
 //!
 //! **Least squares.** `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so its least value is
 //! found exactly: for every set of points above the threshold the weighted line through them, or, where its threshold
@@ -14,7 +14,7 @@
 //! **Intervals** of 95 %: from the covariance of the line (Student's t) and from a bootstrap that draws whole runs, since
 //! windows of one run share its packing; the hull of both is reported. The bootstrap is seeded: same data, same numbers.
 //!
-//! **Lower bound** (A-32): where the run with the highest stress does not erode, tau_c is at least that stress, and there
+//! **Lower bound**: where the run with the highest stress does not erode, tau_c is at least that stress, and there
 //! is no k_d. Where it erodes but fewer than two stresses do, tau_c lies between the stresses on both sides.
 
 use super::hole::as_f64;
@@ -561,7 +561,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     (slope, -median(&mut intercepts) / slope)
 }
 
-/// What the fits of a cohesion series say together.
+/// What the fits of a cohesion series say together.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.

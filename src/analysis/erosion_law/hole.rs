@@ -1,8 +1,8 @@
 //! Where the faces of the hole are and which shear stress acts on them.
 //!
-//! The fluid of the paper's equation 10 (corrected, E-05) pulls on a face with `tau_h = mu dV_x/dy`, `V_x(y)` the
+//! The fluid of the paper's equation 10 (corrected) pulls on a face with `tau_h = mu dV_x/dy`, `V_x(y)` the
 //! velocity along the hole, averaged over its length with solid cells counted as at rest. Two other ways stand beside
-//! it: the balance of the pressure difference against both faces, `dP d_h / (2 L)`, as hole erosion tests use
+//! it: the balance of the pressure difference against both faces, `dP d_h / (2 L)`, as hole erosion tests use
 //! it, and the summed traction on the grains. For plane Poiseuille flow between straight faces the three are equal.
 //!
 //! Faces: let `s` be the solid fraction, averaged along the hole, and `s_0` its value in the intact packing. The face is
@@ -135,7 +135,7 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
     Some(as_f64(first) + crossing)
 }
 
-/// Shear stress from the velocity gradient at the faces (equation 10, E-05).
+/// Shear stress from the velocity gradient at the faces (equation 10).
 ///
 /// A parabola is fitted by least squares to the cells whose centres lie in the hole, from the face inwards over a
 /// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip is

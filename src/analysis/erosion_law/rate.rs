@@ -1,4 +1,4 @@
-//! Erosion rate per pipe area, with its standard error.
+//! Erosion rate per pipe area, with its standard error.
 //!
 //! `rate = (dM_e/dt) / (2 L)`: mass leaving per time over the two faces of a hole of length L.
 //!

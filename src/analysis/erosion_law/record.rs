@@ -3,8 +3,8 @@
 //! | file | row | one row per |
 //! |---|---|---|
 //! | `erosion.csv` | [`ErosionRecord`] | interval of the erosion record |
-//! | `removed.csv` | [`RemovedGrain`] | grain that left the domain (A-27) |
-//! | `bonds.csv` | [`BondBreak`] | bond that broke (A-09, A-18) |
+//! | `removed.csv` | [`RemovedGrain`] | grain that left the domain |
+//! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
 //! Each struct is declared once, with the name and unit of every column beside the field, so that header, writer and
@@ -134,7 +134,7 @@ pub struct ErosionRecord {
     hole_width: f64 = "hole_width [m]",
     /// Length of the pipe along the flow, m.
     hole_length: f64 = "hole_length [m]",
-    /// Shear stress from the velocity gradient at the faces, mean of both, Pa (E-05).
+    /// Shear stress from the velocity gradient at the faces, mean of both, Pa.
     shear_gradient: f64 = "shear_gradient [Pa]",
     /// Shear stress from the balance of forces, `dP d_h / (2 L)`, Pa.
     shear_balance: f64 = "shear_balance [Pa]",
@@ -150,7 +150,7 @@ pub struct ErosionRecord {
     bonds_broken_inside: u64 = "bonds_broken_inside [1]",
     /// Of these, at the wall of the hole.
     bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
-    /// Largest speed over the lattice velocity C = h/dt.
+    /// Largest speed over the lattice velocity C = h/dt.
     mach: f64 = "mach [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
@@ -158,7 +158,7 @@ pub struct ErosionRecord {
 }
 
 csv_row! {
-/// A grain that left the domain: a row of `removed.csv`.
+/// A grain that left the domain: a row of `removed.csv`.
 pub struct RemovedGrain {
     /// Fluid step.
     step: u64 = "step",
@@ -182,16 +182,16 @@ pub struct RemovedGrain {
 /// How a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BreakMode {
-    /// The normal force passed the tensile strength.
+    /// The normal force passed the tensile strength.
     Tension,
-    /// The shear force passed its limit.
+    /// The shear force passed its limit.
     Shear,
 }
 
 /// Where a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BreakPlace {
-    /// In the bulk of the packing, where only a pressure wave reaches.
+    /// In the bulk of the packing, where only a pressure wave reaches.
     Inside,
     /// At the wall of the hole.
     HoleWall,

@@ -1,4 +1,4 @@
-//! Clusters of grains held together by unbroken bonds: blocks of clay, single grains of sand (C-20).
+//! Clusters of grains held together by unbroken bonds: blocks of clay, single grains of sand.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -24,11 +24,11 @@ pub const SKIN: usize = 3;
 pub struct Grain {
     /// Its name.
     pub id: u64,
-    /// Its centre [m].
+    /// Its centre \[m\].
     pub at: [f64; 3],
-    /// How far it is from where it was at time 0 [m].
+    /// How far it is from where it was at time 0 \[m\].
     pub moved: [f64; 3],
-    /// Its radius [m].
+    /// Its radius \[m\].
     pub radius: f64,
 }
 
@@ -37,11 +37,11 @@ pub struct Grain {
 pub struct Cells {
     /// How many along each axis.
     pub count: [usize; 3],
-    /// Edges of one cell [m].
+    /// Edges of one cell \[m\].
     pub size: [f64; 3],
 }
 
-/// A seepage point: its box in the frame of the analysis [m].
+/// A seepage point: its box in the frame of the analysis \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Lower corner.
@@ -50,7 +50,7 @@ pub struct Point {
     pub to: [f64; 3],
 }
 
-/// Volume of a sphere (centre, radius) inside a box (lower, upper corner) [m3].
+/// Volume of a sphere (centre, radius) inside a box (lower, upper corner) \[m3\].
 pub type Overlap = fn([f64; 3], f64, [f64; 3], [f64; 3]) -> f64;
 
 /// The ground at time 0; a restart needs it.
@@ -58,13 +58,13 @@ pub type Overlap = fn([f64; 3], f64, [f64; 3], [f64; 3]) -> f64;
 pub struct Ground {
     /// The cells.
     pub cells: Cells,
-    /// Mean diameter of the grains [m].
+    /// Mean diameter of the grains \[m\].
     pub diameter: f64,
     /// Solid fraction of each cell, to four decimals, so that it is short to write down.
     pub solid: Vec<f64>,
-    /// Elevation of the surface of each column [m]; none where there was no grain.
+    /// Elevation of the surface of each column \[m\]; none where there was no grain.
     pub surface: Vec<Option<f64>>,
-    /// Elevation from which on grains were the surface of each column [m]; none where there was no grain.
+    /// Elevation from which on grains were the surface of each column \[m\]; none where there was no grain.
     pub skin: Vec<Option<f64>>,
 }
 
@@ -73,9 +73,9 @@ pub struct Ground {
 pub struct Limits {
     /// A cell with less than this part of its initial solid is void.
     pub void_below: f64,
-    /// A cell whose grains went down by this much on average moves [m].
+    /// A cell whose grains went down by this much on average moves \[m\].
     pub moving: f64,
-    /// A column that went down by this much belongs to the depression [m].
+    /// A column that went down by this much belongs to the depression \[m\].
     pub settled: f64,
     /// Percentile of the settlement that is asked for.
     pub percentile: f64,
@@ -84,11 +84,11 @@ pub struct Limits {
 /// What there is over one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Above {
-    /// Volume of soil missing in the void connected with the point [m3].
+    /// Volume of soil missing in the void connected with the point \[m3\].
     pub void_volume: f64,
-    /// Top of that void over the lowest ground at the point [m].
+    /// Top of that void over the lowest ground at the point \[m\].
     pub arch_height: f64,
-    /// Thickness of the ground over the point at time 0 [m].
+    /// Thickness of the ground over the point at time 0 \[m\].
     pub cover: f64,
     /// How far up the ground moves, as part of the cover.
     pub front: f64,
@@ -99,11 +99,11 @@ pub struct Above {
 /// Where the surface has settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Depression {
-    /// Length along the long axis over which any column has settled [m].
+    /// Length along the long axis over which any column has settled \[m\].
     pub length: f64,
-    /// Longest unbroken part of it [m].
+    /// Longest unbroken part of it \[m\].
     pub longest: f64,
-    /// Extent across the long axis [m].
+    /// Extent across the long axis \[m\].
     pub width: f64,
 }
 
@@ -112,23 +112,23 @@ pub struct Depression {
 pub struct Sample {
     /// Voids connected with points, each counted once.
     pub voids: u64,
-    /// Their volume [m3].
+    /// Their volume \[m3\].
     pub void_volume: f64,
     /// Over each point.
     pub points: Vec<Above>,
-    /// Elevation of each column [m].
+    /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,
-    /// How far each column has gone down [m].
+    /// How far each column has gone down \[m\].
     pub settlement: Vec<Option<f64>>,
-    /// Largest settlement [m].
+    /// Largest settlement \[m\].
     pub settlement_max: f64,
-    /// Mean settlement over the middle third along the long axis [m].
+    /// Mean settlement over the middle third along the long axis \[m\].
     pub settlement_middle: f64,
-    /// The percentile asked for [m].
+    /// The percentile asked for \[m\].
     pub settlement_percentile: f64,
     /// Where it has settled.
     pub depression: Depression,
-    /// Mean displacement of the soil beside the points towards them [m].
+    /// Mean displacement of the soil beside the points towards them \[m\].
     pub inward: f64,
 }
 
@@ -150,7 +150,7 @@ fn place(x: f64, size: f64, count: usize) -> usize {
 }
 
 impl Cells {
-    /// `count` cells that fill a box with edges `domain` [m].
+    /// `count` cells that fill a box with edges `domain` \[m\].
     #[must_use]
     pub fn new(domain: [f64; 3], count: [usize; 3]) -> Self {
         Self {
@@ -183,7 +183,7 @@ impl Cells {
         self.count.iter().product()
     }
 
-    /// Volume of one [m3].
+    /// Volume of one \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.size.iter().product()
@@ -324,7 +324,7 @@ impl Ground {
         self.solid[self.cells.index(cell)] >= GROUND
     }
 
-    /// Lowest ground of a column [m].
+    /// Lowest ground of a column \[m\].
     fn floor(&self, long: usize, across: usize) -> Option<f64> {
         (0..self.cells.count[2])
             .find(|&z| self.is_ground([long, across, z]))
@@ -417,7 +417,7 @@ impl Ground {
         all.filter(|(_, seen)| **seen).map(|(k, _)| k).collect()
     }
 
-    /// Volume of soil missing in some cells [m3].
+    /// Volume of soil missing in some cells \[m3\].
     fn missing(&self, cells: &[usize], solid: &[f64]) -> f64 {
         let lost: f64 = cells
             .iter()
@@ -426,7 +426,7 @@ impl Ground {
         lost * self.cells.volume() / self.packing()
     }
 
-    /// Lowest ground and surface over a point at time 0 [m].
+    /// Lowest ground and surface over a point at time 0 \[m\].
     fn cover(&self, point: &Point) -> (f64, f64) {
         let cells = &self.cells;
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
@@ -559,7 +559,7 @@ impl Ground {
         .collect()
     }
 
-    /// Elevation up to which the ground over a point moves [m].
+    /// Elevation up to which the ground over a point moves \[m\].
     fn front(&self, grains: &[Grain], point: &Point, base: f64, top: f64, moving: f64) -> f64 {
         let cells = &self.cells;
         if base >= top {

@@ -10,17 +10,17 @@ pub const NAMES: [&str; 4] = ["hidden hole", "arch", "sinkhole", "extension"];
 pub struct Evidence {
     /// Grains that left through one point so far.
     pub eroded_grains: u64,
-    /// Volume of the void over one point [m3].
+    /// Volume of the void over one point \[m3\].
     pub void_volume: f64,
     /// Part of the cover that moves.
     pub front: f64,
-    /// Settlement of one column [m].
+    /// Settlement of one column \[m\].
     pub settlement: f64,
-    /// Longest depression along the long axis [m].
+    /// Longest depression along the long axis \[m\].
     pub longest: f64,
-    /// Width of the depressions [m].
+    /// Width of the depressions \[m\].
     pub width: f64,
-    /// Displacement of the soil beside the points towards them [m].
+    /// Displacement of the soil beside the points towards them \[m\].
     pub inward: f64,
 }
 
@@ -31,15 +31,15 @@ pub struct Thresholds {
     pub samples: u32,
     /// t1: grains.
     pub eroded_grains: u64,
-    /// t1: or volume of a void [m3].
+    /// t1: or volume of a void \[m3\].
     pub void_volume: f64,
     /// t2: part of the cover.
     pub front: f64,
-    /// t3: settlement [m].
+    /// t3: settlement \[m\].
     pub settlement: f64,
     /// t4: length over that of the sinkhole at t3.
     pub extension: f64,
-    /// t4: displacement inwards [m].
+    /// t4: displacement inwards \[m\].
     pub inward: f64,
 }
 
@@ -47,19 +47,19 @@ pub struct Thresholds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Streak {
     samples: u32,
-    /// Of the first of them [s].
+    /// Of the first of them \[s\].
     time: f64,
-    /// Longer side of the depression at the first of them [m].
+    /// Longer side of the depression at the first of them \[m\].
     extent: f64,
 }
 
 /// The stages so far; a restart needs it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stages {
-    /// When each began [s].
+    /// When each began \[s\].
     pub times: [Option<f64>; 4],
     streaks: [Streak; 4],
-    /// Longer side of the sinkhole at t3 [m].
+    /// Longer side of the sinkhole at t3 \[m\].
     sinkhole: Option<f64>,
 }
 

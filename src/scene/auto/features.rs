@@ -49,7 +49,7 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     operator.model().measured_rows()[0]
 }
 
-/// What stands in the table where a block leaves less water beside it than its own width: the water that it displaces has to pass there.
+/// Rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through the gap.
 fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     let mut rows = SolidOperator::ALL.iter().map(|o| o.model().measured_rows());
     match obstacle {
@@ -186,7 +186,7 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             let (low, high) = growth.radii.bounds();
             radii.extend([low, high]);
         }
-        Some(GrainSource::Rain(rain)) => {
+        Some(GrainSource::Deposition(rain)) => {
             let (Grading::ByCount(classes) | Grading::ByMass(classes)) = &rain.grading;
             radii.extend(classes.iter().flat_map(|class| [class.min, class.max]));
         }

@@ -31,7 +31,7 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
             "bodies with faces: joints and gaps narrower than a cell still carry water and its pressure",
         );
     }
-    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
+    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
     let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
         scheme: Scheme::Interpolated,
@@ -54,7 +54,7 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Discs that touch leave no way through in the plane.
+/// Discs that touch leave no way through in the plane.
 pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(

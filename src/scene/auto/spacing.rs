@@ -37,7 +37,7 @@ impl Spacing {
 
 /// Cells of a grid without water on a lattice: it only cuts the domain into slabs.
 const SLAB_DIAMETERS: f64 = 2.0;
-/// Seepage is averaged over cells of three grains, of the 1 to 4 that C-09 allows.
+/// Seepage is averaged over cells of three grains, within the 1 to 4 of the paper on ground fissures.
 const SEEPAGE_DIAMETERS: f64 = 3.0;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
 const MOST_FINER: f64 = 2.0;
@@ -138,7 +138,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     let (size, reason) = match &case.fluid {
         Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => (
             (SEEPAGE_DIAMETERS * 0.5 * (smallest + largest)).max(largest),
-            "three mean diameters: the seepage is averaged over grains (C-09)",
+            "three mean diameters: the seepage is averaged over grains",
         ),
         _ => (
             SLAB_DIAMETERS * largest.max(widest),

@@ -1,6 +1,6 @@
 //! The time step of the lattice and what it allows: operator, velocity set, eddy viscosity, number type.
 //!
-//! The step is the longest that keeps
+//! The step is the longest that keeps
 //!
 //! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: Mach U/C at most (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
@@ -31,7 +31,7 @@ const MOST_TAU: f64 = 1.5;
 /// at 0.5302 and held at 0.5491.
 const LEAST_TAU: f64 = 0.51;
 const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
-/// The paper's "typically lower than".
+/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 const USUAL_MACH: f64 = 0.1;
 /// Largest relative change of density.
 const MOST_COMPRESSION: f64 = 0.03;
@@ -130,7 +130,7 @@ fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec
     if let Some(speed) = speed {
         let mach = mach(target);
         let what = format!(
-            "Mach {} at {} m/s of {}",
+            "lattice velocity {} at {} m/s of {}",
             number(mach),
             number(speed.value),
             speed.what

@@ -40,7 +40,7 @@ fn list(blocks: &Value) -> Value {
 fn joints(more: &Value) -> Value {
     let set = |dip: f64, direction: f64| json!({"dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": 1}});
     let mut blocks = json!({"material": "granite", "initial": {"joints": {
-        "mass": {"box": {"from": [0, 0, 0], "to": [4, 4, 2]}},
+        "rock_mass": {"box": {"from": [0, 0, 0], "to": [4, 4, 2]}},
         "sets": [set(90.0, 90.0), set(90.0, 0.0), set(0.0, 0.0)]
     }}});
     for (key, part) in more.as_object().expect("parts of blocks") {

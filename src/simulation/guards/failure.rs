@@ -21,7 +21,7 @@ use decomposition::Communicator;
 pub(super) enum Kind {
     /// Its numbers are not finite.
     NotFinite,
-    /// It moves faster than `guards.max_mach`.
+    /// It moves faster than `guards.max_lattice_velocity`.
     TooFast,
     /// Its density is further from that at rest than `guards.max_compression`.
     TooDense,
@@ -101,15 +101,15 @@ fn state<Sp: Space, S: Stored>(
     let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
     let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let guards = &plan.scene.guards;
-    let mach = format!("Mach {} (|u|/C), {} m/s", number(speed), {
+    let mach = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
         number(units.velocity_to_si(speed))
     });
     let density = density(drho, plan);
     Some(match kind {
         Kind::NotFinite => "is not finite".into(),
         Kind::TooFast => format!(
-            "moves at {mach}, above guards.max_mach = {}; its density is {density}",
-            guards.max_mach
+            "moves at {mach}, above guards.max_lattice_velocity = {}; its density is {density}",
+            guards.max_lattice_velocity
         ),
         Kind::TooDense => format!(
             "has a density {density}, beyond guards.max_compression = {}; it moves at {mach}",

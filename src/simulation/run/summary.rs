@@ -152,7 +152,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             ));
             let named = |name: &str| measured(summary[name].as_f64());
             self.progress.note(&format!(
-                "largest Mach {}, largest compression {}, inflow {}, outflow {} {}",
+                "largest lattice velocity {}, largest compression {}, inflow {}, outflow {} {}",
                 named("mach"),
                 named("compression"),
                 named("inflow"),

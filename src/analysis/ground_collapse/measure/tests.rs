@@ -2,9 +2,9 @@
 
 use super::*;
 
-/// Spacing of the grains, their diameter too [m].
+/// Spacing of the grains, their diameter too \[m\].
 const D: f64 = 0.01;
-/// Edge of a cell [m].
+/// Edge of a cell \[m\].
 const EDGE: f64 = 2.0 * D;
 /// Cells along each axis; the ground fills all but the uppermost two layers.
 const COUNT: [usize; 3] = [12, 4, 8];
