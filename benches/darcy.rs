@@ -37,7 +37,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
         upper: true,
         from: [0; 3],
         to: grid.cells,
-        condition: Condition::Pressure(1000.0),
+        condition: Condition::Pressure { value: 1000.0 },
     }];
     let x = window(grid, 0, 0.03, 0.01);
     for middle in [0.05, 0.15] {
@@ -47,7 +47,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
             upper: false,
             from: [x.0, y.0, 0],
             to: [x.1, y.1, grid.cells[2]],
-            condition: Condition::Pressure(0.0),
+            condition: Condition::Pressure { value: 0.0 },
         });
     }
     all

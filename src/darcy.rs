@@ -1,4 +1,4 @@
-//! Water that seeps through the pores of a bed of grains: porosity, permeability, pressure (C-09 … C-13).
+//! Water that seeps through the pores of a bed of grains: porosity, permeability, pressure.
 //!
 //! ```text
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  (coupling/drag takes it from there)
@@ -9,11 +9,12 @@
 //! works on slabs of its own, cut along the longest axis of the coarse grid and so independent of how the grains are cut.
 //! Sums over grains and over cells are exact or in a fixed order, so that the same bits follow on any number of ranks.
 //!
-//! This module knows arrays and `decomposition`; it knows no grains, cases or files.
+//! The choices stand in a case as the types of this module; it knows no grains, cases or files.
 
 pub mod enclosure;
 pub mod grid;
 mod layout;
+pub mod mean_diameter;
 mod multigrid;
 pub mod overlap;
 pub mod permeability;
@@ -23,8 +24,9 @@ mod reproducible;
 
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
-pub use permeability::{MeanDiameter, Permeability, Resistance};
-pub use porosity::{Method, Pores};
+pub use mean_diameter::MeanDiameter;
+pub use permeability::{Permeability, Resistance};
+pub use porosity::{Pores, PorosityMethod};
 pub use pressure::{Condition, Equations, Liquid, Patch, Pressure, Report, Settings};
 
 /// Why the water could not be computed.

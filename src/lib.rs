@@ -24,6 +24,7 @@ pub mod coupling;
 pub mod darcy;
 pub mod dem;
 pub mod error;
+mod family;
 pub mod figures;
 #[allow(
     rustdoc::broken_intra_doc_links,

@@ -1,6 +1,8 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Vector};
+use crate::coupling::drag::DragLaw;
+use crate::darcy::{Condition, Equations, MeanDiameter, PorosityMethod, Resistance};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,7 +51,7 @@ pub struct Darcy {
     pub transient_porosity: bool,
     /// Drag law.
     #[serde(default)]
-    pub drag: Drag,
+    pub drag: DragLaw,
     /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
@@ -133,103 +135,5 @@ pub struct SeepageBoundary {
     #[serde(default)]
     pub patch: Option<Extent>,
     /// The condition.
-    pub condition: SeepageCondition,
-}
-
-/// Boundary condition of the seepage.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum SeepageCondition {
-    /// Imposed pressure.
-    Pressure {
-        /// Pressure [Pa].
-        value: f64,
-    },
-    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
-    Head {
-        /// Head [m].
-        value: f64,
-    },
-    /// Imposed flux through the face.
-    Flux {
-        /// Volume per area and time into the grid [m/s].
-        value: f64,
-    },
-    /// Rainfall on the face.
-    Rain {
-        /// Volume per horizontal area and time [m/s].
-        #[schemars(range(min = 0.0))]
-        rate: f64,
-    },
-    /// Impermeable.
-    NoFlow {},
-}
-
-/// Form of the equations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum Equations {
-    /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
-    #[default]
-    Corrected,
-    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
-    /// follow Darcy's law.
-    Paper,
-}
-
-/// Method that computes the porosity of the cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum PorosityMethod {
-    /// A grain counts in the cell that holds its centre.
-    Centroid,
-    /// A grain is divided into 29 points (17 in 2-D) of equal weight.
-    Divided,
-    /// Exact overlap of grains and cells.
-    #[default]
-    Exact,
-}
-
-/// Law of flow resistance of the bed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum Resistance {
-    /// Kozeny-Carman: the pressure gradient is proportional to the flux.
-    #[default]
-    KozenyCarman,
-    /// Ergun (1952): includes inertial losses and is solved iteratively. Requires the corrected equations.
-    Ergun,
-}
-
-/// Mean diameter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum MeanDiameter {
-    /// Sauter mean: sum of cubes over sum of squares.
-    #[default]
-    Sauter,
-    /// Arithmetic mean.
-    Number,
-    /// Mass-weighted mean.
-    Mass,
-}
-
-/// The drag law (C-14).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum Drag {
-    /// Di Felice 1994.
-    #[default]
-    DiFelice,
-    /// Ergun in dense, Wen and Yu in dilute beds.
-    Gidaspow,
-    /// A single grain, blind to its neighbours.
-    Dallavalle,
-    /// What closes the balance of momentum with the law of resistance, whichever it is.
-    KozenyCarman,
+    pub condition: Condition,
 }

@@ -1,15 +1,17 @@
-//! Darcy seepage with drag on grains (C-10 … C-17).
+//! Darcy seepage with drag on grains.
 //!
-//! At each coupling: porosity and mean diameter of the cells from the grains; permeability; pressure; then the load of every
-//! grain, held over the solid steps of the interval (C-16):
+//! A coupling computes the porosity and the mean diameter of the cells from the grains, then the permeability, the pressure,
+//! and the load of every grain. The load stays constant over the solid steps of the interval:
 //!
 //! ```text
-//! F = sum over cells of w [ -V grad p + b (q - eps v) ]      w: the part of the grain in the cell, b: the drag law's
+//! F = sum over cells of w [ -V grad p + b (q - eps v) ]      w: the part of the grain in the cell, b: of the drag law
 //! ```
 //!
-//! `q` is the Darcy flux and `eps v` the grain's velocity in the same measure (E-16, superficial); with the pressure of
-//! the whole water `-V grad p` holds buoyancy (E-15). As printed in the paper, both are interstitial: `b (u - v)` with
+//! `q` is the Darcy flux and `eps v` the superficial velocity of the grain; with the pressure of the whole water
+//! `-V grad p` contains buoyancy. As printed in the fissure paper, both velocities are interstitial: `b (u - v)` with
 //! `u = -K/(mu eps) grad p`, and there is no buoyancy.
+//!
+//! A drag law is one file below this module and one line of the list in [`law`].
 //!
 //! Where a grain follows the water faster than the interval passes, the drag is that at the velocity `v*` at the end of it
 //! under all known forces (contacts of the last step, gravity, pressure, drag), which an implicit Euler step gives:
@@ -25,28 +27,28 @@
 //!
 //! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
 //! the volume inside the walls of the cells that hold grains: in the others Darcy's resistance has nobody to act on. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
-//! rounding with [`kozeny_carman`] and grains at rest, the misfit of the drag law and the permeability else.
+//! rounding with [`kozeny_carman`] and grains at rest, the misfit of drag law and permeability otherwise.
 
 pub mod dallavalle;
 pub mod di_felice;
 pub mod gidaspow;
 pub mod kozeny_carman;
-mod law;
+pub mod law;
 
-pub use law::{Bed, DragLaw, Grain};
+pub use law::{Bed, Cell, Drag, DragLaw, Grain};
 
 use super::Flow;
-use crate::darcy::{
-    Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Resistance,
-};
+use crate::darcy::permeability::BedOfCells;
+use crate::darcy::{Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report};
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use decomposition::{Communicator, ExactSum};
+use law::Law;
 use std::marker::PhantomData;
 
-/// Relative change of the permeability in a round at which Ergun's resistance is settled.
+/// Relative change of the permeability in a round at which a permeability that depends on the gradient is settled.
 const SETTLED: f64 = 1e-11;
 /// Rounds after which a run ends: the error halves in each or better.
 const MOST_ROUNDS: u32 = 200;
@@ -62,7 +64,7 @@ pub struct Settings {
     pub drag: DragLaw,
     /// Which equations.
     pub equations: Equations,
-    /// Whether the change of porosity is a source of water (C-13).
+    /// Whether the change of porosity is a source of water.
     pub transient: bool,
     /// Drag at the end of the interval where a grain is faster than it.
     pub semi_implicit: bool,
@@ -104,17 +106,17 @@ pub struct Seepage<Sp: Space> {
     has_before: bool,
     report: Report,
     balance: Balance,
+    room: Room,
     space: PhantomData<Sp>,
 }
 
-/// What one cell does to the grains in it.
-#[derive(Clone, Copy)]
-struct Cell {
-    gradient: [f64; 3],
-    flux: [f64; 3],
-    bed: Bed,
-    /// Factor of the grain's velocity beside the flux: eps, or 1 in the equations as printed.
-    measure: f64,
+/// Lists for one grain, kept so that a coupling allocates nothing.
+#[derive(Default)]
+struct Room {
+    /// Cells that hold a part of the grain, with the part.
+    parts: Vec<(usize, f64)>,
+    /// The open ones among them.
+    cells: Vec<(Cell, f64)>,
 }
 
 impl<Sp: Space> Seepage<Sp> {
@@ -143,6 +145,7 @@ impl<Sp: Space> Seepage<Sp> {
             has_before: false,
             report: Report::default(),
             balance: Balance::default(),
+            room: Room::default(),
             space: PhantomData,
         }
     }
@@ -260,39 +263,47 @@ impl<Sp: Space> Seepage<Sp> {
         self.pores
             .finish(&self.openness, &self.communicator)
             .map_err(failed)?;
-        let (law, liquid) = (self.settings.permeability, self.settings.liquid);
+        let permeability = self.settings.permeability;
+        let (law, liquid) = (permeability.law.model(), self.settings.liquid);
         let (porosity, diameter) = (self.pores.porosity(), self.pores.diameter());
         for cell in 0..porosity.len() {
-            self.limited[cell] = law.limited(porosity[cell]);
+            self.limited[cell] = permeability.limited(porosity[cell]);
             self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
         }
         let source = (self.settings.transient && self.has_before).then_some(&self.source[..]);
         let mut iterations = 0;
         for round in 1.. {
-            for cell in 0..porosity.len() {
-                self.permeability[cell] =
-                    law.of(porosity[cell], diameter[cell], liquid, self.gradient[cell]);
-            }
+            let bed = BedOfCells {
+                porosity: &self.limited,
+                diameter,
+                gradient: &self.gradient,
+            };
+            law.fill(bed, liquid, &mut self.permeability);
             self.report = self
                 .pressure
                 .solve(&self.permeability, &self.limited, source)
                 .map_err(failed)?;
             iterations += self.report.iterations;
-            let mut change = 0.0_f64;
             for cell in 0..porosity.len() {
                 let reduced = self.pressure.reduced_gradient(cell);
-                let gradient = reduced.iter().map(|g| g * g).sum::<f64>().sqrt();
-                let next = law.of(porosity[cell], diameter[cell], liquid, gradient);
-                change = change.max((next / self.permeability[cell] - 1.0).abs());
-                self.gradient[cell] = gradient;
+                self.gradient[cell] = reduced.iter().map(|g| g * g).sum::<f64>().sqrt();
             }
-            if law.resistance == Resistance::KozenyCarman || change <= SETTLED {
+            if !law.depends_on_the_gradient() {
+                break;
+            }
+            let bed = BedOfCells {
+                porosity: &self.limited,
+                diameter,
+                gradient: &self.gradient,
+            };
+            let change = law.change(bed, liquid, &self.permeability);
+            if change <= SETTLED {
                 break;
             }
             if round >= MOST_ROUNDS || change.is_nan() {
                 return Err(Error::Numerical(format!(
-                    "the resistance of Ergun still changes by {change:e} after {round} solutions of the pressure"
+                    "the permeability still changes by {change:e} after {round} solutions of the pressure"
                 )));
             }
         }
@@ -303,29 +314,29 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Load of one grain, and whether its drag is that at the end of the interval.
-    fn load(&self, particles: &Particles<Sp>, k: usize) -> ([f64; 3], bool) {
+    fn load(
+        &self,
+        law: &dyn Law,
+        particles: &Particles<Sp>,
+        k: usize,
+        room: &mut Room,
+    ) -> ([f64; 3], bool) {
         let body = &particles.body[k];
         let grain = Grain::new(Sp::DIMENSION, body.radius);
         let velocity: [f64; 3] = components(&particles.motion[k].velocity);
-        let mut pressure = [0.0; 3];
-        // Drag = pull - hold v.
-        let (mut pull, mut hold) = ([0.0; 3], 0.0);
         self.pores
-            .parts(place::<Sp>(particles, k), body.radius, |cell, part| {
-                let Some(here) = self.cell(cell) else {
-                    return;
-                };
-                let past: [f64; 3] =
-                    std::array::from_fn(|a| here.flux[a] - here.measure * velocity[a]);
-                let speed = (past.iter().map(|u| u * u).sum::<f64>()).sqrt();
-                let b = part * self.settings.drag.coefficient(&here.bed, &grain, speed);
-                for a in 0..3 {
-                    pressure[a] -= part * grain.volume * here.gradient[a];
-                    pull[a] += b * here.flux[a];
-                }
-                hold += b * here.measure;
-            });
-        let share = self.settings.interval * hold / body.mass;
+            .parts(place::<Sp>(particles, k), body.radius, &mut room.parts);
+        room.cells.clear();
+        let open = |&(cell, part): &(usize, f64)| Some((self.cell(cell)?, part));
+        room.cells.extend(room.parts.iter().filter_map(open));
+        let mut pressure = [0.0; 3];
+        for (here, part) in &room.cells {
+            for a in 0..3 {
+                pressure[a] -= part * grain.volume * here.gradient[a];
+            }
+        }
+        let Drag { pull, rate } = law.drag(&grain, velocity, &room.cells);
+        let share = self.settings.interval * rate / body.mass;
         let implicit = self.settings.semi_implicit && body.kind == Kind::Free && share > 1.0;
         let force = std::array::from_fn(|a| {
             let v = if implicit {
@@ -335,7 +346,7 @@ impl<Sp: Space> Seepage<Sp> {
             } else {
                 velocity[a]
             };
-            pressure[a] + pull[a] - hold * v
+            pressure[a] + pull[a] - rate * v
         });
         (force, implicit)
     }
@@ -404,8 +415,9 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         self.seep(particles)?;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
         let mut implicit = 0;
+        let (law, mut room) = (self.settings.drag, std::mem::take(&mut self.room));
         for k in 0..particles.owned() {
-            let (force, at_the_end) = self.load(particles, k);
+            let (force, at_the_end) = self.load(law.model(), particles, k, &mut room);
             let mut load = Load::<Sp>::default();
             for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
                 load.force.set(a, *force);
@@ -414,6 +426,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
             implicit += u64::from(at_the_end);
             particles.fluid[k] = load;
         }
+        self.room = room;
         self.close(sums, implicit);
         if self.balance.closure.is_finite() {
             Ok(())

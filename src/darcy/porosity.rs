@@ -1,36 +1,50 @@
-//! Porosity and mean diameter of every cell from the grains in it (C-10, C-11).
+//! Porosity and mean diameter of every cell from the grains in it.
 //!
 //! ```text
 //! eps = 1 - sum_i w_i V_i / V_inside        w_i: the part of grain i in the cell
 //! ```
 //!
-//! | method | the part of a grain in a cell |
-//! |---|---|
-//! | centroid | all of it where its centre stands |
-//! | divided | the share of 29 points (17 in 2-D) of equal weight: one in the centre, 14 (8) on each of two shells |
-//! | exact | the volume of sphere and box in common ([`super::overlap`]) |
+//! A porosity method gives the part of a grain in each cell. It is one file below this module and one line of the list.
 //!
-//! The points of the second method stand in the 6 + 8 directions of the axes and corners, on the mean radius of shells of 14/29
-//! of the volume each; the innermost 1/29 is the centre's. It smooths the jump of a centre that crosses a face to 1/29.
-//!
-//! Sums are integers (steps of 2^-62 of a cell): no order of grains or ranks can show.
+//! Sums are integers (steps of 2^-62 of a cell): they do not depend on the order of grains or ranks.
+
+pub mod centroid;
+pub mod divided;
+pub mod exact;
 
 use super::enclosure::Openness;
-use super::grid::{Grid, number};
-use super::overlap::{disc_rectangle, sphere_box};
-use super::permeability::MeanDiameter;
+use super::grid::Grid;
+use super::mean_diameter::MeanDiameter;
+use crate::family::family;
+use centroid::Centroid;
 use decomposition::{Communicator, quantise};
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use divided::Divided;
+use exact::Exact;
+use std::f64::consts::PI;
 
-/// How a grain counts for the cells it touches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Where its centre stands.
-    Centroid,
-    /// By points of equal weight inside it.
-    Divided,
-    /// By its exact overlap with each cell.
-    Exact,
+family! {
+    /// The porosity methods. A line here makes a method known to cases, to their schema, to `plan` and to runs.
+    #[derive(Default)]
+    pub enum PorosityMethod: Method {
+        Centroid,
+        Divided,
+        #[default]
+        Exact,
+    }
+}
+
+/// A porosity method: the part of a grain in each cell.
+pub trait Method {
+    /// The method in the schema of the case: one line.
+    fn summary() -> &'static str
+    where
+        Self: Sized;
+
+    /// The method with its parameters in the tables of `plan`.
+    fn description(&self) -> String;
+
+    /// Appends (cell, part) for the cells that hold a part of the grain; parts outside the grid are left out.
+    fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>);
 }
 
 /// Volume of a sphere; in 2-D area of a disc.
@@ -43,62 +57,14 @@ pub fn measure(dimension: usize, radius: f64) -> f64 {
     }
 }
 
-/// Mean radius of a shell between two radii in a ball (or disc) of radius 1.
-fn mean_radius(inner: f64, outer: f64, dimension: i32) -> f64 {
-    let n = f64::from(dimension);
-    n / (n + 1.0) * (outer.powi(dimension + 1) - inner.powi(dimension + 1))
-        / (outer.powi(dimension) - inner.powi(dimension))
-}
-
-/// The points of the divided method, for a grain of radius 1.
-fn satellites(dimension: usize) -> Vec<[f64; 3]> {
-    let mut directions: Vec<[f64; 3]> = Vec::new();
-    for axis in 0..dimension {
-        for sign in [-1.0, 1.0] {
-            let mut unit = [0.0; 3];
-            unit[axis] = sign;
-            directions.push(unit);
-        }
-    }
-    let c = if dimension == 2 {
-        FRAC_1_SQRT_2
-    } else {
-        1.0 / 3.0_f64.sqrt()
-    };
-    let signs: &[f64] = if dimension == 2 { &[0.0] } else { &[-c, c] };
-    for &z in signs {
-        for y in [-c, c] {
-            for x in [-c, c] {
-                directions.push([x, y, z]);
-            }
-        }
-    }
-    let (total, n) = (number(1 + 2 * directions.len()), directions.len());
-    let (power, exponent) = if dimension == 2 {
-        (2, 0.5)
-    } else {
-        (3, 1.0 / 3.0)
-    };
-    let first = (1.0 / total).powf(exponent);
-    let second = (number(1 + n) / total).powf(exponent);
-    let shells = [
-        mean_radius(first, second, power),
-        mean_radius(second, 1.0, power),
-    ];
-    let mut points = vec![[0.0; 3]];
-    for shell in shells {
-        points.extend(directions.iter().map(|d| d.map(|x| x * shell)));
-    }
-    points
-}
-
-/// The pores of the grid: made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain, [`Pores::finish`].
+/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain, [`Pores::finish`].
 #[derive(Clone, Debug)]
 pub struct Pores {
     grid: Grid,
-    method: Method,
+    method: PorosityMethod,
     mean: MeanDiameter,
-    points: Vec<[f64; 3]>,
+    /// Cells and parts of the grain that is added.
+    parts: Vec<(usize, f64)>,
     /// Diameters are summed in units of this \[m\].
     unit: f64,
     /// Per cell: solid volume over the cell's, sum w d^(k+1), sum w d^k, in steps of 2^-62.
@@ -113,7 +79,7 @@ pub struct Pores {
 impl Pores {
     /// No grains.
     #[must_use]
-    pub fn new(grid: Grid, method: Method, mean: MeanDiameter) -> Self {
+    pub fn new(grid: Grid, method: PorosityMethod, mean: MeanDiameter) -> Self {
         let n = grid.count();
         let unit = (0..grid.dimension)
             .map(|a| 2.0 * grid.spacing[a])
@@ -122,11 +88,7 @@ impl Pores {
             grid,
             method,
             mean,
-            points: if method == Method::Divided {
-                satellites(grid.dimension)
-            } else {
-                Vec::new()
-            },
+            parts: Vec::new(),
             unit,
             sums: vec![[0; 3]; n],
             words: vec![0; 3 * n],
@@ -149,78 +111,30 @@ impl Pores {
         self.finite = true;
     }
 
-    /// Calls `each(cell, part)` for the cells that hold a part of a grain; parts outside the grid are left out.
+    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left out.
     #[inline]
-    pub fn parts(&self, centre: [f64; 3], radius: f64, mut each: impl FnMut(usize, f64)) {
-        match self.method {
-            Method::Centroid => {
-                if let Some(cell) = self.grid.holding(centre) {
-                    each(self.grid.index(cell), 1.0);
-                }
-            }
-            Method::Divided => {
-                let share = 1.0 / number(self.points.len());
-                for point in &self.points {
-                    let at = std::array::from_fn(|a| centre[a] + radius * point[a]);
-                    if let Some(cell) = self.grid.holding(at) {
-                        each(self.grid.index(cell), share);
-                    }
-                }
-            }
-            Method::Exact => self.overlaps(centre, radius, each),
-        }
-    }
-
-    fn overlaps(&self, centre: [f64; 3], radius: f64, mut each: impl FnMut(usize, f64)) {
-        let grid = &self.grid;
-        let (mut from, mut to) = ([0; 3], [0; 3]);
-        for axis in 0..grid.dimension {
-            let last = grid.cells[axis] - 1;
-            let upper = grid.origin[axis] + number(last + 1) * grid.spacing[axis];
-            if !(centre[axis] + radius > grid.origin[axis] && centre[axis] - radius < upper) {
-                return;
-            }
-            from[axis] = grid.along(axis, centre[axis] - radius).unwrap_or(0);
-            to[axis] = grid.along(axis, centre[axis] + radius).unwrap_or(last);
-        }
-        let whole = measure(grid.dimension, radius);
-        for z in from[2]..=to[2] {
-            for y in from[1]..=to[1] {
-                for x in from[0]..=to[0] {
-                    let lower = grid.corner([x, y, z]);
-                    let upper = std::array::from_fn(|a| lower[a] + grid.spacing[a]);
-                    let common = if grid.dimension == 2 {
-                        disc_rectangle(centre, radius, lower, upper)
-                    } else {
-                        sphere_box(centre, radius, lower, upper)
-                    };
-                    if common > 0.0 {
-                        each(grid.index([x, y, z]), common / whole);
-                    }
-                }
-            }
-        }
+    pub fn parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
+        parts.clear();
+        self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
     /// Adds a grain; every grain on one rank only.
     pub fn add(&mut self, centre: [f64; 3], radius: f64) {
-        let mut sums = std::mem::take(&mut self.sums);
+        let mut parts = std::mem::take(&mut self.parts);
+        self.parts(centre, radius, &mut parts);
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
         let d = 2.0 * radius / self.unit;
         let weight = d.powi(self.mean.power());
         let mut finite = centre.iter().all(|x| x.is_finite());
-        self.parts(centre, radius, |cell, part| {
-            for (sum, term) in
-                sums[cell]
-                    .iter_mut()
-                    .zip([part * volume, part * weight * d, part * weight])
-            {
+        for &(cell, part) in &parts {
+            let terms = [part * volume, part * weight * d, part * weight];
+            for (sum, term) in self.sums[cell].iter_mut().zip(terms) {
                 finite &= term.abs() < 2.0;
                 *sum += i128::from(quantise(term));
             }
-        });
+        }
         self.finite &= finite;
-        self.sums = sums;
+        self.parts = parts;
     }
 
     /// Sums over the ranks and derives porosity and diameters. Collective.
@@ -297,6 +211,7 @@ fn nearest(value: i128) -> f64 {
 mod tests {
     use super::*;
     use crate::darcy::enclosure::Enclosure;
+    use crate::darcy::grid::number;
     use crate::darcy::testing::Draws;
 
     fn grid(dimension: usize) -> Grid {
@@ -322,7 +237,7 @@ mod tests {
             .collect()
     }
 
-    fn pores(grid: &Grid, method: Method, grains: &[([f64; 3], f64)]) -> Pores {
+    fn pores(grid: &Grid, method: PorosityMethod, grains: &[([f64; 3], f64)]) -> Pores {
         let open = Openness::measure(grid, &Enclosure::Everything);
         let mut pores = Pores::new(*grid, method, MeanDiameter::Sauter);
         for (at, r) in grains {
@@ -338,7 +253,11 @@ mod tests {
             let grid = grid(dimension);
             let grains = cloud(&grid, 400);
             let exact: f64 = grains.iter().map(|(_, r)| measure(dimension, *r)).sum();
-            for method in [Method::Centroid, Method::Divided, Method::Exact] {
+            for method in [
+                PorosityMethod::Centroid,
+                PorosityMethod::Divided,
+                PorosityMethod::Exact,
+            ] {
                 let pores = pores(&grid, method, &grains);
                 let solid: f64 = (0..grid.count()).map(|k| pores.solid_volume(k)).sum();
                 assert!((solid / exact - 1.0).abs() < 1e-13, "{method:?} {solid}");
@@ -356,30 +275,11 @@ mod tests {
     fn the_order_of_grains_does_not_show() {
         let grid = grid(3);
         let mut grains = cloud(&grid, 300);
-        let one = pores(&grid, Method::Exact, &grains);
+        let one = pores(&grid, PorosityMethod::Exact, &grains);
         grains.reverse();
-        let two = pores(&grid, Method::Exact, &grains);
+        let two = pores(&grid, PorosityMethod::Exact, &grains);
         assert_eq!(one.porosity(), two.porosity());
         assert_eq!(one.diameter(), two.diameter());
-    }
-
-    #[test]
-    fn satellites_are_balanced_and_lie_inside() {
-        for (dimension, count) in [(2, 17), (3, 29)] {
-            let points = satellites(dimension);
-            assert_eq!(points.len(), count);
-            for axis in 0..3 {
-                assert!(points.iter().map(|p| p[axis]).sum::<f64>().abs() < 1e-14);
-            }
-            assert!(
-                points
-                    .iter()
-                    .all(|p| p.iter().map(|x| x * x).sum::<f64>() < 1.0)
-            );
-        }
-        // Published offsets of the inner shell: 0.6275 of the radius.
-        let inner = satellites(3)[1][0].abs();
-        assert!((inner - 0.6275).abs() < 2e-4, "{inner}");
     }
 
     #[test]
@@ -400,7 +300,7 @@ mod tests {
                 (3.0 * a.powi(4) + b.powi(4)) / (3.0 * a.powi(3) + b.powi(3)),
             ),
         ] {
-            let mut pores = Pores::new(grid, Method::Centroid, mean);
+            let mut pores = Pores::new(grid, PorosityMethod::Centroid, mean);
             for d in [a, a, b, a] {
                 pores.add(at, 0.5 * d);
             }
@@ -416,7 +316,7 @@ mod tests {
         // Half of the first cell, none of the second.
         let wall = Enclosure::HalfSpaces(vec![([1.0, 0.0, 0.0], -0.005)]);
         let open = Openness::measure(&grid, &wall);
-        let mut pores = Pores::new(grid, Method::Centroid, MeanDiameter::Sauter);
+        let mut pores = Pores::new(grid, PorosityMethod::Centroid, MeanDiameter::Sauter);
         let r = 0.002;
         pores.add([-0.0075, 0.006, 0.025], r);
         pores.finish(&open, &Communicator::serial()).unwrap();

@@ -1,4 +1,4 @@
-//! Pressure and flux of water in the pores: Darcy's law and the balance of mass (C-12, C-13; E-13, E-14).
+//! Pressure and flux of water in the pores: Darcy's law and the balance of mass.
 //!
 //! ```text
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
@@ -22,13 +22,19 @@ use super::layout::{Gather, Halo, Layout, Part};
 use super::multigrid::{Ground, Matrix, Multigrid, first_joined, neighbours, single};
 use super::reproducible::{dot, power_above};
 use decomposition::{Axis, Communicator, Domain, ExactSum, Slabs};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// Which form of the balance of mass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Form of the equations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
 pub enum Equations {
-    /// Conductivity K/mu, gravity in the water (E-13, E-14).
+    /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
+    #[default]
     Corrected,
-    /// Conductivity K/(mu eps), no gravity in the water.
+    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
+    /// follow Darcy's law.
     Paper,
 }
 
@@ -41,19 +47,34 @@ pub struct Liquid {
     pub viscosity: f64,
 }
 
-/// What holds on a part of the boundary of the grid; elsewhere nothing flows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Boundary condition of the seepage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "SeepageCondition")]
 pub enum Condition {
-    /// Pressure \[Pa\] on the face.
-    Pressure(f64),
-    /// Hydraulic head p/(rho g) + elevation above the origin of coordinates \[m\].
-    Head(f64),
-    /// Darcy flux into the grid \[m/s\].
-    Flux(f64),
-    /// Rain: volume per horizontal area and time \[m/s\].
-    Rain(f64),
-    /// Nothing flows.
-    NoFlow,
+    /// Imposed pressure.
+    Pressure {
+        /// Pressure [Pa].
+        value: f64,
+    },
+    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
+    Head {
+        /// Head [m].
+        value: f64,
+    },
+    /// Imposed flux through the face.
+    Flux {
+        /// Volume per area and time into the grid [m/s].
+        value: f64,
+    },
+    /// Rainfall on the face.
+    Rain {
+        /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
+        rate: f64,
+    },
+    /// Impermeable.
+    NoFlow {},
 }
 
 /// A part of a face of the grid.
@@ -240,7 +261,7 @@ impl Pressure {
         for face in &self.boundary {
             if matches!(
                 self.patches[face.patch].condition,
-                Condition::Pressure(_) | Condition::Head(_)
+                Condition::Pressure { .. } | Condition::Head { .. }
             ) {
                 held[face.at] = true;
             }
@@ -361,18 +382,18 @@ impl Pressure {
             let k = self.conductivity[face.at];
             face.conductance = 2.0 * k * face.area / self.grid.spacing[face.axis];
             match self.patches[face.patch].condition {
-                Condition::Pressure(p) => {
+                Condition::Pressure { value: p } => {
                     self.ground.push((face.at, face.axis, face.conductance));
                     self.right[face.at] += face.conductance * (p + face.lift);
                 }
-                Condition::Head(h) => {
+                Condition::Head { value: h } => {
                     let phi = head_pressure(&self.liquid, &self.settings, h);
                     self.ground.push((face.at, face.axis, face.conductance));
                     self.right[face.at] += face.conductance * phi;
                 }
-                Condition::Flux(q) => self.right[face.at] += q * face.area,
-                Condition::Rain(q) => self.right[face.at] += q * face.area * face.up,
-                Condition::NoFlow => {}
+                Condition::Flux { value: q } => self.right[face.at] += q * face.area,
+                Condition::Rain { rate: q } => self.right[face.at] += q * face.area * face.up,
+                Condition::NoFlow {} => {}
             }
         }
         if let Some(source) = source {
@@ -431,8 +452,8 @@ impl Pressure {
     /// The reduced pressure that is imposed on a face.
     fn imposed(&self, face: &Boundary) -> Option<f64> {
         match self.patches[face.patch].condition {
-            Condition::Pressure(p) => Some(p + face.lift),
-            Condition::Head(h) => Some(head_pressure(&self.liquid, &self.settings, h)),
+            Condition::Pressure { value: p } => Some(p + face.lift),
+            Condition::Head { value: h } => Some(head_pressure(&self.liquid, &self.settings, h)),
             _ => None,
         }
     }
@@ -595,10 +616,10 @@ impl Pressure {
     /// What crosses a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
         match self.patches[face.patch].condition {
-            Condition::Flux(q) => q * face.area,
-            Condition::Rain(q) => q * face.area * face.up,
-            Condition::NoFlow => 0.0,
-            Condition::Pressure(_) | Condition::Head(_) => self
+            Condition::Flux { value: q } => q * face.area,
+            Condition::Rain { rate: q } => q * face.area * face.up,
+            Condition::NoFlow {} => 0.0,
+            Condition::Pressure { .. } | Condition::Head { .. } => self
                 .imposed(face)
                 .map_or(0.0, |phi| face.conductance * (phi - self.phi[face.at])),
         }
@@ -779,7 +800,7 @@ fn boundary(
                 let mut place = cell;
                 place[axis] += usize::from(upper);
                 let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
-                if area <= 0.0 || patches[patch].condition == Condition::NoFlow {
+                if area <= 0.0 || patches[patch].condition == (Condition::NoFlow {}) {
                     continue;
                 }
                 let mut centre = grid.centre(cell);

@@ -62,7 +62,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     }
     super::contacts::check(scene, clock, &mut margins, findings);
     super::added_mass::check(scene, &mut margins, findings);
-    super::drag::check(scene, clock, &mut margins, findings);
+    super::explicit_drag::check(scene, clock, &mut margins, findings);
     if let Some(ContactTable {
         law: Law::HertzMindlin { impact_speed, .. },
         ..

@@ -3,7 +3,6 @@
 use super::Clock;
 use crate::case::contact::BlockModel;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
-use crate::case::darcy::Resistance;
 use crate::case::fluid::Precision;
 use crate::lbm::family::Description;
 use crate::lbm::lattice::VelocitySet;
@@ -78,15 +77,13 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "permeability",
             format!(
                 "{}, {:?} mean diameter",
-                match written.resistance {
-                    Resistance::KozenyCarman => "Kozeny-Carman",
-                    Resistance::Ergun => "Ergun, by repeated solutions",
-                },
+                written.resistance.model().description(),
                 written.mean_diameter
             ),
             format!(
-                "porosity by {:?}, at most {}",
-                written.porosity, written.porosity_cap
+                "porosity by {}, at most {}",
+                written.porosity.model().description(),
+                written.porosity_cap
             ),
         );
         choose(
@@ -95,7 +92,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             format!("to {:e} of the driving terms", written.tolerance),
         );
         let equations = format!("{:?} equations", written.equations);
-        choose("drag", format!("{:?}", written.drag), equations);
+        choose("drag", written.drag.model().description(), equations);
     }
     match &scene.flow {
         None if scene.seepage.is_some() => {}

@@ -6,9 +6,10 @@ use super::grains::Grains;
 use super::grid::{Grid, count, whole};
 use super::unique;
 use crate::case::Case;
-use crate::case::darcy::{self, Darcy, SeepageCondition};
+use crate::case::darcy::{self as written_as, Darcy};
 use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
+use crate::darcy::Condition;
 use crate::error::Remedy;
 use serde::Serialize;
 use serde_json::json;
@@ -50,7 +51,7 @@ pub struct Patch {
     /// One past the last.
     pub to: [usize; 3],
     /// What holds there.
-    pub condition: SeepageCondition,
+    pub condition: Condition,
 }
 
 impl Seepage {
@@ -181,7 +182,7 @@ impl Seepage {
                             "an odd number of cells ({}) across an opening loads the grains unevenly",
                             to[a] - from[a]
                         ),
-                        "use an even number (C-09)",
+                        "use an even number",
                     );
                 }
             }
@@ -190,7 +191,7 @@ impl Seepage {
                 face: boundary.face,
                 from,
                 to,
-                condition: boundary.condition.clone(),
+                condition: boundary.condition,
             };
             if self.closed(&patch, grid.dimension) {
                 let whole = boundary.patch.is_none();
@@ -243,7 +244,7 @@ impl Seepage {
         let holds = |p: &Patch| {
             matches!(
                 p.condition,
-                SeepageCondition::Pressure { .. } | SeepageCondition::Head { .. }
+                Condition::Pressure { .. } | Condition::Head { .. }
             )
         };
         if !self.patches.iter().any(holds) {
@@ -260,7 +261,7 @@ impl Seepage {
         for (n, patch) in self.patches.iter().enumerate() {
             let needs = matches!(
                 patch.condition,
-                SeepageCondition::Head { .. } | SeepageCondition::Rain { .. }
+                Condition::Head { .. } | Condition::Rain { .. }
             );
             if needs && weightless {
                 findings.error(
@@ -279,12 +280,10 @@ impl Seepage {
                     .set(format!("{PATH}.least_porosity"), 0.5 * written.porosity_cap),
             );
         }
-        if written.resistance == darcy::Resistance::Ergun
-            && written.equations == darcy::Equations::Paper
-        {
+        if !written.resistance.model().goes_with(written.equations) {
             findings.error(
                 &format!("{PATH}.resistance"),
-                "the equations as printed know the resistance of Kozeny and Carman alone",
+                "this resistance does not go with the equations as printed, which know that of Kozeny and Carman alone",
                 Remedy::from(
                     "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
                 )
@@ -316,7 +315,7 @@ impl Seepage {
             findings.warn(
                 &path,
                 "fewer than 5 cells of the seepage along an axis",
-                "use at least 5 (C-09)",
+                "use at least 5",
             );
         }
         if case.coupling.is_some() {
@@ -395,7 +394,7 @@ fn coarse(
 }
 
 fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3], f64)> {
-    let darcy::Enclosure::Planes(planes) = &written.enclosure else {
+    let written_as::Enclosure::Planes(planes) = &written.enclosure else {
         return Vec::new();
     };
     let mut all = Vec::new();

@@ -12,7 +12,7 @@ use super::progress::Progress;
 use super::run::{self, Bounds};
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
-use crate::case::darcy::SeepageCondition;
+use crate::darcy::Condition;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
 use crate::scene::observe::{Action, Region};
@@ -199,10 +199,10 @@ impl Inlet {
         // Metres of head of one pascal; without gravity the "head" is that of the earth's.
         let per_pascal = 1.0 / (density * if strength > 0.0 { strength } else { 9.80665 });
         let head = |patch: &Patch| match patch.condition {
-            SeepageCondition::Pressure { value } => {
+            Condition::Pressure { value } => {
                 Some(value * per_pascal + elevation(seepage.centre(patch)))
             }
-            SeepageCondition::Head { value } => Some(value),
+            Condition::Head { value } => Some(value),
             _ => None,
         };
         let named = search.boundary.as_ref();
@@ -222,15 +222,15 @@ impl Inlet {
             ));
         };
         let (field, quantity, own) = match patch.condition {
-            SeepageCondition::Pressure { .. } => (
+            Condition::Pressure { .. } => (
                 "pressure.value",
                 "Pa",
                 Some([per_pascal, elevation(seepage.centre(patch))]),
             ),
-            SeepageCondition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
-            SeepageCondition::Flux { .. } => ("flux.value", "m/s", None),
-            SeepageCondition::Rain { .. } => ("rain.rate", "m/s", None),
-            SeepageCondition::NoFlow {} => {
+            Condition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
+            Condition::Flux { .. } => ("flux.value", "m/s", None),
+            Condition::Rain { .. } => ("rain.rate", "m/s", None),
+            Condition::NoFlow {} => {
                 return Err(refuse(
                     "--boundary",
                     patch.name.clone(),

@@ -5,7 +5,7 @@ pub mod blocks;
 use super::coupled;
 use crate::case::boundary::Fluctuations;
 use crate::coupling::body_map::GHOSTS;
-use crate::coupling::drag::{self, DragLaw, Seepage};
+use crate::coupling::drag::{self, Seepage};
 use crate::darcy;
 use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use crate::dem::contact::contact_bond::{self, ContactBond};
@@ -625,40 +625,29 @@ pub fn seepage<S: Space>(
     plan: &Plan,
     communicator: &decomposition::Communicator,
 ) -> Result<Option<Seepage<S>>, Error> {
-    use crate::case::darcy::{Drag, Equations, Resistance, SeepageCondition};
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);
     };
     let written = &scene.written;
-    let openness = plan::drag::openness(scene, plan.scene.grid.dimension);
-    let pores = plan::drag::pores(scene, &openness);
+    let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
+    let pores = plan::explicit_drag::pores(scene, &openness);
     let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
         from: p.from,
         to: p.to,
-        condition: match p.condition {
-            SeepageCondition::Pressure { value } => darcy::Condition::Pressure(value),
-            SeepageCondition::Head { value } => darcy::Condition::Head(value),
-            SeepageCondition::Flux { value } => darcy::Condition::Flux(value),
-            SeepageCondition::Rain { rate } => darcy::Condition::Rain(rate),
-            SeepageCondition::NoFlow {} => darcy::Condition::NoFlow,
-        },
+        condition: p.condition,
     };
     let liquid = darcy::Liquid {
         density: written.density,
         viscosity: written.viscosity,
-    };
-    let equations = match written.equations {
-        Equations::Corrected => darcy::Equations::Corrected,
-        Equations::Paper => darcy::Equations::Paper,
     };
     let pressure = darcy::Pressure::new(
         &openness,
         scene.patches.iter().map(patch).collect(),
         liquid,
         darcy::Settings {
-            equations,
+            equations: written.equations,
             gravity: plan.scene.gravity,
             tolerance: written.tolerance,
             iterations: written.max_iterations,
@@ -669,21 +658,13 @@ pub fn seepage<S: Space>(
     let settings = drag::Settings {
         liquid,
         permeability: darcy::Permeability {
-            resistance: match written.resistance {
-                Resistance::KozenyCarman => darcy::Resistance::KozenyCarman,
-                Resistance::Ergun => darcy::Resistance::Ergun,
-            },
+            law: written.resistance,
             diameter: pores.mean(),
             porosity_cap: written.porosity_cap,
             least_porosity: written.least_porosity,
         },
-        drag: match written.drag {
-            Drag::DiFelice => DragLaw::DiFelice,
-            Drag::Gidaspow => DragLaw::Gidaspow,
-            Drag::Dallavalle => DragLaw::Dallavalle,
-            Drag::KozenyCarman => DragLaw::KozenyCarman,
-        },
-        equations,
+        drag: written.drag,
+        equations: written.equations,
         transient: written.transient_porosity,
         semi_implicit: written.semi_implicit_drag,
         gravity: plan.scene.gravity,

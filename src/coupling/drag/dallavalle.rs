@@ -1,4 +1,4 @@
-//! Drag of a single grain after Dallavalle (E-17).
+//! Drag of a single grain after Dallavalle.
 //!
 //! ```text
 //! f = C_d rho A |U| U / 2,   C_d = (0.63 + 4.8/sqrt(Re))^2,   Re = rho d |U|/mu
@@ -6,13 +6,26 @@
 //!
 //! (J. M. DallaValle, Micromeritics, 1948.) `C_d |U|` is computed as one, so that it stays finite at rest.
 
-use super::{Bed, Grain};
+use super::law::{Bed, Grain, Law};
 
-/// Force over velocity \[kg/s\] at speed `speed` \[m/s\].
-#[must_use]
-pub fn coefficient(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
-    let root = 0.63 * speed.sqrt() + 4.8 * (bed.viscosity / (bed.density * grain.diameter)).sqrt();
-    0.5 * bed.density * grain.area * root * root
+/// The law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dallavalle;
+
+impl Law for Dallavalle {
+    fn summary() -> &'static str {
+        "Dallavalle 1948: a single grain without neighbours."
+    }
+
+    fn description(&self) -> String {
+        "Dallavalle".into()
+    }
+
+    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+        let root =
+            0.63 * speed.sqrt() + 4.8 * (bed.viscosity / (bed.density * grain.diameter)).sqrt();
+        0.5 * bed.density * grain.area * root * root
+    }
 }
 
 /// The drag coefficient C_d.

@@ -1,4 +1,4 @@
-//! Drag of Ergun in dense, of Wen and Yu in dilute beds, as joined by Gidaspow.
+//! Drag of Ergun in dense beds and of Wen and Yu in dilute beds, as joined by Gidaspow.
 //!
 //! ```text
 //! f = V b (u - v)/(1 - eps),   u - v = U/eps
@@ -10,23 +10,62 @@
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and Fluidization, 1994.)
 //! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure.
 
-use super::{Bed, Grain};
+use super::law::{Bed, Grain, Law};
 
-/// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\].
-#[must_use]
-pub fn coefficient(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
-    let (eps, d) = (bed.porosity, grain.diameter);
-    let share = if eps < 0.8 {
-        150.0 * (1.0 - eps) * bed.viscosity / (eps * d * d) + 1.75 * bed.density * speed / (eps * d)
-    } else {
-        let reynolds = bed.density * speed * d / bed.viscosity;
-        // C_d times the speed, finite at rest.
-        let drag = if reynolds < 1000.0 {
-            24.0 * bed.viscosity / (bed.density * d) * (1.0 + 0.15 * reynolds.powf(0.687))
+/// The law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gidaspow;
+
+impl Law for Gidaspow {
+    fn summary() -> &'static str {
+        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds."
+    }
+
+    fn description(&self) -> String {
+        "Gidaspow".into()
+    }
+
+    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+        let (eps, d) = (bed.porosity, grain.diameter);
+        let share = if eps < 0.8 {
+            150.0 * (1.0 - eps) * bed.viscosity / (eps * d * d)
+                + 1.75 * bed.density * speed / (eps * d)
         } else {
-            0.44 * speed
+            let reynolds = bed.density * speed * d / bed.viscosity;
+            // C_d times the speed, finite at rest.
+            let drag = if reynolds < 1000.0 {
+                24.0 * bed.viscosity / (bed.density * d) * (1.0 + 0.15 * reynolds.powf(0.687))
+            } else {
+                0.44 * speed
+            };
+            0.75 * drag * bed.density * eps.powf(-2.65) / d
         };
-        0.75 * drag * bed.density * eps.powf(-2.65) / d
-    };
-    grain.volume * share / eps
+        grain.volume * share / eps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coupling::drag::law::testing::{bed, gradient};
+
+    #[test]
+    fn has_the_loss_of_ergun_and_lifts_at_its_velocity() {
+        let (eps, d, mu, rho) = (0.42_f64, 1e-3, 1e-3, 1000.0);
+        let a = 150.0 * (1.0 - eps) * (1.0 - eps) * mu / (eps.powi(3) * d * d);
+        let b = 1.75 * (1.0 - eps) * rho / (eps.powi(3) * d);
+        for speed in [1e-5, 1e-3, 1e-2, 0.3] {
+            let loss = gradient(&Gidaspow, &bed(eps, mu), d, speed);
+            assert!((loss / (a * speed + b * speed * speed) - 1.0).abs() < 1e-12);
+        }
+        // Minimum fluidisation: the loss bears the buoyant weight.
+        let weight = (1.0 - eps) * 1650.0 * 9.81;
+        let lifts = (-a + (a * a + 4.0 * b * weight).sqrt()) / (2.0 * b);
+        let grain = Grain::new(3, 0.5 * d);
+        let bed = bed(eps, mu);
+        let drag = Gidaspow.coefficient(&bed, &grain, lifts) * lifts;
+        // Drag and the gradient of the reduced pressure carry a grain.
+        let total = drag + grain.volume * gradient(&Gidaspow, &bed, d, lifts);
+        assert!((total / (grain.volume * 1650.0 * 9.81) - 1.0).abs() < 1e-12);
+    }
 }

@@ -4,18 +4,44 @@
 //! f = V mu eps U/[K (1 - eps)]        sum over the grains of a cell at rest: eps mu q V_cell/K = -eps grad phi V_cell
 //! ```
 //!
-//! which is what the water of the cell loses by Darcy's law: with this law the forces on grains at rest add up to what the
-//! pressures and the weight of the water push with. Each grain of a cell bears by its volume. `eps` is the porosity as it is,
-//! while `K` may rest on one within limits; a cell overfull of grains has no water to drag. In a cell emptier than the cap of
-//! the porosity, whose resistance is still that of the cap, a grain bears what it would bear in a bed of the cap: else
-//! the few grains at a surface, or a sliver of one, would bear the resistance of the whole cell.
+//! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on grains at rest balance the imposed
+//! pressures and the weight of the water. Each grain of a cell bears a share in proportion to its volume.
+//!
+//! `eps` is the porosity without limits, while `K` may rest on a limited one. In a cell overfull of grains the drag is zero. In a
+//! cell emptier than the cap of the porosity a grain bears the drag of a bed at the cap. Without this rule the few grains
+//! at a surface would bear the resistance of the whole cell, which is still that of the cap.
 
-use super::{Bed, Grain};
+use super::law::{Bed, Grain, Law};
 
-/// Force over superficial velocity \[kg/s\].
-#[must_use]
-pub fn coefficient(bed: &Bed, grain: &Grain) -> f64 {
-    let porosity = (1.0 - bed.solid).max(0.0);
-    let solid = bed.solid.max(1.0 - bed.porosity);
-    grain.volume * bed.viscosity * porosity / (bed.permeability * solid)
+/// The law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KozenyCarman;
+
+impl Law for KozenyCarman {
+    fn summary() -> &'static str {
+        "Closes the balance of momentum with the law of resistance, for either of them."
+    }
+
+    fn description(&self) -> String {
+        "Kozeny-Carman".into()
+    }
+
+    fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
+        let porosity = (1.0 - bed.solid).max(0.0);
+        let solid = bed.solid.max(1.0 - bed.porosity);
+        grain.volume * bed.viscosity * porosity / (bed.permeability * solid)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coupling::drag::law::testing::{bed, gradient};
+
+    #[test]
+    fn the_consistent_drag_has_the_loss_of_darcy() {
+        let bed = bed(0.37, 0.1);
+        let loss = gradient(&KozenyCarman, &bed, 1e-3, 2e-4);
+        assert!((loss / (0.1 * 2e-4 / bed.permeability) - 1.0).abs() < 1e-12);
+    }
 }

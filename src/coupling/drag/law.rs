@@ -1,8 +1,81 @@
-//! The drag laws, chosen once.
+//! What a drag law is, and the list of them.
 
-use super::{dallavalle, di_felice, gidaspow, kozeny_carman};
+use super::dallavalle::Dallavalle;
+use super::di_felice::DiFelice;
+use super::gidaspow::Gidaspow;
+use super::kozeny_carman::KozenyCarman;
+use crate::family::family;
 
-/// The water and the bed round a grain.
+family! {
+    /// The drag laws. A line here makes a law known to cases, to their schema, to `plan` and to runs.
+    #[derive(Default)]
+    pub enum DragLaw: Law {
+        #[default]
+        DiFelice,
+        Gidaspow,
+        Dallavalle,
+        KozenyCarman,
+    }
+}
+
+/// A drag law.
+pub trait Law {
+    /// The law in the schema of the case: one line.
+    fn summary() -> &'static str
+    where
+        Self: Sized;
+
+    /// The law with its parameters in the tables of `plan`.
+    fn description(&self) -> String;
+
+    /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
+    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
+
+    /// The time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\]. `measure` is the factor of
+    /// the grain's velocity beside the flux. Explicit drag is unstable where the coupling interval exceeds twice this time.
+    fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
+        mass / (measure * self.coefficient(bed, grain, 0.0))
+    }
+
+    /// The drag on a grain from the water in its cells, each with the part of the grain in it.
+    fn drag(&self, grain: &Grain, velocity: [f64; 3], cells: &[(Cell, f64)]) -> Drag {
+        let mut drag = Drag::default();
+        for (here, part) in cells {
+            let past: [f64; 3] = std::array::from_fn(|a| here.flux[a] - here.measure * velocity[a]);
+            let speed = (past.iter().map(|u| u * u).sum::<f64>()).sqrt();
+            let b = part * self.coefficient(&here.bed, grain, speed);
+            for a in 0..3 {
+                drag.pull[a] += b * here.flux[a];
+            }
+            drag.rate += b * here.measure;
+        }
+        drag
+    }
+}
+
+/// The drag on a grain as a function of its velocity v: `pull - rate v`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Drag {
+    /// Force on the grain at rest \[N\].
+    pub pull: [f64; 3],
+    /// Force over velocity \[kg/s\].
+    pub rate: f64,
+}
+
+/// The water in a cell as a grain in it meets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Gradient of the pressure \[Pa/m\].
+    pub gradient: [f64; 3],
+    /// Darcy flux \[m/s\].
+    pub flux: [f64; 3],
+    /// The water and the bed.
+    pub bed: Bed,
+    /// Factor of the grain's velocity beside the flux: the porosity, or 1 in the equations as printed.
+    pub measure: f64,
+}
+
+/// The water and the bed around a grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bed {
     /// Density of the water \[kg/m3\].
@@ -11,13 +84,13 @@ pub struct Bed {
     pub viscosity: f64,
     /// Porosity, within the limits of the permeability.
     pub porosity: f64,
-    /// Volume of grains per volume inside the walls, as it is.
+    /// Volume of grains per volume inside the walls, without limits.
     pub solid: f64,
     /// Permeability \[m2\].
     pub permeability: f64,
 }
 
-/// A grain as the water sees it; in 2-D per metre of depth.
+/// Size of a grain; in 2-D per metre of depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
     /// Diameter \[m\].
@@ -44,114 +117,114 @@ impl Grain {
     }
 }
 
-/// Which drag law.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DragLaw {
-    /// [`di_felice`].
-    DiFelice,
-    /// [`gidaspow`].
-    Gidaspow,
-    /// [`dallavalle`].
-    Dallavalle,
-    /// [`kozeny_carman`].
-    KozenyCarman,
-}
-
-impl DragLaw {
-    /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\].
-    #[must_use]
-    #[inline]
-    pub fn coefficient(self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
-        match self {
-            Self::DiFelice => di_felice::coefficient(bed, grain, speed),
-            Self::Gidaspow => gidaspow::coefficient(bed, grain, speed),
-            Self::Dallavalle => dallavalle::coefficient(bed, grain, speed),
-            Self::KozenyCarman => kozeny_carman::coefficient(bed, grain),
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod testing {
     use super::*;
-    use crate::darcy::permeability::kozeny_carman as permeability;
+    use crate::darcy::permeability::kozeny_carman;
 
-    fn bed(porosity: f64, viscosity: f64) -> Bed {
+    /// Water in a bed of this porosity.
+    pub(in crate::coupling::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
         Bed {
             density: 1000.0,
             viscosity,
             porosity,
             solid: 1.0 - porosity,
-            permeability: permeability(porosity, 1e-3),
+            permeability: kozeny_carman(porosity, 1e-3),
         }
-    }
-
-    #[test]
-    fn di_felice_agrees_with_the_table() {
-        let table = include_str!("../../../tests/reference/di_felice.csv");
-        let mut rows = 0;
-        for line in table.lines().skip(2) {
-            let row: Vec<f64> = line.split(',').map(|v| v.trim().parse().unwrap()).collect();
-            let (reynolds, chi, drag) = (row[0], row[1], row[2]);
-            assert!((di_felice::exponent(reynolds) - chi).abs() < 1e-8);
-            assert!((dallavalle::drag_coefficient(reynolds) / drag - 1.0).abs() < 1e-8);
-            let grain = Grain::new(3, 5e-4);
-            let speed = reynolds * 1e-3 / (1000.0 * 1e-3);
-            for (eps, factor) in [0.35, 0.4, 0.5, 0.8].into_iter().zip(&row[5..]) {
-                let force = di_felice::coefficient(&bed(eps, 1e-3), &grain, speed) * speed;
-                let single = 0.5 * drag * 1000.0 * grain.area * speed * speed;
-                // The table has six decimals, and its drag coefficient nine digits.
-                assert!((force / single - factor).abs() < 5.1e-7 + 1e-8 * factor);
-            }
-            rows += 1;
-        }
-        assert_eq!(rows, 6);
-        assert!((di_felice::exponent(10.0_f64.powf(1.5)) - 3.05).abs() < 1e-14);
-        assert!(di_felice::coefficient(&bed(0.4, 1e-3), &Grain::new(3, 5e-4), 0.0).is_finite());
     }
 
     /// Loss of pressure in a bed at rest from the sum of drags: eps |grad p| = n f.
-    fn gradient(law: DragLaw, bed: &Bed, d: f64, speed: f64) -> f64 {
+    pub(in crate::coupling::drag) fn gradient(law: &dyn Law, bed: &Bed, d: f64, speed: f64) -> f64 {
         let grain = Grain::new(3, 0.5 * d);
         let per_volume = bed.solid / grain.volume;
         per_volume * law.coefficient(bed, &grain, speed) * speed / bed.porosity
     }
+}
 
-    #[test]
-    fn gidaspow_has_the_loss_of_ergun_and_lifts_at_its_velocity() {
-        let (eps, d, mu, rho) = (0.42_f64, 1e-3, 1e-3, 1000.0);
-        let a = 150.0 * (1.0 - eps) * (1.0 - eps) * mu / (eps.powi(3) * d * d);
-        let b = 1.75 * (1.0 - eps) * rho / (eps.powi(3) * d);
-        for speed in [1e-5, 1e-3, 1e-2, 0.3] {
-            let loss = gradient(DragLaw::Gidaspow, &bed(eps, mu), d, speed);
-            assert!((loss / (a * speed + b * speed * speed) - 1.0).abs() < 1e-12);
+/// A new drag law is one file, here the module `stokes`, and one line in the list.
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    mod stokes {
+        use crate::coupling::drag::law::{Bed, Grain, Law};
+
+        /// Drag of a single grain in creeping flow: 3 pi mu d U.
+        #[derive(
+            Clone,
+            Copy,
+            Debug,
+            PartialEq,
+            serde::Serialize,
+            serde::Deserialize,
+            schemars::JsonSchema,
+        )]
+        #[serde(deny_unknown_fields)]
+        pub(super) struct Stokes {
+            /// Multiplies the drag, without unit.
+            #[schemars(extend("exclusiveMinimum" = 0))]
+            factor: f64,
         }
-        // Minimum fluidisation: the loss bears the buoyant weight.
-        let weight = (1.0 - eps) * 1650.0 * 9.81;
-        let lifts = (-a + (a * a + 4.0 * b * weight).sqrt()) / (2.0 * b);
-        let grain = Grain::new(3, 0.5 * d);
-        let bed = bed(eps, mu);
-        let drag = DragLaw::Gidaspow.coefficient(&bed, &grain, lifts) * lifts;
-        // Drag and the gradient of the reduced pressure carry a grain.
-        let total = drag + grain.volume * gradient(DragLaw::Gidaspow, &bed, d, lifts);
-        assert!((total / (grain.volume * 1650.0 * 9.81) - 1.0).abs() < 1e-12);
+
+        impl Law for Stokes {
+            fn summary() -> &'static str {
+                "Stokes 1851."
+            }
+
+            fn description(&self) -> String {
+                format!("Stokes times {}", self.factor)
+            }
+
+            fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
+                3.0 * std::f64::consts::PI * bed.viscosity * grain.diameter * self.factor
+            }
+        }
+    }
+    use stokes::Stokes;
+
+    family! {
+        /// The real list with one line more.
+        enum Longer: Law {
+            DiFelice,
+            Stokes(Stokes),
+        }
     }
 
     #[test]
-    fn the_consistent_drag_has_the_loss_of_darcy() {
-        let bed = bed(0.37, 0.1);
-        let loss = gradient(DragLaw::KozenyCarman, &bed, 1e-3, 2e-4);
-        assert!((loss / (0.1 * 2e-4 / bed.permeability) - 1.0).abs() < 1e-12);
+    fn a_new_law_is_one_file_and_one_line() {
+        let written = json!({"stokes": {"factor": 2.0}});
+        let law: Longer = serde_json::from_value(written.clone()).unwrap();
+        assert_eq!(serde_json::to_value(law).unwrap(), written);
+        assert_eq!(law.model().description(), "Stokes times 2");
+        let (bed, grain) = (testing::bed(0.4, 1e-3), Grain::new(3, 5e-4));
+        let exact = 3.0 * std::f64::consts::PI * 1e-3 * 1e-3 * 2.0;
+        assert!((law.model().coefficient(&bed, &grain, 0.1) / exact - 1.0).abs() < 1e-15);
+        let time = law.model().stopping_time(&bed, &grain, 3e-6, 0.4);
+        assert!((time / (3e-6 / (0.4 * exact)) - 1.0).abs() < 1e-15);
+        let schema = serde_json::to_string(&schemars::schema_for!(Longer)).unwrap();
+        for text in [
+            "Stokes 1851.",
+            "exclusiveMinimum",
+            "Multiplies the drag",
+            "di_felice",
+        ] {
+            assert!(schema.contains(text), "{text}: {schema}");
+        }
+        assert!(serde_json::from_value::<Longer>(json!({"stokes": {}})).is_err());
     }
 
     #[test]
-    fn the_law_is_di_felices_share_of_stokes_at_rest() {
-        // Over 3 pi mu d U at Re -> 0: 47.1 at 0.35, 28.7 at 0.40 (with (4.8)^2/24 = 0.96 of Stokes).
-        let grain = Grain::new(3, 5e-4);
-        for (eps, factor) in [(0.35, 47.1), (0.40, 28.7), (0.45, 18.6)] {
-            let f = di_felice::coefficient(&bed(eps, 1e-3), &grain, 1e-12);
-            let stokes = 3.0 * std::f64::consts::PI * 1e-3 * 1e-3;
-            assert!((f / stokes / factor - 1.0).abs() < 0.012, "{}", f / stokes);
+    fn laws_without_parameters_stand_in_the_case_as_their_names() {
+        for (law, name) in [
+            (DragLaw::DiFelice, "di_felice"),
+            (DragLaw::Gidaspow, "gidaspow"),
+            (DragLaw::Dallavalle, "dallavalle"),
+            (DragLaw::KozenyCarman, "kozeny_carman"),
+        ] {
+            assert_eq!(serde_json::to_value(law).unwrap(), json!(name));
+            assert_eq!(serde_json::from_value::<DragLaw>(json!(name)).unwrap(), law);
         }
+        assert_eq!(DragLaw::default(), DragLaw::DiFelice);
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::darcy::{
-    Condition, Enclosure, MeanDiameter, Method, Patch, Settings as PressureSettings,
+    Condition, Enclosure, MeanDiameter, Patch, PorosityMethod, Resistance,
+    Settings as PressureSettings,
 };
 use crate::dem::particles::{Body, Motion};
 use crate::dem::ranks::Alone;
@@ -13,7 +14,7 @@ const WATER: Liquid = Liquid {
 };
 
 struct Bench {
-    method: Method,
+    method: PorosityMethod,
     drag: DragLaw,
     resistance: Resistance,
     equations: Equations,
@@ -25,7 +26,7 @@ struct Bench {
 impl Default for Bench {
     fn default() -> Self {
         Self {
-            method: Method::Exact,
+            method: PorosityMethod::Exact,
             drag: DragLaw::KozenyCarman,
             resistance: Resistance::KozenyCarman,
             equations: Equations::Corrected,
@@ -54,7 +55,7 @@ impl Bench {
             upper,
             from: [0; 3],
             to: CELLS,
-            condition: Condition::Pressure(pressure),
+            condition: Condition::Pressure { value: pressure },
         };
         let gravity = [0.0, 0.0, self.gravity];
         let patches = vec![
@@ -72,7 +73,7 @@ impl Bench {
         let settings = Settings {
             liquid: WATER,
             permeability: Permeability {
-                resistance: self.resistance,
+                law: self.resistance,
                 diameter: MeanDiameter::Sauter,
                 porosity_cap: 0.95,
                 least_porosity: 0.05,
@@ -117,7 +118,11 @@ fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
 
 #[test]
 fn momentum_closes_with_the_consistent_drag() {
-    for method in [Method::Centroid, Method::Divided, Method::Exact] {
+    for method in [
+        PorosityMethod::Centroid,
+        PorosityMethod::Divided,
+        PorosityMethod::Exact,
+    ] {
         let mut seepage = Bench {
             method,
             ..Bench::default()
@@ -201,7 +206,12 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     let patches = [critical * 0.999, critical, critical * 1.001].map(|i| {
         let excess = i * 1000.0 * 9.81 * height;
         let pressure = seepage.pressure_mut();
-        pressure.set_condition(0, Condition::Pressure(1000.0 * 9.81 * height + excess));
+        pressure.set_condition(
+            0,
+            Condition::Pressure {
+                value: 1000.0 * 9.81 * height + excess,
+            },
+        );
         let mut again = Particles::<Volume>::new();
         for k in 0..particles.owned() {
             again.insert(particles.body[k], particles.motion[k]);
@@ -291,9 +301,12 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     };
     let mut seepage = bench.seepage();
     // The same head at both ends: water at rest.
-    seepage
-        .pressure_mut()
-        .set_condition(0, Condition::Pressure(1000.0 * 9.81 * 0.06));
+    seepage.pressure_mut().set_condition(
+        0,
+        Condition::Pressure {
+            value: 1000.0 * 9.81 * 0.06,
+        },
+    );
     let radius = 5e-4;
     let mut particles = Particles::<Volume>::new();
     let motion = Motion {
@@ -309,7 +322,7 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     }
     // Velocity of balance by bisection; the cell is not quite empty: eps v past the grain.
     let eps = 1.0 - volume / (EDGE * EDGE * EDGE);
-    let grain = Grain::new(3, radius);
+    let (law, grain) = (DragLaw::Dallavalle, Grain::new(3, radius));
     let here = Bed {
         density: 1000.0,
         viscosity: 1e-3,
@@ -321,7 +334,7 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if dallavalle::coefficient(&here, &grain, middle) * middle < weight {
+        if law.model().coefficient(&here, &grain, middle) * middle < weight {
             low = middle;
         } else {
             high = middle;

@@ -60,8 +60,8 @@ fn flux_of_a_column_along_every_axis() {
         let patches = between(
             &grid,
             axis,
-            Condition::Pressure(1000.0),
-            Condition::Pressure(0.0),
+            Condition::Pressure { value: 1000.0 },
+            Condition::Pressure { value: 0.0 },
         );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
         let k = kozeny_carman(0.4, 1e-3);
@@ -100,8 +100,8 @@ fn layers_in_series_tell_the_two_balances_apart() {
         let patches = between(
             &grid,
             2,
-            Condition::Pressure(1000.0),
-            Condition::Pressure(0.0),
+            Condition::Pressure { value: 1000.0 },
+            Condition::Pressure { value: 0.0 },
         );
         let settings = Settings {
             equations,
@@ -136,8 +136,8 @@ fn the_tabulated_column() {
     let patches = between(
         &grid,
         2,
-        Condition::Pressure(drop),
-        Condition::Pressure(0.0),
+        Condition::Pressure { value: drop },
+        Condition::Pressure { value: 0.0 },
     );
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
     let lower = |c: usize| grid.cell(c)[2] < 10;
@@ -159,7 +159,7 @@ fn the_tabulated_column() {
 #[test]
 fn water_at_rest_is_at_rest() {
     let grid = grid([4, 5, 6], [0.01; 3]);
-    let patches = vec![patch(&grid, 2, true, Condition::Pressure(0.0))];
+    let patches = vec![patch(&grid, 2, true, Condition::Pressure { value: 0.0 })];
     let settings = Settings {
         gravity: [0.0, 0.0, -9.81],
         ..settings(1e-12)
@@ -184,7 +184,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     let k = vec![1e-10; grid.count()];
     let eps = vec![0.4; grid.count()];
     let run = |top: Condition| {
-        let patches = between(&grid, 2, Condition::Head(0.0), top);
+        let patches = between(&grid, 2, Condition::Head { value: 0.0 }, top);
         let settings = Settings {
             gravity,
             ..settings(1e-13)
@@ -195,13 +195,16 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     };
     // Head 0.1 m above the outlet's over 0.1 m: gradient 1, so that the pressure is 0 throughout.
     let conductivity = 1e-10 * 1000.0 * 9.81 / WATER.viscosity;
-    let (q, report, solver) = run(Condition::Head(0.1));
+    let (q, report, solver) = run(Condition::Head { value: 0.1 });
     assert!((q / -conductivity - 1.0).abs() < 1e-10);
     assert!((0..grid.count()).all(|c| solver.pressure(c).abs() < 1e-6));
     assert!((report.inflow / (conductivity * 9e-4) - 1.0).abs() < 1e-10);
-    let (q, ..) = run(Condition::Pressure(0.0));
+    let (q, ..) = run(Condition::Pressure { value: 0.0 });
     assert!((q / -conductivity - 1.0).abs() < 1e-10);
-    for condition in [Condition::Rain(2e-4), Condition::Flux(2e-4)] {
+    for condition in [
+        Condition::Rain { rate: 2e-4 },
+        Condition::Flux { value: 2e-4 },
+    ] {
         let (q, report, solver) = run(condition);
         assert!((q / -2e-4 - 1.0).abs() < 1e-9);
         assert!((report.outflow / (2e-4 * 9e-4) - 1.0).abs() < 1e-10);
@@ -212,8 +215,8 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     }
     // Rain does not fall on a wall.
     let walls = vec![
-        patch(&grid, 2, false, Condition::Head(0.0)),
-        patch(&grid, 0, false, Condition::Rain(1.0)),
+        patch(&grid, 2, false, Condition::Head { value: 0.0 }),
+        patch(&grid, 0, false, Condition::Rain { rate: 1.0 }),
     ];
     let settings = Settings {
         gravity,
@@ -228,7 +231,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
 #[test]
 fn a_source_leaves_through_the_outlet() {
     let grid = grid([6, 5, 1], [0.01, 0.01, 1.0]);
-    let patches = vec![patch(&grid, 0, true, Condition::Pressure(0.0))];
+    let patches = vec![patch(&grid, 0, true, Condition::Pressure { value: 0.0 })];
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
     let n = grid.count();
     let report = solver
@@ -297,8 +300,8 @@ fn agrees_with_elimination() {
         let patches = between(
             &grid,
             0,
-            Condition::Pressure(700.0),
-            Condition::Pressure(-50.0),
+            Condition::Pressure { value: 700.0 },
+            Condition::Pressure { value: -50.0 },
         );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-14)).unwrap();
         let report = solver.solve(&k, &vec![0.4; k.len()], None).unwrap();
@@ -322,7 +325,12 @@ fn iterations_hardly_grow_with_the_grid() {
     let mut counts = Vec::new();
     for n in [8, 16, 32, 64] {
         let grid = grid([n; 3], [1.0 / number(n); 3]);
-        let patches = between(&grid, 0, Condition::Pressure(1.0), Condition::Pressure(0.0));
+        let patches = between(
+            &grid,
+            0,
+            Condition::Pressure { value: 1.0 },
+            Condition::Pressure { value: 0.0 },
+        );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-10)).unwrap();
         let mut draws = Draws::new(9);
         let k: Vec<f64> = (0..grid.count())
@@ -342,14 +350,14 @@ fn iterations_hardly_grow_with_the_grid() {
 #[test]
 fn a_pocket_without_outlet_is_named() {
     let grid = grid([6, 4, 4], [0.01; 3]);
-    let only_flux = vec![patch(&grid, 0, false, Condition::Flux(1e-3))];
+    let only_flux = vec![patch(&grid, 0, false, Condition::Flux { value: 1e-3 })];
     let error = solver(&grid, &Enclosure::Everything, only_flux, settings(1e-8)).err();
     assert!(
         matches!(error, Some(Error::Pocket { cells: 96, .. })),
         "{error:?}"
     );
     // A ledge that cuts the grid in two: the outlet is on the other side.
-    let patches = vec![patch(&grid, 0, false, Condition::Pressure(0.0))];
+    let patches = vec![patch(&grid, 0, false, Condition::Pressure { value: 0.0 })];
     let mut open = Openness::measure(&grid, &Enclosure::Everything);
     for z in 0..4 {
         for y in 0..4 {
@@ -389,8 +397,8 @@ fn a_wedge_passes_what_enters() {
     let patches = between(
         &grid,
         2,
-        Condition::Pressure(0.0),
-        Condition::Pressure(500.0),
+        Condition::Pressure { value: 0.0 },
+        Condition::Pressure { value: 500.0 },
     );
     let mut solver = solver(&grid, &walls, patches, settings(1e-12)).unwrap();
     let n = grid.count();
@@ -405,7 +413,14 @@ fn a_wedge_passes_what_enters() {
 #[test]
 fn numbers_that_are_not_finite_are_refused() {
     let grid = grid([4, 4, 4], [0.01; 3]);
-    let patches = || between(&grid, 0, Condition::Pressure(1.0), Condition::Pressure(0.0));
+    let patches = || {
+        between(
+            &grid,
+            0,
+            Condition::Pressure { value: 1.0 },
+            Condition::Pressure { value: 0.0 },
+        )
+    };
     let mut one = solver(&grid, &Enclosure::Everything, patches(), settings(1e-8)).unwrap();
     let mut k = vec![1e-9; 64];
     k[7] = f64::NAN;

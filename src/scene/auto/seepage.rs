@@ -16,7 +16,7 @@
 //! exactly: other ways were no cheaper at equal error.
 
 use super::step;
-use crate::case::darcy::SeepageCondition;
+use crate::darcy::Condition;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
@@ -143,12 +143,12 @@ fn height(scene: &Scene, seepage: &Seepage) -> f64 {
 fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
     let density = seepage.written.density;
     let excess = |patch: &Patch| match patch.condition {
-        SeepageCondition::Pressure { value } => {
+        Condition::Pressure { value } => {
             let place = seepage.centre(patch);
             let below: f64 = (0..3).map(|a| scene.gravity[a] * place[a]).sum();
             Some(value - density * below)
         }
-        SeepageCondition::Head { value } => Some(density * gravity * value),
+        Condition::Head { value } => Some(density * gravity * value),
         _ => None,
     };
     let imposed = || seepage.patches.iter().filter_map(excess);

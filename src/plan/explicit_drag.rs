@@ -1,18 +1,19 @@
-//! How long the drag of seeping water may be held.
+//! The explicit-drag limit: the longest coupling interval that explicit drag of seeping water allows.
 //!
-//! The force of a coupling is held over its interval T. With the drag `pull - hold v` of the velocity at its start a grain of mass m
-//! goes from v to v + T/m (pull - hold v): beyond T = 2 m/hold, twice the time in which drag stops it, its velocity changes sign and
-//! grows. The drag at the end of the interval ([`crate::coupling::drag`], `semi_implicit_drag`) bears any interval. In creeping flow the
-//! time is the longest in loose ground and the shortest in the densest: refused is what fails in the loosest that the case knows,
-//! the cap of the permeability; unstable is what fails in the fullest cell of the listed grains, or in the densest packing of equal grains.
+//! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its start a grain of
+//! mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag stops it, its velocity changes
+//! sign and grows. The drag at the end of the interval ([`crate::coupling::drag`], `semi_implicit_drag`) is stable for any interval.
+//!
+//! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where the
+//! interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable where the
+//! interval is too long for the fullest cell of the listed grains, or for the densest packing of equal grains.
 
 use super::Clock;
 use super::margin::{Margin, margin};
-use crate::case::darcy::{self as case, Drag, Equations, PorosityMethod};
-use crate::coupling::drag::{Bed, DragLaw, Grain};
+use crate::coupling::drag::{Bed, Grain};
 use crate::darcy::permeability::kozeny_carman;
 use crate::darcy::porosity::measure;
-use crate::darcy::{Enclosure, Grid, MeanDiameter, Method, Openness, Pores};
+use crate::darcy::{Enclosure, Equations, Grid, Openness, Pores};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -38,7 +39,7 @@ pub(super) fn check(
     };
     let mass = scene.mass(material, smallest);
     let grain = Grain::new(scene.grid.dimension, smallest);
-    let time = |porosity: f64| mass / hold(seepage, &grain, porosity);
+    let time = |porosity: f64| stopping_time(seepage, &grain, mass, porosity);
     let shortest = time(porosity(scene, seepage));
     let longest = time(seepage.written.porosity_cap).max(shortest);
     let path = "fluid.darcy.coupling_interval";
@@ -64,7 +65,7 @@ pub(super) fn check(
     let remedy = Remedy::from(text).set("fluid.darcy.semi_implicit_drag", true);
     let reason = |time: f64| {
         format!(
-            "drag is held for {} s, more than twice the {} s in which it stops a grain: its velocity changes sign and grows",
+            "explicit drag stays constant for {} s, more than twice the {} s in which it stops a grain: its velocity changes sign and grows",
             number(interval),
             number(time)
         )
@@ -84,8 +85,8 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Drag over velocity of a grain at rest relative to the water (kg/s).
-fn hold(seepage: &Seepage, grain: &Grain, porosity: f64) -> f64 {
+/// The time in which drag stops a grain of this mass [kg] at rest relative to the water [s].
+fn stopping_time(seepage: &Seepage, grain: &Grain, mass: f64, porosity: f64) -> f64 {
     let written = &seepage.written;
     let porosity = porosity.clamp(written.least_porosity, written.porosity_cap);
     let bed = Bed {
@@ -95,17 +96,12 @@ fn hold(seepage: &Seepage, grain: &Grain, porosity: f64) -> f64 {
         solid: 1.0 - porosity,
         permeability: kozeny_carman(porosity, grain.diameter),
     };
-    let law = match written.drag {
-        Drag::DiFelice => DragLaw::DiFelice,
-        Drag::Gidaspow => DragLaw::Gidaspow,
-        Drag::Dallavalle => DragLaw::Dallavalle,
-        Drag::KozenyCarman => DragLaw::KozenyCarman,
-    };
     let measure = match written.equations {
         Equations::Paper => 1.0,
         Equations::Corrected => porosity,
     };
-    measure * law.coefficient(&bed, grain, 0.0)
+    let law = written.drag.model();
+    law.stopping_time(&bed, grain, mass, measure)
 }
 
 /// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
@@ -128,17 +124,11 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
 /// The pores of the coarse grid, counted as the case says, without grains.
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
-    let method = match seepage.written.porosity {
-        PorosityMethod::Centroid => Method::Centroid,
-        PorosityMethod::Divided => Method::Divided,
-        PorosityMethod::Exact => Method::Exact,
-    };
-    let diameter = match seepage.written.mean_diameter {
-        case::MeanDiameter::Sauter => MeanDiameter::Sauter,
-        case::MeanDiameter::Number => MeanDiameter::Number,
-        case::MeanDiameter::Mass => MeanDiameter::Mass,
-    };
-    Pores::new(openness.grid, method, diameter)
+    Pores::new(
+        openness.grid,
+        seepage.written.porosity,
+        seepage.written.mean_diameter,
+    )
 }
 
 /// Porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are prepared.
@@ -152,11 +142,13 @@ fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let openness = openness(seepage, dimension);
     let pores = pores(seepage, &openness);
     let mut solid = vec![0.0; openness.inside.len()];
+    let mut parts = Vec::new();
     for grain in list {
         let volume = measure(dimension, grain.radius);
-        pores.parts(grain.position, grain.radius, |cell, part| {
+        pores.parts(grain.position, grain.radius, &mut parts);
+        for &(cell, part) in &parts {
             solid[cell] += part * volume;
-        });
+        }
     }
     let cell = openness.grid.volume();
     let filled = solid.iter().zip(&openness.inside);

@@ -1,0 +1,37 @@
+//! The mean diameter of the grains in a cell.
+//!
+//! ```text
+//! number:  d = sum d / N          mass:  d = sum d^4 / sum d^3          Sauter:  d = sum d^3 / sum d^2
+//! ```
+//!
+//! The three means differ much in a wide grading. The mean of Sauter preserves the surface per volume, on which the
+//! derivation of the permeability rests.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Which mean of the diameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum MeanDiameter {
+    /// Sauter mean: sum of cubes over sum of squares.
+    #[default]
+    Sauter,
+    /// Arithmetic mean.
+    Number,
+    /// Mass-weighted mean.
+    Mass,
+}
+
+impl MeanDiameter {
+    /// The mean is sum w d^(k+1) / sum w d^k with this k.
+    #[must_use]
+    pub fn power(self) -> i32 {
+        match self {
+            Self::Sauter => 2,
+            Self::Number => 0,
+            Self::Mass => 3,
+        }
+    }
+}

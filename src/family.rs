@@ -1,0 +1,60 @@
+//! Families of models: one list makes the enum of the case, its schema and the way to the model behind it.
+//!
+//! A model is a type that implements the trait of its family, such as [`crate::coupling::drag::Law`]. A model without
+//! parameters is a unit struct and stands in a case as its name; a model with parameters is a struct of the same name, whose
+//! fields stand in the case below the name.
+//!
+//! ```text
+//! family! {
+//!     /// The drag law.
+//!     pub enum DragLaw: Law {
+//!         #[default]
+//!         DiFelice,               "drag": "di_felice"
+//!         Toy(Toy),               "drag": {"toy": {"viscosity": 1e-3}}
+//!     }
+//! }
+//! ```
+//!
+//! The trait has a function `summary`: the line of the model in the schema. `DragLaw::model` gives the model as a trait object.
+//! Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the choice is
+//! made once, outside of them.
+
+/// See the module.
+macro_rules! family {
+    (
+        $(#[$attribute:meta])*
+        $visibility:vis enum $family:ident: $law:path {
+            $( $(#[$mark:meta])* $model:ident $(($parameters:ident))? ),+ $(,)?
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+        #[serde(rename_all = "snake_case", deny_unknown_fields)]
+        #[schemars(inline)]
+        $visibility enum $family {
+            $(
+                $(#[$mark])*
+                #[doc = concat!("The model [`struct@", stringify!($model), "`].")]
+                #[schemars(description = <$model as $law>::summary())]
+                $model $(($parameters))?
+            ),+
+        }
+
+        impl $family {
+            /// The model that is chosen.
+            #[must_use]
+            $visibility fn model(&self) -> &dyn $law {
+                match self {
+                    $( $crate::family::family!(@pattern $model $($parameters)? => model)
+                        => $crate::family::family!(@value $model $($parameters)? => model) ),+
+                }
+            }
+        }
+    };
+    (@pattern $model:ident => $bound:ident) => { Self::$model };
+    (@pattern $model:ident $parameters:ident => $bound:ident) => { Self::$model($bound) };
+    (@value $model:ident => $bound:ident) => { &$model };
+    (@value $model:ident $parameters:ident => $bound:ident) => { $bound };
+}
+
+pub(crate) use family;
