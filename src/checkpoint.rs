@@ -11,6 +11,7 @@ use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
+use crate::number::to_usize;
 use crate::output::averages::{Averages, SUMS};
 use crate::output::together::Together;
 use decomposition::{Communicator, StateHash, field_key};
@@ -222,7 +223,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let mine = table.rows();
             let (offset, total) = communicator.exclusive_scan_u64(mine as u64);
             rows[n] = total;
-            let (offset, total) = (whole(offset), whole(total));
+            let (offset, total) = (to_usize(offset), to_usize(total));
             for (_, values) in &table.columns {
                 let Some(name) = name.next() else { break };
                 if total == 0 {
@@ -396,11 +397,6 @@ fn memory_keys<'a>(
     }
     keys.iter().zip(numbers)
 }
-
-fn whole(n: u64) -> usize {
-    usize::try_from(n).unwrap_or(usize::MAX)
-}
-
 fn table_to_json(table: &Table) -> Value {
     table
         .columns
@@ -510,12 +506,12 @@ impl Expected {
         let seepage = count("seepage")?;
         if seepage > 0 {
             let cells = self.seepage.unwrap_or(0);
-            if cells.checked_mul(3) != Some(whole(seepage)) {
+            if cells.checked_mul(3) != Some(to_usize(seepage)) {
                 return Err(format!(
                     "it holds {seepage} numbers of seepage, and the case has {cells} cells of three"
                 ));
             }
-            known.push(("seepage".to_owned(), Kind::F64, vec![whole(seepage)]));
+            known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
         }
         self.tables(attributes, &mut known)?;
         for array in &manifest.arrays {
@@ -570,7 +566,7 @@ impl Expected {
                     other => return Err(format!("its {kind} have a column of {other} numbers")),
                 };
                 if rows > 0 {
-                    known.push((format!("{kind}_{name}"), values, vec![whole(rows)]));
+                    known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
                 }
                 if known.len() > MOST_ARRAYS {
                     return Err(format!("it has more than {MOST_ARRAYS} columns"));
@@ -766,7 +762,7 @@ pub fn read_averages<S: Saved>(
 /// # Errors
 /// When they cannot be read.
 pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
-    match whole(reader.attributes()["seepage"].as_u64().unwrap_or(0)) {
+    match to_usize(reader.attributes()["seepage"].as_u64().unwrap_or(0)) {
         0 => Ok(Vec::new()),
         n => {
             let numbers: Vec<f64> = reader.read("seepage", &[0], &[n]).map_err(as_error)?;
@@ -785,7 +781,7 @@ pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Er
     let attributes = reader.attributes();
     let mut tables = Vec::new();
     for (n, kind) in TABLES.iter().enumerate() {
-        let total = whole(attributes["rows"][n].as_u64().unwrap_or(0));
+        let total = to_usize(attributes["rows"][n].as_u64().unwrap_or(0));
         let count = if n == 0 && rank != 0 { 0 } else { total };
         let mut table = Table::default();
         for column in attributes["columns"][n].as_array().into_iter().flatten() {

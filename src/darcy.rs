@@ -67,24 +67,3 @@ pub enum Error {
     #[error("seepage: {0}")]
     Messages(String),
 }
-
-#[cfg(test)]
-mod testing {
-    /// Numbers over [0, 1) for tests (SplitMix64, S. Vigna).
-    pub(super) struct Draws(u64);
-
-    impl Draws {
-        pub(super) fn new(seed: u64) -> Self {
-            Self(seed)
-        }
-
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are kept")]
-        pub(super) fn next(&mut self) -> f64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
-        }
-    }
-}

@@ -31,6 +31,7 @@ pub mod figures;
     reason = "units stand in brackets in comments"
 )]
 pub mod lbm;
+mod number;
 pub mod output;
 pub mod plan;
 pub mod preparation;

@@ -40,10 +40,10 @@ pub(crate) fn whole(x: f64) -> usize {
     x.clamp(0.0, 9e15) as usize
 }
 
-/// The largest integer not above a number: 0 for NaN, the ends of the type beyond its range.
+/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
 #[inline]
 pub(crate) fn floor_i32(x: f64) -> i32 {
-    x.floor() as i32
+    x.clamp(-2e9, 2e9).floor() as i32
 }
 
 /// The largest integer not above a number: 0 for NaN, the ends of the type beyond its range.
@@ -93,7 +93,7 @@ mod tests {
         assert_eq!(real((1_u64 << 53) - 1), 9_007_199_254_740_991.0);
         assert_eq!([whole(2.9), whole(-1.0), whole(f64::NAN)], [2, 0, 0]);
         assert_eq!(whole(f64::INFINITY), 9_000_000_000_000_000);
-        assert_eq!([floor_i32(-0.5), floor_i32(1e300)], [-1, i32::MAX]);
+        assert_eq!([floor_i32(-0.5), floor_i32(1e300)], [-1, 2_000_000_000]);
         assert_eq!([floor_i64(2.5), floor_i64(-1e300)], [2, i64::MIN]);
         assert_eq!([to_u32(7), to_u32(usize::MAX)], [7, u32::MAX]);
         assert_eq!([to_i32(7), to_i32(usize::MAX)], [7, i32::MAX]);

@@ -20,9 +20,9 @@ use crate::case::annotation::Source;
 use crate::case::time::{Limits, SolidSteps, WarmUp};
 use crate::case::{Case, Document};
 use crate::error::{Problem, Remedy, Severity};
+use crate::number::whole;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, at_most, number, refused};
-use crate::scene::grid::{count, whole};
 use crate::units::LatticeUnits;
 use estimate::Estimate;
 use interval::Interval;
@@ -318,9 +318,4 @@ fn steps(x: f64) -> u64 {
     let nearest = x.round();
     let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);
     u64::try_from(whole(if exact { nearest } else { x.ceil() })).unwrap_or(u64::MAX)
-}
-
-/// A count of steps as a number.
-pub(crate) fn steps_number(steps: u64) -> f64 {
-    count(usize::try_from(steps).unwrap_or(usize::MAX))
 }

@@ -22,13 +22,13 @@ use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space, vector};
 use crate::dem::{Law, Region, Wall};
 use crate::error::Error;
+use crate::number::real;
 use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
 use crate::scene::contact::ContactTable;
 use crate::scene::grading::Grading;
 use crate::scene::grains::GrainSource;
-use crate::scene::grid::count;
 use crate::scene::rock::list;
 use crate::scene::sample;
 use crate::scene::sample::Grain;
@@ -327,7 +327,7 @@ fn packing_of<S: Space>(
         },
         solid_fraction: match growth.amount {
             case::Amount::SolidFraction(fraction) => fraction,
-            case::Amount::Number(_) => (count(number) * mean / block.measure()).min(0.95),
+            case::Amount::Number(_) => (real(number) * mean / block.measure()).min(0.95),
         },
         stop: Stop::Overlap(growth.stop.mean_overlap),
         seed: growth.seed,

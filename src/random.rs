@@ -1,6 +1,6 @@
-//! Counter-based random numbers: Philox4x32-10.
+//! Random numbers.
 //!
-//! A draw is a function of (seed, id, use, index), so that it is the same on any rank, in any order, and after a restart.
+//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use, index), so that it is the same on any rank, in any order, and after a restart.
 //! Source: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11,
 //! doi:10.1145/2063384.2063405; checked against the known-answer vectors of their Random123 library.
 
@@ -77,6 +77,46 @@ impl Stream {
         let high = f64::from(self.bits() >> 5);
         let low = f64::from(self.bits() >> 6);
         (high * 67_108_864.0 + low) * UNIT
+    }
+}
+
+/// SplitMix64: a counter put through a mixer, for draws that only have to follow from a seed, as in a bootstrap.
+///
+/// Source: G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
+#[derive(Clone, Debug)]
+pub struct SplitMix {
+    state: u64,
+}
+
+impl SplitMix {
+    /// The generator of a seed, at its beginning.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self { state: seed }
+    }
+
+    /// The next 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// The next number, uniform over [0, 1) with 53 random bits.
+    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+    pub fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+
+    /// The next whole number below `limit`, with a bias below `limit / 2^64`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the product's high half is below `limit`"
+    )]
+    pub fn below(&mut self, limit: usize) -> usize {
+        ((u128::from(self.bits()) * limit as u128) >> 64) as usize
     }
 }
 

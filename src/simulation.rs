@@ -69,7 +69,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
 
     /// Physical time [s].
     fn time(&self) -> f64 {
-        crate::plan::steps_number(self.step) * self.plan.clock.time_step
+        crate::number::real(self.step) * self.plan.clock.time_step
     }
 
     fn view(&self) -> View<'_, Sp> {

@@ -10,6 +10,7 @@
 )]
 
 use super::expression::evaluate;
+use crate::number::real;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::Path;
@@ -157,7 +158,7 @@ impl Measure {
         }
         let rows = self.rows(output, known)?;
         if let Take::Count = self.take {
-            return Ok(number(rows.kept.len()));
+            return Ok(real(rows.kept.len()));
         }
         let of = self.of.as_ref().ok_or("no formula `of` the columns")?;
         let values = rows.numbers(of)?;
@@ -166,8 +167,8 @@ impl Measure {
             Take::Last => Ok(last),
             Take::Max => Ok(values.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
             Take::Min => Ok(values.iter().copied().fold(f64::INFINITY, f64::min)),
-            Take::Mean => Ok(values.iter().sum::<f64>() / number(values.len())),
-            Take::Count => Ok(number(values.len())),
+            Take::Mean => Ok(values.iter().sum::<f64>() / real(values.len())),
+            Take::Count => Ok(real(values.len())),
             Take::Cosine(period) => Ok(wave(&values, &rows.phases(period)?, f64::cos)),
             Take::Sine(period) => Ok(wave(&values, &rows.phases(period)?, f64::sin)),
             Take::Period => period(&rows.numbers("time")?, &values),
@@ -301,15 +302,9 @@ impl Rows<'_> {
         Ok(self)
     }
 }
-
-#[expect(clippy::cast_precision_loss, reason = "rows are far fewer than 2^53")]
-fn number(count: usize) -> f64 {
-    count as f64
-}
-
 fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
     let sum: f64 = values.iter().zip(phases).map(|(v, p)| v * shape(*p)).sum();
-    2.0 * sum / number(values.len())
+    2.0 * sum / real(values.len())
 }
 
 /// Cubic through the four points nearest to `at`; `x` grows.
@@ -331,7 +326,7 @@ fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
 
 /// Mean time between upward crossings of the mean.
 fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
-    let mean = values.iter().sum::<f64>() / number(values.len());
+    let mean = values.iter().sum::<f64>() / real(values.len());
     let crossings: Vec<f64> = time
         .windows(2)
         .zip(values.windows(2))
@@ -339,7 +334,7 @@ fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
         .map(|(t, v)| t[0] + (t[1] - t[0]) * (mean - v[0]) / (v[1] - v[0]))
         .collect();
     match crossings[..] {
-        [first, .., last] => Ok((last - first) / number(crossings.len() - 1)),
+        [first, .., last] => Ok((last - first) / real(crossings.len() - 1)),
         _ => Err("fewer than two upward crossings of the mean".into()),
     }
 }
@@ -377,7 +372,7 @@ mod tests {
     #[test]
     fn a_cubic_profile_is_interpolated_without_error() {
         let sampled = |n: usize| {
-            let x: Vec<f64> = (0..=n).map(|k| number(k) / number(n)).collect();
+            let x: Vec<f64> = (0..=n).map(|k| real(k) / real(n)).collect();
             let y = x.iter().map(|x| x * x * x - x + 1.0).collect();
             Profile { x, y }
         };

@@ -602,26 +602,10 @@ pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     }
     known
         .iter()
-        .map(|candidate| (distance(name, candidate), *candidate))
+        .map(|candidate| (strsim::levenshtein(name, candidate), *candidate))
         .min()
         .filter(|(d, candidate)| *d <= candidate.len().max(name.len()).div_ceil(2))
         .map(|(_, candidate)| candidate)
-}
-
-/// Edit distance: insertions, deletions, replacements.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -660,7 +644,6 @@ mod tests {
 
     #[test]
     fn the_nearest_name_is_by_edit_distance() {
-        assert_eq!(distance("kitten", "sitting"), 3);
         assert_eq!(
             nearest("viscosty", &["density", "viscosity"]),
             Some("viscosity")

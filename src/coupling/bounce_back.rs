@@ -21,6 +21,7 @@ use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Scheme, bounce};
+use crate::number::real;
 use crate::units::LatticeUnits;
 use std::marker::PhantomData;
 
@@ -232,12 +233,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
             let open = interior.filter(|(at, _)| self.map.body_at(*at).is_none());
             cells = open.count() as u64;
         }
-        let cells = number(communicator.all_reduce_sum_u64(cells));
+        let cells = real(communicator.all_reduce_sum_u64(cells));
         self.fluid.last_force().map(|f| f * cells)
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "no lattice has 2^53 cells")]
-fn number(cells: u64) -> f64 {
-    cells as f64
 }

@@ -14,6 +14,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Plane, Rigid};
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
+use crate::number::{floor_i32, single, to_i32, to_u32};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -87,27 +88,9 @@ pub struct CoverMap {
     /// Entry of the particles in each slot.
     entries: Vec<u32>,
 }
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "coordinates are far below 2^31"
-)]
-fn floor(x: f64) -> i32 {
-    x.clamp(-2e9, 2e9).floor() as i32
-}
-
-fn int(n: usize) -> i32 {
-    i32::try_from(n).unwrap_or(i32::MAX)
-}
-
 fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
 }
-
-fn index(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
-}
-
 impl CoverMap {
     /// No bodies over the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
@@ -121,7 +104,7 @@ impl CoverMap {
             grid,
             method,
             rows: Rows {
-                cells: populations.cells().map(int),
+                cells: populations.cells().map(to_i32),
                 strides: [stride(0), stride(1), stride(2)],
                 origin,
                 order: populations.order(),
@@ -243,7 +226,7 @@ impl CoverMap {
         self.entries.clear();
         self.entries.resize(self.slots as usize, u32::MAX);
         for (k, body) in self.bodies.iter().enumerate() {
-            self.entries[body.slot as usize] = index(k);
+            self.entries[body.slot as usize] = to_u32(k);
         }
     }
 }
@@ -279,7 +262,7 @@ pub fn rigid<Sp: Space>(
 fn frame(grid: &Grid, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
     std::array::from_fn(|a| {
         if a < dimension {
-            shift[a] * int(grid.cells[a]) - int(grid.start[a])
+            shift[a] * to_i32(grid.cells[a]) - to_i32(grid.start[a])
         } else {
             0
         }
@@ -305,8 +288,8 @@ impl Rows {
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for a in 0..3 {
             if a < dimension {
-                low[a] = (floor(centre[a] - radius) - 1 + frame[a]).max(-1);
-                high[a] = (floor(centre[a] + radius) + 2 + frame[a]).min(self.cells[a] + 1);
+                low[a] = (floor_i32(centre[a] - radius) - 1 + frame[a]).max(-1);
+                high[a] = (floor_i32(centre[a] + radius) + 2 + frame[a]).min(self.cells[a] + 1);
             } else {
                 high[a] = 1;
             }
@@ -336,8 +319,8 @@ impl Rows {
                 if row.misses() {
                     continue;
                 }
-                let first = (floor(row.outer[0]) + frame[fast]).max(low[fast]);
-                let last = (floor(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
+                let first = (floor_i32(row.outer[0]) + frame[fast]).max(low[fast]);
+                let last = (floor_i32(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
                 let beyond =
                     !(0..self.cells[slow]).contains(&i) || !(0..self.cells[middle]).contains(&j);
                 let start = self
@@ -354,12 +337,12 @@ impl Rows {
                         1.0
                     } else if ball {
                         let place = std::array::from_fn(|a| whole(cell[a] - low[a]));
-                        rounded(scratch.ball.fraction(place))
+                        single(scratch.ball.fraction(place))
                     } else {
-                        rounded(form.fraction(method, lower, scratch))
+                        single(form.fraction(method, lower, scratch))
                     };
                     if fraction > 0.0 {
-                        let position = index(start.wrapping_add_signed(k as isize));
+                        let position = to_u32(start.wrapping_add_signed(k as isize));
                         let ghost = beyond || !(0..self.cells[fast]).contains(&k);
                         found.push((position, if ghost { -fraction } else { fraction }));
                     }
@@ -368,12 +351,6 @@ impl Rows {
         }
     }
 }
-
-#[expect(clippy::cast_possible_truncation, reason = "f32 is what a cell holds")]
-fn rounded(fraction: f64) -> f32 {
-    fraction as f32
-}
-
 /// Lower corner of a local cell in the raw frame.
 fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
     std::array::from_fn(|a| f64::from(cell[a] - frame[a]))

@@ -5,7 +5,8 @@
 //! convex polygon. A closed surface of triangles is sampled: `samples` lines per edge of a cell along x, points on them
 //! counted inside where the number of crossings before them is odd.
 
-use super::grid::{Grid, number};
+use super::grid::Grid;
+use crate::number::real;
 
 type Point = [f64; 3];
 
@@ -104,9 +105,9 @@ impl Openness {
     fn sample(&mut self, triangles: &[[Point; 3]], samples: usize) {
         let grid = self.grid;
         let [nx, ny, nz] = grid.cells;
-        let step = |axis: usize| grid.spacing[axis] / number(samples);
-        let at = |axis: usize, k: usize| grid.origin[axis] + (number(k) + 0.5) * step(axis);
-        let plane = |axis: usize, k: usize| grid.origin[axis] + number(k) * grid.spacing[axis];
+        let step = |axis: usize| grid.spacing[axis] / real(samples);
+        let at = |axis: usize, k: usize| grid.origin[axis] + (real(k) + 0.5) * step(axis);
+        let plane = |axis: usize, k: usize| grid.origin[axis] + real(k) * grid.spacing[axis];
         let mut volume = vec![0_u32; grid.count()];
         let mut areas: [Vec<u32>; 3] = std::array::from_fn(|a| vec![0; self.faces[a].len()]);
         let mut crossings = Vec::new();
@@ -142,9 +143,9 @@ impl Openness {
                 }
             }
         }
-        let per_face = number(samples * samples);
+        let per_face = real(samples * samples);
         for (fraction, hits) in self.inside.iter_mut().zip(volume) {
-            *fraction = f64::from(hits) / (per_face * number(samples));
+            *fraction = f64::from(hits) / (per_face * real(samples));
         }
         for (fractions, hits) in self.faces.iter_mut().zip(areas) {
             for (fraction, hits) in fractions.iter_mut().zip(hits) {
@@ -298,7 +299,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
 
 /// Points of a plane in order round their mean, so that the polygon faces along the normal.
 fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
-    let n = number(points.len());
+    let n = real(points.len());
     let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);
     let axis = (0..3)
         .min_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()))
@@ -355,7 +356,7 @@ mod tests {
         Grid {
             cells: [n; 3],
             origin: [0.0; 3],
-            spacing: [1.0 / number(n); 3],
+            spacing: [1.0 / real(n); 3],
             dimension: 3,
         }
     }

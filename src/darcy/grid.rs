@@ -1,5 +1,7 @@
 //! The coarse regular grid of the seepage: box cells in rows along x, planes along z; one layer of unit depth in 2-D.
 
+use crate::number::{real, whole};
+
 /// A regular grid of boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -49,14 +51,14 @@ impl Grid {
     /// Lower corner of a cell \[m\].
     #[must_use]
     pub fn corner(&self, cell: [usize; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| self.origin[a] + number(cell[a]) * self.spacing[a])
+        std::array::from_fn(|a| self.origin[a] + real(cell[a]) * self.spacing[a])
     }
 
     /// Centre of a cell \[m\]; in 2-D at z = 0.
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
         let mut centre =
-            std::array::from_fn(|a| self.origin[a] + (number(cell[a]) + 0.5) * self.spacing[a]);
+            std::array::from_fn(|a| self.origin[a] + (real(cell[a]) + 0.5) * self.spacing[a]);
         if self.dimension == 2 {
             centre[2] = 0.0;
         }
@@ -67,7 +69,7 @@ impl Grid {
     #[must_use]
     pub fn along(&self, axis: usize, position: f64) -> Option<usize> {
         let place = ((position - self.origin[axis]) / self.spacing[axis]).floor();
-        (place >= 0.0 && place < number(self.cells[axis])).then(|| whole(place))
+        (place >= 0.0 && place < real(self.cells[axis])).then(|| whole(place))
     }
 
     /// The cell that holds a point; `None` outside the grid.
@@ -80,28 +82,6 @@ impl Grid {
         Some(cell)
     }
 }
-
-/// A count as a number; exact below 2^53.
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "counts of cells are far below 2^53"
-)]
-#[inline]
-pub(super) fn number(count: usize) -> f64 {
-    count as f64
-}
-
-/// A whole number that is not negative as a count.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "called with floors that are not negative and within the grid"
-)]
-#[inline]
-pub(super) fn whole(value: f64) -> usize {
-    value as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

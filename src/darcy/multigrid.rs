@@ -18,6 +18,7 @@
 //! together a seventh of the work (a third in 2-D), by every rank in whole.
 
 use super::layout::{Gather, Halo, Layout, Part};
+use crate::number::single;
 
 /// Levels of at most this many cells are solved by elimination.
 const DIRECT: usize = 48;
@@ -152,16 +153,6 @@ pub(super) fn first_joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
 fn coarser(cells: [usize; 3], joined: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|a| cells[a].div_ceil(joined[a]))
 }
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is meant"
-)]
-#[inline]
-pub(super) fn single(x: f64) -> f32 {
-    x as f32
-}
-
 impl Multigrid {
     /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples of
     /// the cells joined.
@@ -199,7 +190,7 @@ impl Multigrid {
             }
             cells = coarser(cells, joined);
             for a in 0..3 {
-                spacing[a] *= super::grid::number(joined[a]);
+                spacing[a] *= crate::number::real(joined[a]);
             }
             if levels.len() == 1 && communicator.size() > 1 {
                 let step = joined[part.axis];

@@ -102,7 +102,7 @@ pub fn disc_rectangle(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::darcy::testing::Draws;
+    use crate::random::SplitMix;
 
     const FULL: f64 = 4.0 / 3.0 * PI;
 
@@ -127,12 +127,12 @@ mod tests {
 
     #[test]
     fn parts_of_any_cutting_sum_to_the_ball() {
-        let mut draws = Draws::new(11);
+        let mut draws = SplitMix::new(11);
         let mut worst = 0.0_f64;
         for _ in 0..2_000 {
-            let centre = [draws.next(), draws.next(), draws.next()];
-            let radius = 0.05 + 0.6 * draws.next();
-            let cuts = [(); 3].map(|()| 0.2 + 0.6 * draws.next());
+            let centre = [draws.uniform(), draws.uniform(), draws.uniform()];
+            let radius = 0.05 + 0.6 * draws.uniform();
+            let cuts = [(); 3].map(|()| 0.2 + 0.6 * draws.uniform());
             let mut sum = 0.0;
             let mut flat = 0.0;
             for part in 0..8_u32 {
@@ -184,15 +184,15 @@ mod tests {
 
     #[test]
     fn agrees_with_random_points() {
-        let mut draws = Draws::new(3);
+        let mut draws = SplitMix::new(3);
         for _ in 0..20 {
-            let lower = [(); 3].map(|()| draws.next() - 1.0);
-            let upper = lower.map(|x| x + draws.next());
+            let lower = [(); 3].map(|()| draws.uniform() - 1.0);
+            let upper = lower.map(|x| x + draws.uniform());
             let n = 40_000_u32;
             let mut hits = 0_u32;
             for _ in 0..n {
                 let at: [f64; 3] =
-                    std::array::from_fn(|a| lower[a] + draws.next() * (upper[a] - lower[a]));
+                    std::array::from_fn(|a| lower[a] + draws.uniform() * (upper[a] - lower[a]));
                 hits += u32::from(at.iter().map(|x| x * x).sum::<f64>() < 1.0);
             }
             let size: f64 = (0..3).map(|a| upper[a] - lower[a]).product();

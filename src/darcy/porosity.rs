@@ -16,6 +16,7 @@ use super::enclosure::Openness;
 use super::grid::Grid;
 use super::mean_diameter::MeanDiameter;
 use crate::family::family;
+use crate::number::real;
 use centroid::Centroid;
 use decomposition::{Communicator, quantise};
 use divided::Divided;
@@ -159,14 +160,13 @@ impl Pores {
             all[0] += sums[1];
             all[1] += sums[2];
         }
-        let mean = |upper: i128, lower: i128| {
-            (lower > 0).then(|| self.unit * (nearest(upper) / nearest(lower)))
-        };
+        let mean =
+            |upper: i128, lower: i128| (lower > 0).then(|| self.unit * (real(upper) / real(lower)));
         if let Some(d) = mean(all[0], all[1]) {
             self.mean_diameter = d;
         }
         for (cell, sums) in self.sums.iter().enumerate() {
-            let solid = nearest(sums[0]) * STEP;
+            let solid = real(sums[0]) * STEP;
             self.porosity[cell] = if openness.blocked(cell) {
                 0.0
             } else {
@@ -192,27 +192,18 @@ impl Pores {
     /// Volume of the grains in a cell \[m3; m2 in 2-D\].
     #[must_use]
     pub fn solid_volume(&self, cell: usize) -> f64 {
-        nearest(self.sums[cell][0]) * STEP * self.grid.volume()
+        real(self.sums[cell][0]) * STEP * self.grid.volume()
     }
 }
 
 /// 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "the cast rounds to nearest, which is what is wanted"
-)]
-fn nearest(value: i128) -> f64 {
-    value as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::darcy::enclosure::Enclosure;
-    use crate::darcy::grid::number;
-    use crate::darcy::testing::Draws;
+    use crate::number::real;
+    use crate::random::SplitMix;
 
     fn grid(dimension: usize) -> Grid {
         Grid {
@@ -224,13 +215,13 @@ mod tests {
     }
 
     fn cloud(grid: &Grid, count: usize) -> Vec<([f64; 3], f64)> {
-        let mut draws = Draws::new(5);
+        let mut draws = SplitMix::new(5);
         (0..count)
             .map(|_| {
-                let r = 0.0005 + 0.002 * draws.next();
+                let r = 0.0005 + 0.002 * draws.uniform();
                 let at = std::array::from_fn(|a| {
-                    let length = number(grid.cells[a]) * grid.spacing[a];
-                    grid.origin[a] + r + draws.next() * (length - 2.0 * r)
+                    let length = real(grid.cells[a]) * grid.spacing[a];
+                    grid.origin[a] + r + draws.uniform() * (length - 2.0 * r)
                 });
                 (at, r)
             })

@@ -6,8 +6,8 @@
 //! (J. Demmel and H. D. Nguyen, IEEE Trans. Comput. 64 (2015) 2060). The largest term comes from a first pass: a
 //! maximum has no order either.
 
-use super::grid::number;
 use super::layout::{Layout, Part};
+use crate::number::real;
 use decomposition::Communicator;
 
 const LANES: usize = 8;
@@ -34,7 +34,7 @@ pub(super) fn dot<B: Copy + Into<f64>>(
     if largest <= 0.0 {
         return 0.0;
     }
-    let terms = number(layout.count().next_power_of_two());
+    let terms = real(layout.count().next_power_of_two());
     let coarse = 2.0 * terms * power_above(largest);
     // The rest of a term is below half a step of the coarse part, which is 2^-52 of `coarse`.
     let fine = 2.0 * terms * coarse * 2.0_f64.powi(-53);
@@ -132,22 +132,22 @@ fn from_steps(x: i64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::darcy::testing::Draws;
+    use crate::random::SplitMix;
     use decomposition::ExactSum;
 
     #[test]
     fn as_good_as_the_exact_sum_in_any_order() {
         let n = 999;
         let layout = Layout::new([n, 1, 1]);
-        let mut draws = Draws::new(7);
+        let mut draws = SplitMix::new(7);
         let mut a = vec![0.0; layout.len()];
         let mut b = vec![0.0; layout.len()];
         let part = layout.whole();
         let row = layout.rows(&part).next().unwrap();
         for i in row.clone() {
-            let scale = 10.0_f64.powf(20.0 * draws.next() - 10.0);
-            a[i] = (draws.next() - 0.5) * scale;
-            b[i] = draws.next();
+            let scale = 10.0_f64.powf(20.0 * draws.uniform() - 10.0);
+            a[i] = (draws.uniform() - 0.5) * scale;
+            b[i] = draws.uniform();
         }
         let mut exact = ExactSum::new();
         for i in row.clone() {

@@ -13,6 +13,7 @@
 
 use super::particles::Particles;
 use super::space::{Components, Space};
+use crate::number::real;
 
 /// The search, with its buffers kept between calls.
 #[derive(Debug, Default)]
@@ -542,15 +543,6 @@ fn cells(length: f64) -> usize {
 fn cells_clamped(at: f64, count: usize) -> usize {
     (at as usize).min(count - 1)
 }
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "counts of cells and members, far below 2^53"
-)]
-fn real(count: usize) -> f64 {
-    count as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::particles::{Body, Motion};

@@ -9,6 +9,7 @@ mod section;
 mod streamlines;
 
 use crate::error::Error;
+use crate::number::{real, whole};
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
 use faces::{Faces, id_of};
@@ -314,7 +315,7 @@ fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
         0.0
     };
     let place = share * real(stops.len() - 1);
-    let below = floor(place).min(stops.len() - 2);
+    let below = whole(place).min(stops.len() - 2);
     let t = place - real(below);
     std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
 }
@@ -440,8 +441,8 @@ impl Raster {
     fn new(frame: &Frame, most: usize) -> Self {
         let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
         let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));
-        let width = floor((size[0] / pixel).round()).clamp(1, most);
-        let height = floor((size[1] / pixel).round()).clamp(1, 2 * most);
+        let width = whole((size[0] / pixel).round()).clamp(1, most);
+        let height = whole((size[1] / pixel).round()).clamp(1, 2 * most);
         Self {
             width,
             height,
@@ -467,7 +468,7 @@ impl Raster {
                     let k = ((at[a] - water.origin[a]) / water.spacing[a])
                         .floor()
                         .max(0.0);
-                    floor(k).min(water.cells[a] - 1)
+                    whole(k).min(water.cells[a] - 1)
                 });
                 let n = cell[1] * water.cells[0] + cell[0];
                 self.colours[row * self.width + column] = if water.solid[n] {
@@ -485,7 +486,7 @@ impl Raster {
         let span = |middle: f64, count: usize| {
             let from = ((middle - r) / self.pixel - 0.5).floor().max(0.0);
             let to = ((middle + r) / self.pixel + 0.5).ceil().max(0.0);
-            floor(from).min(count)..floor(to).min(count)
+            whole(from).min(count)..whole(to).min(count)
         };
         let columns = span(at[0] - frame.low[0], self.width);
         for row in span(frame.high[1] - at[1], self.height) {
@@ -542,16 +543,6 @@ impl Raster {
 fn byte(c: f64) -> u8 {
     c.round().clamp(0.0, 255.0) as u8
 }
-
-/// Whole part of a number that is not negative.
-fn floor(x: f64) -> usize {
-    crate::scene::grid::whole(x)
-}
-
-fn real(n: usize) -> f64 {
-    crate::scene::grid::count(n)
-}
-
 fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
     if high > low {
         (value - low) / (high - low)
@@ -780,8 +771,8 @@ mod tests {
         raster.grain(&frame, [0.0, 0.0, 5.0], 1.0, [200.0, 0.0, 0.0], false);
         raster.grain(&frame, [0.0, 0.0, 0.0], 2.0, [0.0, 200.0, 0.0], false);
         let at = |x: f64, y: f64| {
-            let column = floor((x + 2.0) / raster.pixel);
-            let row = floor((2.0 - y) / raster.pixel);
+            let column = whole((x + 2.0) / raster.pixel);
+            let row = whole((2.0 - y) / raster.pixel);
             raster.colours[row * raster.width + column]
         };
         assert!(at(0.0, 0.0)[0] > 100.0 && at(0.0, 0.0)[1] == 0.0);

@@ -6,6 +6,7 @@
 //!
 //! Labels may hold `_{sub}` and `^{super}`.
 
+use crate::number::real;
 use std::fmt::Write as _;
 
 /// Colours for kinds: black, blue, vermillion, green, purple, orange, sky, yellow (Okabe and Ito, 2008).
@@ -26,23 +27,16 @@ pub fn sequential(index: usize, count: usize) -> String {
         [151.0, 204.0, 56.0],
     ];
     let share = if count > 1 {
-        number(index) / number(count - 1)
+        real(index) / real(count - 1)
     } else {
         0.0
     };
     let place = share.clamp(0.0, 1.0) * 5.0;
-    let below = (0..5).rev().find(|&k| number(k) <= place).unwrap_or(0);
-    let t = place - number(below);
+    let below = (0..5).rev().find(|&k| real(k) <= place).unwrap_or(0);
+    let t = place - real(below);
     let mix = |c: usize| STOPS[below][c] * (1.0 - t) + STOPS[below + 1][c] * t;
     format!("rgb({:.0},{:.0},{:.0})", mix(0), mix(1), mix(2))
 }
-
-/// Counts of things in a figure are exact as numbers.
-#[expect(clippy::cast_precision_loss, reason = "things in a figure are few")]
-fn number(count: usize) -> f64 {
-    count as f64
-}
-
 /// How an axis maps values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
@@ -509,7 +503,7 @@ fn escape(text: &str) -> String {
 /// Width of a text, about: glyphs of the fonts named are near 0.55 em on average.
 fn text_width(text: &str) -> f64 {
     let glyphs = text.chars().filter(|c| !"_^{}".contains(*c)).count();
-    0.56 * TEXT * number(glyphs)
+    0.56 * TEXT * real(glyphs)
 }
 
 fn entries(panel: &Panel) -> Vec<&Layer> {
@@ -530,7 +524,7 @@ fn legend_width(panel: &Panel) -> f64 {
 
 fn legend_height(panel: &Panel) -> f64 {
     let rows = entries(panel).len() + usize::from(!panel.legend_title.is_empty());
-    number(rows) * LINE + 10.0
+    real(rows) * LINE + 10.0
 }
 
 /// A panel being drawn.

@@ -16,9 +16,10 @@
 
 use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
+use crate::number::real;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
-use crate::scene::grid::{Grid, count};
+use crate::scene::grid::Grid;
 use crate::units::LatticeUnits;
 use decomposition::{Communicator, ExactSum};
 use io::{Column, Image, Table};
@@ -233,7 +234,7 @@ pub(super) fn profile(
                 sum.value()
             });
             let (velocity, pressure, products) = means(&sums, fluid.units());
-            let mut row = vec![(count(plane) + 0.5) * grid.spacing, sums[0]];
+            let mut row = vec![(real(plane) + 0.5) * grid.spacing, sums[0]];
             row.extend(velocity);
             row.push(pressure);
             row.extend(products);
@@ -291,7 +292,7 @@ mod tests {
             [0; 3]
         }
         fn state(&self, [_, y, _]: [usize; 3]) -> (f64, [f64; 3]) {
-            (0.3 + self.1, [count(y) + self.1, -0.5 * self.1, 0.0])
+            (0.3 + self.1, [real(y) + self.1, -0.5 * self.1, 0.0])
         }
         fn stress(&self, _: [usize; 3]) -> [[f64; 3]; 3] {
             [[0.0; 3]; 3]
@@ -328,9 +329,9 @@ mod tests {
             let cells = if y == 0 { 2.0 } else { 3.0 };
             let pressure = units.density_deviation_to_pressure(0.3);
             let expected = [
-                (count(y) + 0.5) * 1e-3,
+                (real(y) + 0.5) * 1e-3,
                 8.0 * cells,
-                count(y) * speed,
+                real(y) * speed,
                 0.0,
                 0.0,
                 pressure,

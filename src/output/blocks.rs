@@ -3,11 +3,12 @@
 //! What is said of a block is said of each of its faces. `body` is the number of the named body, -1 for what has no name; `rotation` is the
 //! turn since the start, along its axis and as long as its angle.
 
-use super::grains::{signed, space_vector, spin_vector, wrapped};
+use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};
 use crate::dem::particles::{Kind, Particles};
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::number::to_i64;
 use crate::scene::Scene;
 use decomposition::Communicator;
 use io::{Cells, Column, Data, Mesh};
@@ -74,7 +75,7 @@ impl Blocks {
             self.sizes.push(corners.len());
             let named = corners.iter().map(|&corner| first + corner as usize);
             self.corners.extend(named);
-            self.id.push(signed(row[0]));
+            self.id.push(to_i64(row[0]));
             self.body.push(body);
             self.material
                 .push(i32::try_from(row[1]).unwrap_or(i32::MAX));

@@ -1,11 +1,12 @@
 //! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall or of a block.
 
-use super::grains::{force_unit, signed, space_vector, wrapped};
+use super::grains::{force_unit, space_vector, wrapped};
 use super::order::{sorted, vector};
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::dem::{Contact, Dem};
 use crate::error::Error;
+use crate::number::to_i64;
 use crate::scene::grid::Grid;
 use decomposition::Communicator;
 use io::{Cells, Column, Data, Mesh};
@@ -49,9 +50,9 @@ impl Contacts {
             self.lines.push([first, first + 1]);
             self.points.extend(vector(row, 6));
             self.points.extend(vector(row, 9));
-            self.grain.push(signed(row[0]));
+            self.grain.push(to_i64(row[0]));
             self.other
-                .push(if row[1] == NONE { -1 } else { signed(row[1]) });
+                .push(if row[1] == NONE { -1 } else { to_i64(row[1]) });
             self.wall.push(i32::try_from(row[2]).unwrap_or(-1));
             self.bonded.push(u8::from(row[3] == 1));
             self.normal_force.push(f64::from_bits(row[4]));

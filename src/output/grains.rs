@@ -5,6 +5,7 @@ use crate::dem::Load;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
+use crate::number::to_i64;
 use crate::scene::grid::Grid;
 use decomposition::Communicator;
 use io::{Cells, Column, Data, Mesh};
@@ -72,7 +73,7 @@ impl Grains {
         let rows = sorted(communicator, rows)?;
         *self = Self::cleared(std::mem::take(self));
         for row in &rows {
-            self.id.push(signed(row[0]));
+            self.id.push(to_i64(row[0]));
             let radius = f64::from_bits(row[1]);
             self.radius.push(radius);
             self.diameter.push(2.0 * radius);
@@ -192,9 +193,4 @@ pub(crate) fn force_unit(dimension: usize) -> &'static str {
 /// The same for torques.
 pub(crate) fn torque_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N m/m" } else { "N m" }
-}
-
-/// An id as files hold it.
-pub(crate) fn signed(id: u64) -> i64 {
-    i64::try_from(id).unwrap_or(i64::MAX)
 }

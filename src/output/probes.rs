@@ -24,9 +24,9 @@ use super::together::Together;
 use crate::coupling::FluidView;
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::number::real;
 use crate::output::view::View;
 use crate::plan::Plan;
-use crate::scene::grid::count;
 use crate::scene::observe::ProbeAt;
 use crate::units::LatticeUnits;
 use decomposition::{Domain, ExactSum};
@@ -384,7 +384,7 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
     let largest = communicator.all_reduce_max_f64(largest);
     let all: f64 = (0..3)
         .filter(|&a| a != axis)
-        .map(|a| count(grid.cells[a]))
+        .map(|a| real(grid.cells[a]))
         .product();
     let discharge = units.velocity_to_si([u, v, w][axis]) * face_area(units);
     let speed = if number > 0.0 {

@@ -24,7 +24,7 @@ const RATE: f64 = 1e-3;
 const SLOPE: f64 = 1e-4;
 
 fn centre(i: usize) -> f64 {
-    crate::scene::grid::count(i) + 0.5
+    crate::number::real(i) + 0.5
 }
 
 impl FluidView for Turning {
@@ -167,7 +167,7 @@ impl Run {
             particles: &self.particles,
             dem: Some(&self.dem),
             step,
-            time: crate::plan::steps_number(step) * self.plan.clock.time_step,
+            time: crate::number::real(step) * self.plan.clock.time_step,
         }
     }
 
@@ -278,7 +278,7 @@ fn probes_measure_what_is_there() {
     let rows = run.rows("middle");
     assert_eq!(rows.steps, [0; 5]);
     for (n, row) in rows.values.iter().enumerate() {
-        let x = 1.0 + crate::scene::grid::count(n);
+        let x = 1.0 + crate::number::real(n);
         assert_relative_eq!(row[1], 1e-3 * (x - 1.0), epsilon = 1e-12);
         assert_relative_eq!(row[2], 1e-3 * x, max_relative = 1e-12);
         assert_relative_eq!(row[5], -2.0 * RATE * speed, max_relative = 1e-9);

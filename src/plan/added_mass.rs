@@ -29,7 +29,6 @@ use crate::lbm::saturation::{DensityRatios, LightBody};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
-use crate::scene::grid::count;
 
 /// s R of links from which on bodies hold, by relaxation time: discs, spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
@@ -139,7 +138,7 @@ fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
         let faces = 0..solid.shape.half_spaces().len();
         let surface: f64 = faces.map(|face| solid.shape.face_area(face)).sum();
-        let radius = count(3) * solid.shape.volume() / surface / h;
+        let radius = 3.0 * solid.shape.volume() / surface / h;
         kinds.push(Kind { material, radius });
     }
     kinds

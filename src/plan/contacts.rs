@@ -157,7 +157,7 @@ fn others(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
     let all = grains + scene.bodies.len() + scene.walls.len() + appear;
-    crate::scene::grid::count(all.saturating_sub(1))
+    crate::number::real(all.saturating_sub(1))
 }
 
 /// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
@@ -366,7 +366,7 @@ fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
     if scene.flow.is_some() {
         let steps = (clock.time_step / limit).ceil();
         Remedy::from(format!("use at least {steps} solid steps in a fluid step"))
-            .set(path(scene), crate::scene::grid::whole(steps))
+            .set(path(scene), crate::number::whole(steps))
     } else if scene.time.solid_time_step.is_some() {
         let step = at_most(limit);
         Remedy::from(format!("use a solid time step of at most {step:?} s")).set(path(scene), step)

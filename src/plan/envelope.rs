@@ -7,12 +7,12 @@ use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
 use super::margin::{Margin, margin, slower_clock};
 use crate::error::Remedy;
+use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::boundaries::Condition;
 use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
-use crate::scene::grid::count;
 use crate::scene::initial::Initial;
 use crate::scene::speed::{passage, pressure_difference, speeds};
 
@@ -228,6 +228,6 @@ pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;
     let axis = pressure_difference(flow).map_or(0, |(.., axis)| axis);
     let (_, height) = passage(scene, axis);
-    let cells = height.min(scene.grid.size[0] * count(scene.grid.dimension)) / scene.grid.spacing;
+    let cells = height.min(scene.grid.size[0] * real(scene.grid.dimension)) / scene.grid.spacing;
     Some(USUAL_LATTICE_VELOCITY * 3.0 / (flow.relaxation_time - 0.5) * cells)
 }

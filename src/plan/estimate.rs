@@ -3,12 +3,12 @@
 //! Rates are those of one core of a recent server, assumed here and replaced by the measured ones in the summary of a
 //! run.
 
-use super::{Clock, steps_number};
+use super::Clock;
 use crate::case::fluid::Precision;
 use crate::lbm::lattice::VelocitySet;
+use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
-use crate::scene::grid::count;
 use serde::Serialize;
 
 /// What a run will cost.
@@ -84,22 +84,22 @@ fn bytes(precision: Precision) -> f64 {
 
 impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let cells = scene.grid.cells.iter().map(|c| count(*c)).product::<f64>();
+        let cells = scene.grid.cells.iter().map(|c| real(*c)).product::<f64>();
         let end = scene.time.end;
         let outputs = |every: f64| (end / every).floor() + 1.0;
-        let blocks = count(scene.polyhedra().count());
+        let blocks = real(scene.polyhedra().count());
         let named =
-            count(scene.bodies.len()) + scene.blocks.as_ref().map_or(0.0, |b| count(b.number));
-        let grains = scene.grains.as_ref().map_or(0.0, |g| count(g.expected)) + named;
+            real(scene.bodies.len()) + scene.blocks.as_ref().map_or(0.0, |b| real(b.number));
+        let grains = scene.grains.as_ref().map_or(0.0, |g| real(g.expected)) + named;
         let mut estimate = Self {
             grains,
             million_particle_steps: MILLION_PARTICLE_STEPS,
             ..Self::default()
         };
-        let steps = steps_number(clock.steps);
+        let steps = real(clock.steps);
         if let Some(flow) = &scene.flow {
             estimate.bytes_per_cell =
-                count(flow.lattice.count()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
+                real(flow.lattice.count()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
             if flow.turbulence.is_some() {
                 estimate.bytes_per_cell += EDDY_BYTES;
             }
@@ -107,20 +107,20 @@ impl Estimate {
                 estimate.bytes_per_cell += AVERAGE_BYTES;
             }
             estimate.mlups = mlups(flow.lattice, flow.storage);
-            let updates = cells * (steps + steps_number(clock.warm_up_steps));
+            let updates = cells * (steps + real(clock.warm_up_steps));
             estimate.seconds_on_one_core += updates / (1e6 * estimate.mlups);
             if let Some(output) = &scene.output.fluid {
                 let numbers: f64 = output
                     .fields
                     .iter()
-                    .map(|field| count(field.components(scene.grid.dimension)))
+                    .map(|field| real(field.components(scene.grid.dimension)))
                     .sum();
                 estimate.fluid_output_bytes = cells * numbers * bytes(output.precision);
                 estimate.fluid_outputs = outputs(output.every);
             }
         }
         if let Some(seepage) = &scene.seepage {
-            let coarse = count(seepage.cell_count());
+            let coarse = real(seepage.cell_count());
             estimate.bytes_per_cell = SEEPAGE_CELL_BYTES * coarse / cells;
             estimate.seconds_on_one_core += steps * coarse * SEEPAGE_SECONDS_PER_CELL;
             if let Some(output) = &scene.output.fluid {

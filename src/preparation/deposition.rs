@@ -16,6 +16,7 @@ use crate::dem::{
     Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
 };
 use crate::error::Error;
+use crate::number::{floor_i64, whole};
 use crate::random::Stream;
 use crate::scene::grading::Grading;
 
@@ -203,7 +204,7 @@ impl<S: Space> Deposition<S> {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
         // One grid per factor of two in size, as in the neighbour search.
-        let level = |radius: f64| floor((largest / radius).log2().max(0.0));
+        let level = |radius: f64| whole((largest / radius).log2().max(0.0));
         let levels = level(smallest) + 1;
         let mut grids: Vec<std::collections::HashMap<[i64; 3], Vec<usize>>> =
             vec![std::collections::HashMap::new(); levels];
@@ -211,7 +212,7 @@ impl<S: Space> Deposition<S> {
         let cell = |at: &S::Vector, reach: f64, level: usize| -> [i64; 3] {
             std::array::from_fn(|axis| {
                 if axis < S::DIMENSION {
-                    whole((at.get(axis) + reach) / size(level))
+                    floor_i64((at.get(axis) + reach) / size(level))
                 } else {
                     0
                 }
@@ -496,24 +497,6 @@ impl<'a, S: Space> Falling<'a, S> {
 fn ratio(a: u64, b: u64) -> f64 {
     if b == 0 { 0.0 } else { a as f64 / b as f64 }
 }
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a cast of a float saturates; callers pass small positive numbers"
-)]
-fn floor(value: f64) -> usize {
-    value as usize
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "cells of a box of grains in memory"
-)]
-fn whole(value: f64) -> i64 {
-    value.floor() as i64
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::supervision::tests::interrupted;

@@ -22,6 +22,7 @@ use crate::dem::{
     Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall,
 };
 use crate::error::Error;
+use crate::number::{real, to_usize};
 use crate::random::Stream;
 
 /// Which diameters (m) the grains have.
@@ -369,7 +370,7 @@ impl<'a, S: Space> Growing<'a, S> {
     fn set_factor(&mut self, factor: f64) {
         self.progress.factor = factor;
         for k in 0..self.particles.owned() {
-            let asked = self.radii[usize_of(self.particles.body[k].id)];
+            let asked = self.radii[to_usize(self.particles.body[k].id)];
             self.particles.set_radius(k, asked * factor);
         }
     }
@@ -396,7 +397,7 @@ impl<'a, S: Space> Growing<'a, S> {
         });
         let holding = || touches.iter().filter(|touches| **touches >= S::DIMENSION);
         let held = real(holding().count());
-        let ends = real(holding().sum());
+        let ends = real(holding().sum::<usize>());
         Report {
             grains: count as u64,
             size_factor: self.progress.factor,
@@ -644,29 +645,6 @@ const AT_REST: f64 = 0.7;
 /// Steps between looks at a packing that rests, and rounds of up to a thousand steps before it counts as restless.
 const LOOK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a cast of a float saturates; callers pass small positive numbers"
-)]
-fn floor(value: f64) -> usize {
-    value as usize
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
-fn real(count: usize) -> f64 {
-    count as f64
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "ids count the grains, which are in memory"
-)]
-fn usize_of(id: u64) -> usize {
-    id as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::supervision::tests::interrupted;

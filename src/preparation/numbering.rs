@@ -4,6 +4,7 @@
 //! memory, and few pairs cross from one thread's grains to another's.
 
 use crate::dem::{Components, Space};
+use crate::number::whole;
 use crate::scene::sample::Grain;
 
 /// Bits of a coordinate: three of them fill a word.
@@ -36,17 +37,23 @@ fn place(point: [f64; 3]) -> u64 {
         reason = "a cast of a float saturates, and the box bounds it"
     )]
     let cell = point.map(|x| x as u64);
+    interleaved(&cell, BITS)
+}
+
+/// Place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
+fn interleaved(cell: &[u64], bits: u32) -> u64 {
     let mut place = 0;
-    for bit in 0..BITS {
-        for (a, x) in (0..).zip(cell) {
-            place |= (x >> bit & 1) << (3 * bit + a);
+    let mut to = 0;
+    for bit in 0..bits {
+        for x in cell {
+            place |= (x >> bit & 1) << to;
+            to += 1;
         }
     }
     place
 }
 
-/// The order of `places` along a curve through space (Morton's), in cells of a 1024th of their extent: grains numbered so stand
-/// close where their ids are close, which is what makes contacts cheap to add up by id.
+/// The order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close in space.
 #[must_use]
 pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     let mut low = [f64::INFINITY; 3];
@@ -58,30 +65,18 @@ pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     }
     let scale = if extent > 0.0 { 1024.0 / extent } else { 0.0 };
     let code = |place: &S::Vector| {
-        let mut code = 0_u64;
+        let mut cell = [0; 3];
         for axis in 0..S::DIMENSION {
-            let cell = floor(((place.get(axis) - low[axis]) * scale).clamp(0.0, 1023.0));
-            for bit in 0..10 {
-                code |= u64::from(cell >> bit & 1 == 1) << (bit * S::DIMENSION + axis);
-            }
+            let at = ((place.get(axis) - low[axis]) * scale).clamp(0.0, 1023.0);
+            cell[axis] = whole(at) as u64;
         }
-        code
+        interleaved(&cell[..S::DIMENSION], 10)
     };
     let codes: Vec<u64> = places.iter().map(code).collect();
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by_key(|&k| codes[k]);
     order
 }
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a cast of a float saturates; callers pass small positive numbers"
-)]
-fn floor(value: f64) -> usize {
-    value as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ mod overlaps;
 
 use super::block::Block as Extent;
 use super::findings::{Findings, number};
-use super::grid::{Grid, count};
+use super::grid::Grid;
 use super::motion::{motion, needs_density};
 use super::rock::joints::{JointSet, Spacing, upward_normal};
 use super::rock::{RockMass, list};
@@ -14,6 +14,7 @@ use crate::case::blocks::{Block as Written, BlockSource, Joints, Mass, Spacing a
 use crate::case::geometry::Rotation;
 use crate::case::solids::{Mesh, Orientation, Shape};
 use crate::dem::polyhedron::{HalfSpace, Piece, Polyhedron, ShapeError, Solid};
+use crate::number::real;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 pub(crate) use overlaps::overlaps;
 use serde::Serialize;
@@ -113,7 +114,7 @@ pub(crate) fn blocks(
     }
     let outside = |block: &&RockBlock| !grid.contains(block.solid.position.into());
     if let Some(n) = list.iter().position(|block| outside(&block)) {
-        let all = count(list.iter().filter(outside).count());
+        let all = real(list.iter().filter(outside).count());
         findings.error(
             "blocks.initial",
             format!(

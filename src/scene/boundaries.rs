@@ -3,12 +3,13 @@
 use super::block::Block;
 use super::findings::Findings;
 use super::findings::LATTICE_PATH as PATH;
-use super::grid::{Grid, count, whole};
+use super::grid::Grid;
 use super::initial::resolved;
 use super::profile::Table;
 use crate::case::boundary::{Condition as Written, Fluctuations, VelocityProfile as Profile};
 use crate::case::fluid::LatticeBoltzmann;
 use crate::case::geometry::Face;
+use crate::number::{real, whole};
 use serde::Serialize;
 use std::path::Path;
 
@@ -112,7 +113,7 @@ fn mean_inflow(table: &Table, patch: &Patch, grid: &Grid) -> Option<f64> {
             }
         }
     }
-    Some(sum / count(cells))
+    Some(sum / real(cells))
 }
 
 /// Rows of a profile that are looked at before the run, at most.
@@ -353,7 +354,7 @@ fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) 
             }
             Condition::Velocity { profile, .. } => {
                 let cells: f64 = (0..3)
-                    .map(|a| count(patch.to[a] - patch.from[a].min(patch.to[a])))
+                    .map(|a| real(patch.to[a] - patch.from[a].min(patch.to[a])))
                     .product();
                 let axes = grid.dimension - 1;
                 let normal = match profile {

@@ -2,13 +2,14 @@
 
 use super::block::Block;
 use super::findings::{Findings, number};
-use super::grid::{Grid, whole};
+use super::grid::Grid;
 use super::observe::{Action, Region, due};
 use super::unique;
 use crate::case::Case;
 use crate::case::check::nearest;
 use crate::case::collapse::StageThresholds;
 use crate::error::Remedy;
+use crate::number::whole;
 use serde::Serialize;
 use serde_json::json;
 

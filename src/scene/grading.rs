@@ -1,5 +1,6 @@
 //! Gradings: classes of grain sizes, by count or by mass.
 
+use crate::number::{real, whole};
 use serde::{Deserialize, Serialize};
 
 /// A range of radii (m), equally likely, and its part of the grains.
@@ -78,7 +79,7 @@ impl Grading {
         };
         let total: f64 = weights.iter().sum();
         let exact: Vec<f64> = weights.iter().map(|w| w / total * real(number)).collect();
-        let mut numbers: Vec<usize> = exact.iter().map(|x| floor(*x)).collect();
+        let mut numbers: Vec<usize> = exact.iter().map(|x| whole(*x)).collect();
         // The largest remainders get what rounding left.
         let mut order: Vec<usize> = (0..classes.len()).collect();
         order.sort_by(|&a, &b| {
@@ -131,21 +132,6 @@ impl Grading {
 pub fn densest_cloud(dimension: usize) -> f64 {
     if dimension == 2 { 0.45 } else { 0.3 }
 }
-
-#[expect(clippy::cast_precision_loss, reason = "counts far below 2^53")]
-fn real(count: usize) -> f64 {
-    count as f64
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a cast of a float saturates; callers pass small positive numbers"
-)]
-fn floor(value: f64) -> usize {
-    value as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 
 use super::block::Block;
 use super::findings::{Findings, number};
-use super::grid::{Grid, count};
+use super::grid::Grid;
 use super::motion::{motion, needs_density};
 use super::sample::{self, Grain};
 use super::{grading, material, unique};
@@ -11,6 +11,7 @@ use crate::case::grains::{
     Amount, Deposition as WrittenRain, Grading, GrainSource as Written, Growth, Radii, SizeClass,
 };
 use crate::error::Remedy;
+use crate::number::real;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -313,12 +314,12 @@ fn falls(
             ),
             {
                 // Part of the classes: a little less than in proportion.
-                let fewer = (0.99 * count(number_of) * most / fraction).floor();
+                let fewer = (0.99 * real(number_of) * most / fraction).floor();
                 Remedy::from(format!(
                     "use a box {} times as high, or smaller grains, or {fewer} of these at most",
                     number(fraction / most)
                 ))
-                .set(format!("{path}.number"), super::grid::whole(fewer))
+                .set(format!("{path}.number"), crate::number::whole(fewer))
             },
         );
     }
@@ -419,7 +420,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
                     Remedy::from(format!(
                         "use fewer or smaller grains, {fewer} of these at most"
                     ))
-                    .set(&*amount_path, super::grid::whole(fewer))
+                    .set(&*amount_path, crate::number::whole(fewer))
                 }
             },
         );
@@ -438,7 +439,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
         );
         return None;
     }
-    let number_of = super::grid::whole(number_of);
+    let number_of = crate::number::whole(number_of);
     Some((
         GrainSource::Growth {
             block,

@@ -3,6 +3,7 @@
 use super::findings::{Findings, length_of, number};
 use crate::case::domain::{Domain, Split};
 use crate::error::Remedy;
+use crate::number::{real, whole};
 use serde::Serialize;
 
 /// The domain as a grid of cells; the lower corner is the origin, cell centres lie at (i + 1/2) h.
@@ -37,7 +38,7 @@ impl Grid {
     /// The centre of a cell [m].
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
-        cell.map(|i| (count(i) + 0.5) * self.spacing)
+        cell.map(|i| (real(i) + 0.5) * self.spacing)
     }
 
     /// Whether a point is in the domain.
@@ -145,20 +146,4 @@ impl Grid {
             slab_bounds,
         })
     }
-}
-
-/// A count as a number.
-#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
-pub(crate) fn count(n: usize) -> f64 {
-    n as f64
-}
-
-/// A number that is known to be a small count.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to the range of counts before"
-)]
-pub(crate) fn whole(x: f64) -> usize {
-    x.clamp(0.0, 9e15) as usize
 }

@@ -3,9 +3,10 @@
 use super::bodies::Body;
 use super::findings::{Findings, number};
 use super::grains::{GrainSource, Grains};
-use super::grid::{Grid, count};
+use super::grid::Grid;
 use super::pairs::{self, Ball};
 use super::walls::Wall;
+use crate::number::real;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -99,7 +100,7 @@ pub(crate) fn overlaps(
             "grains.initial.list",
             format!(
                 "{least}{} more pairs overlap",
-                number(count(found.len() - NAMED))
+                number(real(found.len() - NAMED))
             ),
             "move them apart",
         );

@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grains::Grains;
-use super::grid::{Grid, count, whole};
+use super::grid::Grid;
 use super::unique;
 use crate::case::Case;
 use crate::case::darcy::{self as written_as, Darcy};
@@ -11,6 +11,7 @@ use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
 use crate::darcy::Condition;
 use crate::error::Remedy;
+use crate::number::{real, whole};
 use serde::Serialize;
 use serde_json::json;
 
@@ -108,9 +109,9 @@ impl Seepage {
     pub fn centre(&self, patch: &Patch) -> [f64; 3] {
         std::array::from_fn(|a| {
             let at = if a != patch.face.axis() {
-                0.5 * (count(patch.from[a]) + count(patch.to[a]))
+                0.5 * (real(patch.from[a]) + real(patch.to[a]))
             } else if patch.face.is_max() {
-                count(self.cells[a])
+                real(self.cells[a])
             } else {
                 0.0
             };
@@ -156,7 +157,7 @@ impl Seepage {
                     // A cell belongs to a patch if its centre does.
                     let first = |x: f64| {
                         let place = (x - self.origin[a]) / self.spacing[a] - 0.5;
-                        whole(place.ceil().clamp(0.0, count(self.cells[a])))
+                        whole(place.ceil().clamp(0.0, real(self.cells[a])))
                     };
                     (from[a], to[a]) = (first(low[a]), first(high[a]));
                 }
@@ -222,7 +223,7 @@ impl Seepage {
             (low[axis], high[axis]) = (level, level);
             for &a in &across {
                 let cells = patch.to[a] - patch.from[a];
-                low[a] = self.origin[a] + count(patch.from[a] + n % cells) * self.spacing[a];
+                low[a] = self.origin[a] + real(patch.from[a] + n % cells) * self.spacing[a];
                 high[a] = low[a] + self.spacing[a];
                 n /= cells;
             }
@@ -237,7 +238,7 @@ impl Seepage {
     }
 
     fn end(&self) -> [f64; 3] {
-        std::array::from_fn(|a| self.origin[a] + count(self.cells[a]) * self.spacing[a])
+        std::array::from_fn(|a| self.origin[a] + real(self.cells[a]) * self.spacing[a])
     }
 
     fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
@@ -368,7 +369,7 @@ fn coarse(
     let (mut cells, mut spacing) = ([1; 3], [1.0; 3]);
     for a in 0..grid.dimension {
         cells[a] = own.cells[a] as usize;
-        spacing[a] = (to[a] - from[a]) / count(cells[a]);
+        spacing[a] = (to[a] - from[a]) / real(cells[a]);
         if !(spacing[a] > 0.0 && spacing[a].is_finite()) {
             findings.error(
                 &path,

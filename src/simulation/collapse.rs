@@ -22,10 +22,10 @@ use crate::darcy::overlap::sphere_box;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::figures::ground_collapse as figures;
+use crate::number::real;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::collapse::GroundCollapse;
-use crate::scene::grid::count;
 use decomposition::{Domain, ExactSum};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -367,7 +367,7 @@ impl CollapseRecorder {
         let grains = communicator.all_reduce_sum_i64(grains).max(1);
         Start {
             mass: mass.value(),
-            diameter: diameter.value() / integer(grains),
+            diameter: diameter.value() / real(grains),
         }
     }
 
@@ -695,8 +695,8 @@ fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
                 time,
                 ix: long as u64,
                 iy: across as u64,
-                long: (count(long) + 0.5) * cells.size[0],
-                across: (count(across) + 0.5) * cells.size[1],
+                long: (real(long) + 0.5) * cells.size[0],
+                across: (real(across) + 0.5) * cells.size[1],
                 elevation: seen.surface[k].unwrap_or(f64::NAN),
                 settlement,
             };
@@ -704,9 +704,4 @@ fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
         }
     }
     lines
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
-fn integer(n: i64) -> f64 {
-    n as f64
 }

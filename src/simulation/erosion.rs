@@ -38,11 +38,11 @@ use crate::case::contact::Scaled;
 use crate::dem::space::{Components, Space};
 use crate::dem::{BondBreak, Failure};
 use crate::error::Error;
+use crate::number::{real, whole};
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::boundaries::Condition;
 use crate::scene::contact::Law;
-use crate::scene::grid::{count, whole};
 use crate::scene::observe::{Action, ErosionLaw};
 use decomposition::{Domain, ExactSum, Fixed};
 use serde::{Deserialize, Serialize};
@@ -505,7 +505,7 @@ impl ErosionRecorder {
             diameter: if grains == 0 {
                 0.0
             } else {
-                diameter.value() / number(grains)
+                diameter.value() / real(grains)
             },
             packing: if area > 0.0 {
                 beside.value() / area
@@ -549,7 +549,7 @@ impl ErosionRecorder {
         };
         let spacing = units.spacing;
         let sums = cell_sums(view, &hole);
-        let mean = |sum: &Fixed, cells: i64| sum.to_f64() / integer(cells.max(1));
+        let mean = |sum: &Fixed, cells: i64| sum.to_f64() / real(cells.max(1));
         let velocity: Vec<f64> = sums
             .velocity
             .iter()
@@ -560,7 +560,7 @@ impl ErosionRecorder {
             .solid
             .iter()
             .zip(&sums.cells)
-            .map(|(&solid, &cells)| integer(solid) / integer(cells.max(1)))
+            .map(|(&solid, &cells)| real(solid) / real(cells.max(1)))
             .collect();
         let profile = |values| Profile {
             origin: 0.0,
@@ -574,7 +574,7 @@ impl ErosionRecorder {
                     .map(|(_, n)| n)
                     .sum()
             };
-            integer(beside(&sums.solid)) / integer(beside(&sums.cells).max(1))
+            real(beside(&sums.solid)) / real(beside(&sums.cells).max(1))
         });
         let faces = hole_faces(profile(&solid), intact, hole.middle());
         self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);
@@ -596,14 +596,14 @@ impl ErosionRecorder {
             let [before, behind] = [0, 1].map(|end: usize| {
                 let (mut sum, mut cells) = (Fixed::ZERO, 0);
                 for (row, deviation) in sums.deviation[end].iter().enumerate() {
-                    let depth = depth(faces, (count(row) + 0.5) * spacing);
+                    let depth = depth(faces, (real(row) + 0.5) * spacing);
                     if (0.0..=reach).contains(&depth) {
                         sum.merge(*deviation);
                         cells += sums.water[end][row];
                     }
                 }
                 units.density_deviation_to_pressure(if cells > 0 {
-                    sum.to_f64() / integer(cells)
+                    sum.to_f64() / real(cells)
                 } else {
                     f64::NAN
                 })
@@ -613,7 +613,7 @@ impl ErosionRecorder {
         let discharge = faces.map_or(f64::NAN, |faces| {
             let mut through = Fixed::ZERO;
             for (row, sum) in sums.middle.iter().enumerate() {
-                let at = (count(row) + 0.5) * spacing;
+                let at = (real(row) + 0.5) * spacing;
                 if faces.lower <= at && at <= faces.upper {
                     through.merge(*sum);
                 }
@@ -799,16 +799,5 @@ fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
         Scaled::Absolute(_) => 0.0,
     }
 }
-
-#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
-fn number(n: u64) -> f64 {
-    n as f64
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
-fn integer(n: i64) -> f64 {
-    n as f64
-}
-
 #[cfg(test)]
 mod tests;

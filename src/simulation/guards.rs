@@ -330,7 +330,7 @@ impl Guards {
             .fluid()
             .domain_cells()
             .iter()
-            .map(|&n| crate::scene::grid::count(n))
+            .map(|&n| crate::number::real(n))
             .product();
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let force = flow.fluid_force_total(communicator);

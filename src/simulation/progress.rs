@@ -65,7 +65,7 @@ impl Progress {
     /// Says where the run is.
     pub fn say(&mut self, moment: &Moment) {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
-        let number = crate::plan::steps_number;
+        let number = crate::number::real;
         let rate = number(moment.step.saturating_sub(self.last_step)) / since;
         let whole = number(moment.step.saturating_sub(self.first_step))
             / self.start.elapsed().as_secs_f64().max(1e-9);
@@ -92,7 +92,7 @@ impl Progress {
         text += &format!("  ETA {}", clock(left));
         if self.terminal {
             const WIDTH: usize = 24;
-            let full = crate::scene::grid::whole(part * 24.0).min(WIDTH);
+            let full = crate::number::whole(part * 24.0).min(WIDTH);
             let bar: String = (0..WIDTH)
                 .map(|k| if k < full { '█' } else { '░' })
                 .collect();
@@ -162,7 +162,7 @@ pub fn clock(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 3.6e7 {
         return "unknown".into();
     }
-    let s = crate::scene::grid::whole(seconds.max(0.0).round());
+    let s = crate::number::whole(seconds.max(0.0).round());
     format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
 }
 

@@ -16,10 +16,11 @@ use crate::case::observe::When;
 use crate::dem::particles::{Body, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
+use crate::number::{real, whole};
 use crate::plan::Plan;
 use crate::random::Stream;
 use crate::scene::block::Block;
-use crate::scene::grid::{Grid, count, whole};
+use crate::scene::grid::Grid;
 use crate::scene::observe::Action;
 use decomposition::Domain;
 use nalgebra::Vector3;
@@ -407,7 +408,7 @@ fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
     match radii {
         Radii::Uniform { min, max } => min + share * (max - min),
         Radii::List(list) => {
-            let n = whole(share * count(list.len()));
+            let n = whole(share * real(list.len()));
             list.get(n).or(list.last()).copied().unwrap_or(0.0)
         }
     }

@@ -14,12 +14,12 @@ use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
+use crate::number::{real, whole};
 use crate::output::together::Together;
-use crate::plan::{Plan, steps_number};
+use crate::plan::Plan;
 use crate::preparation::rest::SavedRest;
 use crate::provenance;
 use crate::scene::findings::refused;
-use crate::scene::grid::whole;
 use crate::scene::observe::Action;
 use crate::scene::walls::Wall;
 use decomposition::{Communicator, Domain};
@@ -158,7 +158,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
         return wrong(what);
     }
     let time = match stage {
-        Stage::Run => steps_number(manifest.step) * plan.clock.time_step,
+        Stage::Run => real(manifest.step) * plan.clock.time_step,
         _ => 0.0,
     };
     if (manifest.time - time).abs() > 1e-9 * time.abs() {

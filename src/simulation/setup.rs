@@ -22,13 +22,14 @@ use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
 use crate::lbm::fluid::{Force, Setup};
 use crate::lbm::initial::Field;
 use crate::lbm::synthetic::Modes;
+use crate::number::{real, to_u32};
 use crate::plan::{self, Plan};
 use crate::scene::bodies::Mobility;
 use crate::scene::boundaries;
 use crate::scene::boundaries::{Condition as Written, VelocityProfile};
 use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{BodyForce, Flow};
-use crate::scene::grid::{Grid, count};
+use crate::scene::grid::Grid;
 use crate::scene::initial::Initial;
 use crate::scene::profile::Table;
 use crate::scene::sample::Grain;
@@ -109,12 +110,12 @@ fn patch(plan: &Plan, patch: &boundaries::Patch, units: &LatticeUnits) -> Result
         let low = if patch.from[a] == 0 {
             f64::NEG_INFINITY
         } else {
-            count(patch.from[a])
+            real(patch.from[a])
         };
         let high = if patch.to[a] >= cells[a] {
             f64::INFINITY
         } else {
-            count(patch.to[a])
+            real(patch.to[a])
         };
         [low, high]
     });
@@ -198,9 +199,9 @@ fn synthetic(
     for x in patch.from[0]..patch.to[0] {
         for y in patch.from[1]..patch.to[1] {
             for z in patch.from[2]..patch.to[2] {
-                let mut place = [x, y, z].map(|n| count(n) + 0.5);
+                let mut place = [x, y, z].map(|n| real(n) + 0.5);
                 place[axis] = if patch.face.is_max() {
-                    count(grid.cells[axis])
+                    real(grid.cells[axis])
                 } else {
                     0.0
                 };
@@ -237,7 +238,7 @@ fn parabola(
     dimension: usize,
     peak: f64,
 ) -> Profile {
-    let (from, to) = (patch.from.map(count), patch.to.map(count));
+    let (from, to) = (patch.from.map(real), patch.to.map(real));
     let inward = if upper { -peak } else { peak };
     Box::new(move |position| {
         let mut speed = inward;
@@ -265,7 +266,7 @@ fn table(table: &Table, axis: usize, dimension: usize, units: &LatticeUnits) -> 
 
 /// Lengths in cells after which a field repeats.
 fn repeats(grid: &Grid) -> [Option<f64>; 3] {
-    std::array::from_fn(|a| grid.periodic[a].then(|| count(grid.cells[a])))
+    std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
 }
 
 /// Modes of written fluctuations, of unit root mean square.
@@ -277,7 +278,7 @@ fn modes(written: &Fluctuations, dimension: usize, units: &LatticeUnits) -> Mode
 /// The fluid at the start as a field on the lattice; none for a file.
 #[must_use]
 pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn Field>> {
-    let cells = plan.scene.grid.cells.map(count);
+    let cells = plan.scene.grid.cells.map(real);
     let u = |v: f64| units.velocity_to_lattice(v);
     Some(match &flow.initial {
         Initial::Uniform { velocity, pressure } => {
@@ -396,11 +397,11 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
 pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
     let walls = plan.scene.walls.iter().map(|w| {
         let mut wall = match &w.surface {
-            Some(surface) => Wall::of_surface(Arc::clone(surface), small(w.material)),
+            Some(surface) => Wall::of_surface(Arc::clone(surface), to_u32(w.material)),
             None => Wall::new(
                 vector::<S>(w.point),
                 vector::<S>(w.normal),
-                small(w.material),
+                to_u32(w.material),
             ),
         };
         wall.velocity = vector::<S>(w.velocity);
@@ -425,7 +426,7 @@ pub fn law(plan: &Plan) -> Law {
 /// The law of a table for so many materials; one without forces where there is no table.
 #[must_use]
 pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
-    let materials = small(materials.max(1));
+    let materials = to_u32(materials.max(1));
     let Some(table) = table else {
         let nothing = linear::Parameters {
             normal_stiffness: 0.0,
@@ -528,10 +529,10 @@ fn cohesive(p: &PairParameters) -> cohesive_frictional::Parameters {
 
 fn pairs<P: Clone>(table: &ContactTable, make: impl Fn(&PairParameters) -> P) -> PairTable<P> {
     let n = table.materials;
-    let mut pairs = PairTable::uniform(small(n), make(table.pair(0, 0)));
+    let mut pairs = PairTable::uniform(to_u32(n), make(table.pair(0, 0)));
     for a in 0..n {
         for b in a..n {
-            pairs.set(small(a), small(b), make(table.pair(a, b)));
+            pairs.set(to_u32(a), to_u32(b), make(table.pair(a, b)));
         }
     }
     pairs
@@ -543,11 +544,6 @@ fn scaled(value: &crate::case::contact::Scaled) -> (f64, bool) {
         crate::case::contact::Scaled::Absolute(v) => (*v, false),
     }
 }
-
-pub(super) fn small(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
-}
-
 /// Where something stands and how it moves.
 fn motion_of<S: Space>(
     position: [f64; 3],
@@ -576,7 +572,7 @@ pub fn bodies<S: Space>(
     let mut shape = 0;
     for (n, body) in plan.scene.bodies.iter().enumerate() {
         let density = plan.scene.materials[body.material].density.unwrap_or(1.0);
-        let (id, material) = (n as u64, small(body.material));
+        let (id, material) = (n as u64, to_u32(body.material));
         let mut made = match &body.solid {
             None => Body::uniform::<S>(id, body.radius, density, material),
             Some(solid) => Body::of_block(id, &solid.shape, density, material),
@@ -611,7 +607,7 @@ pub fn grains<S: Space>(
     }
     for (id, grain) in (first..).zip(grains) {
         let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
-        let body = Body::uniform::<S>(id, grain.radius, density, small(grain.material));
+        let body = Body::uniform::<S>(id, grain.radius, density, to_u32(grain.material));
         let motion = motion_of::<S>(grain.position, grain.velocity, grain.angular_velocity);
         particles.insert(body, motion);
     }

@@ -73,7 +73,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["decomposition", "io"],
     ),
     ("figures", &["analysis"], &["io"]),
-    ("analysis", &[], &["io"]),
+    ("analysis", &["random"], &["io"]),
     // Packings and depositions are made by the engine of the grains.
     (
         "preparation",

@@ -5,6 +5,7 @@
 //! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number that
 //! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
 
+use crate::dice::Dice;
 use crate::ranks::{SOLVER, Study, beside_others};
 use io::checkpoint::Manifest;
 use serde::Serialize;
@@ -314,27 +315,6 @@ fn a_table_that_was_changed_is_told() {
     );
 }
 
-/// SplitMix64.
-struct Dice(u64);
-
-impl Dice {
-    fn draw(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        usize::try_from(self.draw() % n.max(1) as u64).unwrap()
-    }
-
-    fn of<T: Clone>(&mut self, list: &[T]) -> T {
-        list[self.below(list.len())].clone()
-    }
-}
-
 /// JSON pointers of everything below a node; of long lists a few.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
@@ -366,31 +346,33 @@ fn no_signed_mutant_gets_through() {
     let mut codes = std::collections::BTreeMap::new();
     let mut bad = Vec::new();
     for seed in 0..count {
-        let mut dice = Dice(seed);
+        let mut dice = Dice::new(seed);
         let what;
         if seed % 2 == 0 {
             copy = Copy::new("mutants");
             let mut tree = manifest.clone();
-            let path = dice.of(&paths);
-            let value = dice.of(&[
-                json!(0),
-                json!(-1),
-                json!(1),
-                json!(u64::MAX),
-                json!(i64::MAX),
-                json!(1_u64 << 40),
-                json!(1e300),
-                json!(-1e300),
-                json!(5e-324),
-                json!(0.5),
-                json!(""),
-                json!("text"),
-                json!(null),
-                json!([]),
-                json!({}),
-                json!(true),
-                json!([1, 2, 3]),
-            ]);
+            let path = dice.of(&paths).clone();
+            let value = dice
+                .of(&[
+                    json!(0),
+                    json!(-1),
+                    json!(1),
+                    json!(u64::MAX),
+                    json!(i64::MAX),
+                    json!(1_u64 << 40),
+                    json!(1e300),
+                    json!(-1e300),
+                    json!(5e-324),
+                    json!(0.5),
+                    json!(""),
+                    json!("text"),
+                    json!(null),
+                    json!([]),
+                    json!({}),
+                    json!(true),
+                    json!([1, 2, 3]),
+                ])
+                .clone();
             what = format!("{path} = {value}");
             *tree.pointer_mut(&path).unwrap() = value;
             sign(&copy.manifest, &tree);
@@ -402,7 +384,8 @@ fn no_signed_mutant_gets_through() {
             let mut places = Vec::new();
             for _ in 0..words {
                 let at = dice.below(bytes.len() / 8 - 1) * 8;
-                let value: u64 = dice.of(&[
+                let any = dice.draw();
+                let value: u64 = *dice.of(&[
                     f64::NAN.to_bits(),
                     f64::INFINITY.to_bits(),
                     1e300_f64.to_bits(),
@@ -411,7 +394,7 @@ fn no_signed_mutant_gets_through() {
                     1,
                     u64::MAX,
                     1 << 40,
-                    dice.0,
+                    any,
                 ]);
                 bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
                 places.push(format!("{at}: {value:#x}"));

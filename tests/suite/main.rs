@@ -16,6 +16,7 @@ mod case_examples;
 mod case_mutants;
 mod circles;
 mod collapse;
+mod dice;
 mod extremes;
 mod folders;
 mod guards;

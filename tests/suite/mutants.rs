@@ -14,6 +14,7 @@
 //! is the long form. The seed in a failure makes the same mutant again: `SOLVER_MUTANTS=1 SOLVER_MUTANTS_FROM=seed`.
 
 use crate::case_mutants::{HANG, processor_time};
+use crate::dice::Dice;
 use crate::ranks::SOLVER;
 use serde_json::{Value, json};
 use solver::case::Document;
@@ -32,27 +33,6 @@ use std::time::Duration;
 const FEW: u64 = 400;
 /// Address space of the binary [KiB].
 const MEMORY: u64 = 1 << 20;
-
-/// SplitMix64 (Steele et al. 2014).
-struct Dice(u64);
-
-impl Dice {
-    fn draw(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        usize::try_from(self.draw() % n.max(1) as u64).unwrap()
-    }
-
-    fn of<'a, T>(&mut self, list: &'a [T]) -> &'a T {
-        &list[self.below(list.len())]
-    }
-}
 
 /// A text with the files that it names.
 struct Seed {
@@ -609,7 +589,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
     let mut codes: BTreeMap<(&str, i32), u64> = BTreeMap::new();
     let mut wrong = Vec::new();
     for seed in first..first + count {
-        let mut dice = Dice(seed);
+        let mut dice = Dice::new(seed);
         let mutant = mutant(&corpus, &mut dice);
         // A study is planned member by member: fewer of them.
         if mutant.study {

@@ -17,9 +17,10 @@
 //! **Lower bound**: where the run with the highest stress does not erode, tau_c is at least that stress, and there
 //! is no k_d. Where it erodes but fewer than two stresses do, tau_c lies between the stresses on both sides.
 
-use super::hole::as_f64;
 use super::rate::RateWindow;
 use super::statistics::{median, student};
+use crate::number::real;
+use crate::random::SplitMix;
 
 /// An interval of confidence, 95 % unless said otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -291,7 +292,7 @@ fn describe(
     if let Some(drawn) = drawn(|sample| sample.1) {
         critical_shear_interval = critical_shear_interval.hull(drawn);
     }
-    let n = as_f64(eroding.len());
+    let n = real(eroding.len());
     let mean = eroding.iter().map(|point| point.rate).sum::<f64>() / n;
     let total: f64 = eroding
         .iter()
@@ -452,7 +453,7 @@ fn scatter(points: &[RatePoint]) -> Option<f64> {
                 (point.rate - rate).powi(2) / point.variance(rate, scatter).max(f64::MIN_POSITIVE)
             })
             .collect();
-        let free = as_f64(above.len()) - 2.0;
+        let free = real(above.len()) - 2.0;
         Some(if free > 0.0 {
             above.iter().sum::<f64>() / free - 1.0
         } else {
@@ -602,7 +603,7 @@ pub fn cohesion_trend(laws: &[(f64, Law)]) -> Option<CohesionTrend> {
         })
         .count();
     let coefficients: Vec<f64> = fits.iter().map(|(_, fit)| fit.coefficient).collect();
-    let n = as_f64(fits.len());
+    let n = real(fits.len());
     let mean = coefficients.iter().sum::<f64>() / n;
     let most = coefficients.iter().copied().fold(f64::MIN, f64::max);
     let least = coefficients.iter().copied().fold(f64::MAX, f64::min);
@@ -622,7 +623,7 @@ fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
     if fits.len() < 3 {
         return None;
     }
-    let n = as_f64(fits.len());
+    let n = real(fits.len());
     let points: Vec<(f64, f64)> = fits
         .iter()
         .map(|(c, fit)| (c.ln(), fit.coefficient.ln()))
@@ -650,35 +651,6 @@ fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
     ))
 }
 
-/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a counter put through a mixer, enough to draw runs.
-#[derive(Clone, Debug)]
-struct SplitMix {
-    state: u64,
-}
-
-impl SplitMix {
-    fn new(seed: u64) -> Self {
-        Self { state: seed }
-    }
-
-    fn next(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// A whole number below `limit`, with a bias below `limit / 2^64`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the product's high half is below `limit`"
-    )]
-    fn below(&mut self, limit: usize) -> usize {
-        ((u128::from(self.next()) * limit as u128) >> 64) as usize
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -694,7 +666,7 @@ pub(crate) mod tests {
         /// In (0, 1).
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
         pub(crate) fn uniform(&mut self) -> f64 {
-            ((self.0.next() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+            ((self.0.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
         }
         pub(crate) fn normal(&mut self) -> f64 {
             (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()

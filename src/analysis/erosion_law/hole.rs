@@ -10,6 +10,8 @@
 //! wall. Loose grains carried through the hole or a gap in the packing do not move it, where a search for the first
 //! solid cell would stop at them. The step is then placed inside its cell by where `s` crosses `s_0 / 2`.
 
+use crate::number::real;
+
 /// Cell-centred values across the hole: entry `j` lies at `origin + (j + 1/2) spacing`.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile<'a> {
@@ -24,21 +26,14 @@ pub struct Profile<'a> {
 impl Profile<'_> {
     /// Position of the centre of a cell, m.
     fn centre(&self, cell: usize) -> f64 {
-        self.origin + (as_f64(cell) + 0.5) * self.spacing
+        self.origin + (real(cell) + 0.5) * self.spacing
     }
 
     /// Position of the far edge, m.
     fn end(&self) -> f64 {
-        self.origin + as_f64(self.values.len()) * self.spacing
+        self.origin + real(self.values.len()) * self.spacing
     }
 }
-
-/// Counts of cells are far below 2^53, so the conversion is exact.
-#[expect(clippy::cast_precision_loss, reason = "cells across a domain are few")]
-pub(super) fn as_f64(count: usize) -> f64 {
-    count as f64
-}
-
 /// Mean positions of the two faces of the hole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoleFaces {
@@ -132,7 +127,7 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
     let after = solid(path[first]);
     // `before` < 1/2 < `after`, else the step would lie elsewhere.
     let crossing = ((0.5 - before) / (after - before)).clamp(0.0, 1.0);
-    Some(as_f64(first) + crossing)
+    Some(real(first) + crossing)
 }
 
 /// Shear stress from the velocity gradient at the faces (equation 10).
@@ -176,7 +171,7 @@ fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
         return None;
     }
     // Orthogonal polynomials on the points keep the normal equations diagonal.
-    let n = as_f64(points.len());
+    let n = real(points.len());
     let x: Vec<f64> = points.iter().map(|&(x, _)| x / scale).collect();
     let mean = x.iter().sum::<f64>() / n;
     let p1: Vec<f64> = x.iter().map(|x| x - mean).collect();
@@ -218,12 +213,12 @@ mod tests {
     /// Solid fraction of a bed with sharp faces, each cell covered in proportion, and Poiseuille flow between them.
     fn channel(lower: f64, upper: f64, gradient: f64, viscosity: f64) -> (Vec<f64>, Vec<f64>) {
         let covered = |j: usize| {
-            let (a, b) = (as_f64(j) * H, as_f64(j + 1) * H);
+            let (a, b) = (real(j) * H, real(j + 1) * H);
             let fluid = (b.min(upper) - a.max(lower)).max(0.0);
             0.8 * (1.0 - fluid / H)
         };
         let velocity = |j: usize| {
-            let y = (as_f64(j) + 0.5) * H;
+            let y = (real(j) + 0.5) * H;
             (gradient / (2.0 * viscosity) * (y - lower) * (upper - y)).max(0.0)
         };
         (
@@ -313,7 +308,7 @@ mod tests {
         let solid = vec![0.05; CELLS];
         let faces = hole_faces(profile(&solid), 0.8, 50.0 * H).unwrap();
         assert!(faces.lower.abs() < 1e-15);
-        assert_relative_eq!(faces.upper, as_f64(CELLS) * H);
+        assert_relative_eq!(faces.upper, real(CELLS) * H);
         assert_eq!(hole_faces(profile(&[0.8; CELLS]), 0.8, 50.0 * H), None);
         assert_eq!(hole_faces(profile(&[]), 0.8, 0.0), None);
         assert_eq!(hole_faces(profile(&solid), 0.0, 50.0 * H), None);

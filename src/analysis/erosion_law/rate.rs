@@ -20,8 +20,8 @@
 //!
 //! A window erodes where at least three grains left in it: loose grains beside the cut hole are no erosion.
 
-use super::hole::as_f64;
 use super::record::{ErosionRecord, RemovedGrain};
+use crate::number::real;
 
 /// How a run is cut into windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,15 +103,8 @@ pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<
         .iter()
         .rev()
         .find(|record| record.eroded_grains > 0)?;
-    Some(last.eroded_mass / count(last.eroded_grains))
+    Some(last.eroded_mass / real(last.eroded_grains))
 }
-
-/// Counts of grains are far below 2^53, so the conversion is exact.
-#[expect(clippy::cast_precision_loss, reason = "grains of a run are few")]
-fn count(grains: u64) -> f64 {
-    grains as f64
-}
-
 /// Cuts a run into windows and measures each.
 ///
 /// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of a
@@ -150,7 +143,7 @@ pub fn erosion_windows(
         .clamp(1, options.windows.max(1))
         .min(span.len() - 1);
     let edge = |part: usize| {
-        let time = start + (end - start) * as_f64(part) / as_f64(parts);
+        let time = start + (end - start) * real(part) / real(parts);
         span.iter()
             .position(|record| record.time >= time - 1e-9 * (end - start))
             .unwrap_or(span.len() - 1)
@@ -249,7 +242,7 @@ fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
             (to.eroded_mass - from.eroded_mass) / (to.time - from.time)
         })
         .collect();
-    let n = as_f64(batches);
+    let n = real(batches);
     let mean = rates.iter().sum::<f64>() / n;
     let variance = rates.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (n - 1.0);
     (variance / n).sqrt() * super::statistics::student(batches - 1) / 1.960
@@ -305,7 +298,7 @@ mod tests {
 
     /// A run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
     fn run(draws: &mut Draws, per_second: f64, cluster: u64, seconds: f64) -> Vec<ErosionRecord> {
-        let mut next = draws.exponential(per_second / count(cluster));
+        let mut next = draws.exponential(per_second / real(cluster));
         let (mut mass, mut grains) = (0.0, 0);
         (0..=400_u32)
             .map(|k| {
@@ -315,7 +308,7 @@ mod tests {
                         mass += GRAIN * (1.0 + 0.3 * (2.0 * draws.uniform() - 1.0));
                         grains += 1;
                     }
-                    next += draws.exponential(per_second / count(cluster));
+                    next += draws.exponential(per_second / real(cluster));
                 }
                 ErosionRecord {
                     eroded_mass: mass,

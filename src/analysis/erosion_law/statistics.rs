@@ -1,6 +1,6 @@
 //! The median, and quantiles of Student's distribution.
 
-use super::hole::as_f64;
+use crate::number::real;
 
 /// The median; `NaN` of nothing.
 pub(super) fn median(values: &mut [f64]) -> f64 {
@@ -28,7 +28,7 @@ pub(super) fn student(freedom: usize) -> f64 {
         0 => 1.960,
         1..=30 => TABLE[freedom - 1],
         // Second-order expansion in 1 / freedom, right to 1e-3 here.
-        _ => 1.960 + 2.372 / as_f64(freedom),
+        _ => 1.960 + 2.372 / real(freedom),
     }
 }
 

@@ -3,6 +3,7 @@
 //! The definitions stand in [`super`]. All functions are pure; a list of grains in another order may round differently, so
 //! give them by rising id.
 
+use crate::number::real;
 use serde::{Deserialize, Serialize};
 
 /// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the surface or a
@@ -131,22 +132,13 @@ pub struct Sample {
     /// Mean displacement of the soil beside the points towards them \[m\].
     pub inward: f64,
 }
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "cells and grains are far below 2^53"
-)]
-fn number(n: usize) -> f64 {
-    n as f64
-}
-
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "clamped to the range of the cells before"
 )]
 fn place(x: f64, size: f64, count: usize) -> usize {
-    (x / size).floor().clamp(0.0, number(count.max(1) - 1)) as usize
+    (x / size).floor().clamp(0.0, real(count.max(1) - 1)) as usize
 }
 
 impl Cells {
@@ -155,7 +147,7 @@ impl Cells {
     pub fn new(domain: [f64; 3], count: [usize; 3]) -> Self {
         Self {
             count,
-            size: std::array::from_fn(|axis| domain[axis] / number(count[axis].max(1))),
+            size: std::array::from_fn(|axis| domain[axis] / real(count[axis].max(1))),
         }
     }
 
@@ -195,7 +187,7 @@ impl Cells {
     }
 
     fn lower(&self, cell: usize, axis: usize) -> f64 {
-        number(cell) * self.size[axis]
+        real(cell) * self.size[axis]
     }
 
     /// First cell and one past the last that a stretch covers; at least one.
@@ -485,7 +477,7 @@ impl Ground {
         let settlement = self.settlement(&surface, grains);
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
-        let rank = limits.percentile / 100.0 * number(sorted.len().max(1) - 1);
+        let rank = limits.percentile / 100.0 * real(sorted.len().max(1) - 1);
         let rank = place(rank.round(), 1.0, sorted.len());
         Sample {
             voids: distinct.len() as u64,
@@ -505,7 +497,7 @@ impl Ground {
     fn middle(&self, settlement: &[Option<f64>]) -> f64 {
         let [nx, ny, _] = self.cells.count;
         let third = nx / 3;
-        let (mut sum, mut n) = (0.0, 0);
+        let (mut sum, mut n) = (0.0, 0_usize);
         for across in 0..ny {
             for long in third..nx - third {
                 if let Some(value) = settlement[self.cells.column(long, across)] {
@@ -514,7 +506,7 @@ impl Ground {
                 }
             }
         }
-        sum / number(n.max(1))
+        sum / real(n.max(1))
     }
 
     /// Where the columns have settled by at least `settled`.
@@ -524,7 +516,7 @@ impl Ground {
         let down = |long, across| {
             settlement[self.cells.column(long, across)].is_some_and(|value| value >= settled)
         };
-        let (mut slices, mut run, mut longest) = (0, 0, 0);
+        let (mut slices, mut run, mut longest) = (0_usize, 0, 0_usize);
         for long in 0..nx {
             if (0..ny).any(|across| down(long, across)) {
                 slices += 1;
@@ -538,15 +530,15 @@ impl Ground {
             .filter(|&across| (0..nx).any(|long| down(long, across)))
             .count();
         Depression {
-            length: number(slices) * self.cells.size[0],
-            longest: number(longest) * self.cells.size[0],
-            width: number(rows) * self.cells.size[1],
+            length: real(slices) * self.cells.size[0],
+            longest: real(longest) * self.cells.size[0],
+            width: real(rows) * self.cells.size[1],
         }
     }
 
     /// Cells of the ground that are void or whose grains have gone down by more than `moving` on average.
     fn moving_cells(&self, grains: &[Grain], void: &[bool], moving: f64) -> Vec<bool> {
-        let mut down = vec![(0.0, 0); self.cells.total()];
+        let mut down = vec![(0.0, 0_usize); self.cells.total()];
         for grain in grains {
             let (sum, n) = &mut down[self.cells.index(self.cells.of(grain.at))];
             *sum -= grain.moved[2];
@@ -554,7 +546,7 @@ impl Ground {
         }
         let all = self.solid.iter().zip(void).zip(down);
         all.map(|((&solid, &void), (sum, n))| {
-            solid >= GROUND && (void || (n > 0 && sum / number(n) > moving))
+            solid >= GROUND && (void || (n > 0 && sum / real(n) > moving))
         })
         .collect()
     }
@@ -566,7 +558,7 @@ impl Ground {
             return base;
         }
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
-        let mut down = vec![(0.0, 0); cells.count[2]];
+        let mut down = vec![(0.0, 0_usize); cells.count[2]];
         for grain in grains {
             let [x, y, z] = cells.of(grain.at);
             if xs.contains(&x) && ys.contains(&y) {
@@ -580,7 +572,7 @@ impl Ground {
                 .clone()
                 .any(|across| xs.clone().any(|long| self.is_ground([long, across, z])));
             let (sum, n) = down[z];
-            if ground && n > 0 && sum / number(n) <= moving {
+            if ground && n > 0 && sum / real(n) <= moving {
                 break;
             }
             front = cells.lower(z + 1, 2).min(top);
@@ -623,7 +615,7 @@ impl Ground {
                 (top - base).max(0.0)
             })
             .collect();
-        let (mut sum, mut count) = (0.0, 0);
+        let (mut sum, mut count) = (0.0, 0_usize);
         for grain in grains {
             let start = grain.at[0] - grain.moved[0];
             let Some(n) = nearest(points, start) else {
@@ -636,7 +628,7 @@ impl Ground {
                 count += 1;
             }
         }
-        sum / number(count.max(1))
+        sum / real(count.max(1))
     }
 }
 

@@ -5,7 +5,8 @@
 //! centre crosses a face, the porosity changes by 1/29 of the grain instead of the whole.
 
 use super::Method;
-use crate::darcy::grid::{Grid, number};
+use crate::darcy::grid::Grid;
+use crate::number::real;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::LazyLock;
 
@@ -27,7 +28,7 @@ impl Method for Divided {
 
     fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         let points = &POINTS[usize::from(grid.dimension != 2)];
-        let share = 1.0 / number(points.len());
+        let share = 1.0 / real(points.len());
         for point in points {
             let at = std::array::from_fn(|a| centre[a] + radius * point[a]);
             if let Some(cell) = grid.holding(at) {
@@ -67,14 +68,14 @@ fn satellites(dimension: usize) -> Vec<[f64; 3]> {
             }
         }
     }
-    let (total, n) = (number(1 + 2 * directions.len()), directions.len());
+    let (total, n) = (real(1 + 2 * directions.len()), directions.len());
     let (power, exponent) = if dimension == 2 {
         (2, 0.5)
     } else {
         (3, 1.0 / 3.0)
     };
     let first = (1.0 / total).powf(exponent);
-    let second = (number(1 + n) / total).powf(exponent);
+    let second = (real(1 + n) / total).powf(exponent);
     let shells = [
         mean_radius(first, second, power),
         mean_radius(second, 1.0, power),

@@ -1,8 +1,9 @@
 //! Porosity by overlaps: the volume that sphere and cell have in common ([`crate::darcy::overlap`]).
 
 use super::{Method, measure};
-use crate::darcy::grid::{Grid, number};
+use crate::darcy::grid::Grid;
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
+use crate::number::real;
 
 /// The method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +22,7 @@ impl Method for Exact {
         let (mut from, mut to) = ([0; 3], [0; 3]);
         for axis in 0..grid.dimension {
             let last = grid.cells[axis] - 1;
-            let upper = grid.origin[axis] + number(last + 1) * grid.spacing[axis];
+            let upper = grid.origin[axis] + real(last + 1) * grid.spacing[axis];
             if !(centre[axis] + radius > grid.origin[axis] && centre[axis] - radius < upper) {
                 return;
             }

@@ -1,8 +1,8 @@
 use super::*;
 use crate::darcy::enclosure::Enclosure;
-use crate::darcy::grid::number;
 use crate::darcy::permeability::kozeny_carman;
-use crate::darcy::testing::Draws;
+use crate::number::real;
+use crate::random::SplitMix;
 
 const WATER: Liquid = Liquid {
     density: 1000.0,
@@ -68,7 +68,7 @@ fn flux_of_a_column_along_every_axis() {
         let report = solver
             .solve(&vec![k; grid.count()], &vec![0.4; grid.count()], None)
             .unwrap();
-        let height = number(cells[axis]) * grid.spacing[axis];
+        let height = real(cells[axis]) * grid.spacing[axis];
         let q = k * 1000.0 / (WATER.viscosity * height);
         for (cell, flux) in solver.flux().iter().enumerate() {
             assert!(
@@ -76,7 +76,7 @@ fn flux_of_a_column_along_every_axis() {
                 "{:e}",
                 flux[axis] / q - 1.0
             );
-            let depth = (number(grid.cell(cell)[axis]) + 0.5) / number(cells[axis]);
+            let depth = (real(grid.cell(cell)[axis]) + 0.5) / real(cells[axis]);
             assert!((solver.pressure(cell) - 1000.0 * (1.0 - depth)).abs() < 1e-7);
         }
         assert!((report.inflow / report.outflow - 1.0).abs() < 1e-10);
@@ -165,9 +165,9 @@ fn water_at_rest_is_at_rest() {
         ..settings(1e-12)
     };
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings).unwrap();
-    let mut draws = Draws::new(1);
+    let mut draws = SplitMix::new(1);
     let k: Vec<f64> = (0..grid.count())
-        .map(|_| 1e-9 * (0.1 + draws.next()))
+        .map(|_| 1e-9 * (0.1 + draws.uniform()))
         .collect();
     solver.solve(&k, &vec![0.4; k.len()], None).unwrap();
     for cell in 0..grid.count() {
@@ -292,10 +292,10 @@ fn agrees_with_elimination() {
         ([9, 6, 5], [0.01, 0.05, 0.01]),
     ] {
         let grid = grid(cells, spacing);
-        let mut draws = Draws::new(4);
+        let mut draws = SplitMix::new(4);
         // Four orders of magnitude from cell to cell.
         let k: Vec<f64> = (0..grid.count())
-            .map(|_| 10.0_f64.powf(-12.0 + 4.0 * draws.next()))
+            .map(|_| 10.0_f64.powf(-12.0 + 4.0 * draws.uniform()))
             .collect();
         let patches = between(
             &grid,
@@ -324,7 +324,7 @@ fn agrees_with_elimination() {
 fn iterations_hardly_grow_with_the_grid() {
     let mut counts = Vec::new();
     for n in [8, 16, 32, 64] {
-        let grid = grid([n; 3], [1.0 / number(n); 3]);
+        let grid = grid([n; 3], [1.0 / real(n); 3]);
         let patches = between(
             &grid,
             0,
@@ -332,9 +332,9 @@ fn iterations_hardly_grow_with_the_grid() {
             Condition::Pressure { value: 0.0 },
         );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-10)).unwrap();
-        let mut draws = Draws::new(9);
+        let mut draws = SplitMix::new(9);
         let k: Vec<f64> = (0..grid.count())
-            .map(|_| kozeny_carman(0.3 + 0.4 * draws.next(), 1e-3))
+            .map(|_| kozeny_carman(0.3 + 0.4 * draws.uniform(), 1e-3))
             .collect();
         counts.push(
             solver
@@ -439,8 +439,8 @@ fn numbers_that_are_not_finite_are_refused() {
         ..settings(1e-15)
     };
     let mut two = solver(&grid, &Enclosure::Everything, patches(), tight).unwrap();
-    let mut draws = Draws::new(2);
-    k.iter_mut().for_each(|k| *k *= 0.01 + draws.next());
+    let mut draws = SplitMix::new(2);
+    k.iter_mut().for_each(|k| *k *= 0.01 + draws.uniform());
     assert!(matches!(
         two.solve(&k, &[0.4; 64], None),
         Err(Error::NotConverged { .. })

@@ -1,7 +1,8 @@
 //! Faces of blocks in a picture: plane convex polygons, hidden by what is nearer, with their edges.
 
-use super::{Frame, Raster, dot, failed, floor, magnitudes};
+use super::{Frame, Raster, dot, failed, magnitudes};
 use crate::error::Error;
+use crate::number::whole;
 use io::fields::read_column;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -28,8 +29,8 @@ impl Faces {
         let named = read("/VTKHDF/Polygons/Connectivity")?.values;
         let starts = read("/VTKHDF/Polygons/Offsets")?.values;
         let face = |ends: &[f64]| {
-            let corners = named.get(floor(ends[0])..floor(ends[1]))?;
-            let corners = corners.iter().map(|&corner| floor(corner));
+            let corners = named.get(whole(ends[0])..whole(ends[1]))?;
+            let corners = corners.iter().map(|&corner| whole(corner));
             corners
                 .map(|c| (c < points.len()).then_some(c))
                 .collect::<Option<Vec<usize>>>()
@@ -104,8 +105,8 @@ impl Raster {
                 .fold(start, |m, p| [of(m[0], p[0]), of(m[1], p[1])])
         });
         let span = |from: f64, to: f64, count: usize| {
-            let from = floor((from / self.pixel - 0.5).floor().max(0.0));
-            let to = floor((to / self.pixel + 0.5).ceil().max(0.0));
+            let from = whole((from / self.pixel - 0.5).floor().max(0.0));
+            let to = whole((to / self.pixel + 0.5).ceil().max(0.0));
             from.min(count)..to.min(count)
         };
         let columns = span(low[0] - frame.low[0], high[0] - frame.low[0], self.width);

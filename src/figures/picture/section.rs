@@ -1,7 +1,8 @@
 //! A plane cut through a scene in space: the water of the layer of cells that it crosses, and circles where it cuts grains. What comes out
 //! is a scene in the plane of its two other axes, x before y before z.
 
-use super::{Grains, Water, floor, real};
+use super::{Grains, Water};
+use crate::number::{real, whole};
 use std::str::FromStr;
 
 /// Where to cut.
@@ -52,7 +53,7 @@ impl Section {
         if !(0.0..=real(water.cells[self.axis])).contains(&depth) {
             return None;
         }
-        let layer = floor(depth).min(water.cells[self.axis] - 1);
+        let layer = whole(depth).min(water.cells[self.axis] - 1);
         let [right, up] = self.plane();
         let place = |k: usize, l: usize| {
             let mut cell = [0; 3];

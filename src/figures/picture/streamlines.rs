@@ -2,7 +2,8 @@
 //! water, stands still or comes close to another. Seeds are tried in rows, so that lines fill the plane evenly (Jobard and Lefer,
 //! Visualization in Scientific Computing '97, 43, by squares instead of distances).
 
-use super::{Water, floor, real};
+use super::Water;
+use crate::number::{real, whole};
 use std::fmt::Write as _;
 
 /// Squares that keep lines apart, along the longer edge of the plane.
@@ -16,20 +17,20 @@ fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> 
     if !(0.0..real(width)).contains(&at[0]) || !(0.0..real(height)).contains(&at[1]) {
         return None;
     }
-    if water.solid[floor(at[1]) * width + floor(at[0])] {
+    if water.solid[whole(at[1]) * width + whole(at[0])] {
         return None;
     }
     let mut sum = [0.0; 2];
     let mut weights = 0.0;
     let low = at.map(|x| (x - 0.5).floor());
-    for corner in 0..4 {
+    for corner in 0..4_usize {
         let cell = [low[0] + real(corner & 1), low[1] + real(corner >> 1)];
         let weight: f64 = (0..2)
             .map(|a| 1.0 - (at[a] - 0.5 - cell[a]).abs())
             .product();
         let [k, l] = [
-            floor(cell[0].max(0.0)).min(width - 1),
-            floor(cell[1].max(0.0)).min(height - 1),
+            whole(cell[0].max(0.0)).min(width - 1),
+            whole(cell[1].max(0.0)).min(height - 1),
         ];
         let n = l * width + k;
         if !water.solid[n] {
@@ -75,9 +76,9 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
     let fastest = flow.iter().map(|v| v[0].hypot(v[1])).fold(0.0, f64::max);
     let still = 1e-4 * fastest;
     let edge = (real(water.cells[0].max(water.cells[1])) / SQUARES).max(1.0);
-    let squares = [0, 1].map(|a| floor((real(water.cells[a]) / edge).ceil()).max(1));
+    let squares = [0, 1].map(|a| whole((real(water.cells[a]) / edge).ceil()).max(1));
     let square = |at: [f64; 2]| {
-        let [k, l] = [0, 1].map(|a| floor((at[a] / edge).max(0.0)).min(squares[a] - 1));
+        let [k, l] = [0, 1].map(|a| whole((at[a] / edge).max(0.0)).min(squares[a] - 1));
         l * squares[0] + k
     };
     // Which line goes through a square; 0 for none.
@@ -118,7 +119,7 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
                 line.push(start);
             }
         }
-        if line.len() > floor(2.0 * edge).max(4) {
+        if line.len() > whole(2.0 * edge).max(4) {
             for square in passed {
                 taken[square] = name;
             }
@@ -160,7 +161,9 @@ mod tests {
 
     /// Water of 48 x 32 cells that moves as `flow` says of the middle of each.
     fn water(flow: impl Fn(f64, f64) -> [f64; 3], solid: impl Fn(f64, f64) -> bool) -> Water {
-        let middles = || (0..32).flat_map(|l| (0..48).map(move |k| (real(k) + 0.5, real(l) + 0.5)));
+        let middles = || {
+            (0..32_usize).flat_map(|l| (0..48_usize).map(move |k| (real(k) + 0.5, real(l) + 0.5)))
+        };
         Water {
             cells: [48, 32, 1],
             origin: [0.0; 3],

@@ -2,7 +2,8 @@
 
 use crate::coupling::FluidView;
 use crate::error::Error;
-use crate::scene::grid::{Grid, count, whole};
+use crate::number::{real, whole};
+use crate::scene::grid::Grid;
 use decomposition::Domain;
 
 /// Points with the cells around them.
@@ -114,10 +115,10 @@ impl Points {
 
 /// Points at equal distances, both ends included.
 pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]> {
-    let last = count(points.max(2) - 1);
+    let last = real(points.max(2) - 1);
     (0..points)
         .map(|n| {
-            let t = count(n) / last;
+            let t = real(n) / last;
             std::array::from_fn(|a| from[a] * (1.0 - t) + to[a] * t)
         })
         .collect()
@@ -153,10 +154,10 @@ fn continued(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
     let at = position / grid.spacing - 0.5;
     if grid.periodic[axis] {
         let low = at.floor();
-        let first = whole(low + count(cells)) % cells;
+        let first = whole(low + real(cells)) % cells;
         return [(first, 1.0 - (at - low)), ((first + 1) % cells, at - low)];
     }
-    let low = at.floor().clamp(0.0, count(cells - 2));
+    let low = at.floor().clamp(0.0, real(cells - 2));
     let first = whole(low);
     [(first, 1.0 - (at - low)), (first + 1, at - low)]
 }

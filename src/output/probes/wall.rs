@@ -13,9 +13,10 @@ use crate::coupling::FluidView;
 use crate::error::Error;
 use crate::lbm::boundary::{Flux, from_quanta, quanta};
 use crate::lbm::lattice::Velocities;
+use crate::number::real;
 use crate::scene::boundaries::Condition;
 use crate::scene::flow::Flow;
-use crate::scene::grid::{Grid, count};
+use crate::scene::grid::Grid;
 use decomposition::Communicator;
 
 /// A face.
@@ -40,7 +41,7 @@ impl Wall {
             reference: reference(face, flow, grid, &velocities),
             cells: (0..grid.dimension)
                 .filter(|&a| a != face.axis())
-                .map(|a| count(grid.cells[a]))
+                .map(|a| real(grid.cells[a]))
                 .product(),
             first,
         }

@@ -1,8 +1,9 @@
 //! The loose cloud from which a packing grows, and the order in which its grains are numbered.
 
-use super::{CLOUD, Grain, PLACES, PackingSettings, floor, real};
+use super::{CLOUD, Grain, PLACES, PackingSettings};
 use crate::dem::{Components, Space};
 use crate::error::Error;
+use crate::number::{real, whole};
 use crate::random::Stream;
 
 /// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
@@ -20,7 +21,7 @@ pub(super) fn scatter<S: Space>(
                 "a box {length} m wide for grains of {largest} m"
             )));
         }
-        *count = floor((length / cell).max(1.0));
+        *count = whole((length / cell).max(1.0));
     }
     let total = counts.iter().product();
     let mut cells: Vec<Vec<usize>> = vec![Vec::new(); total];
@@ -29,7 +30,7 @@ pub(super) fn scatter<S: Space>(
         for axis in (0..S::DIMENSION).rev() {
             let length = settings.upper.get(axis) - settings.lower.get(axis);
             let part = (at.get(axis) - settings.lower.get(axis)) / length;
-            let place = floor(part * real(counts[axis])).min(counts[axis] - 1);
+            let place = whole(part * real(counts[axis])).min(counts[axis] - 1);
             let place = place
                 .checked_add_signed(step[axis])
                 .filter(|place| *place < counts[axis]);
@@ -115,7 +116,7 @@ pub(super) fn put_neighbours_together<S: Space>(
     let mut axes: Vec<usize> = (0..S::DIMENSION).filter(|&axis| axis != longest).collect();
     let last = axes.pop().unwrap_or(longest);
     let place = |grain: &Grain<S>, axis: usize| {
-        floor(((grain.position.get(axis) - settings.lower.get(axis)) / strip).max(0.0))
+        whole(((grain.position.get(axis) - settings.lower.get(axis)) / strip).max(0.0))
     };
     grains.sort_by(|a, b| {
         let strips = |grain: &Grain<S>| {

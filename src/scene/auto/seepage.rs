@@ -17,10 +17,10 @@
 
 use super::step;
 use crate::darcy::Condition;
+use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
-use crate::scene::grid::count;
 use crate::scene::seepage::{Patch, Seepage};
 
 const TABLE: &str = include_str!("measured_seepage.csv");
@@ -129,7 +129,7 @@ impl Bed {
 
 /// Height of the water's grid along gravity; its longest edge without gravity [m].
 fn height(scene: &Scene, seepage: &Seepage) -> f64 {
-    let edge = |a: usize| count(seepage.cells[a]) * seepage.spacing[a];
+    let edge = |a: usize| real(seepage.cells[a]) * seepage.spacing[a];
     let gravity = |a: usize| scene.gravity[a].abs();
     let axes = 0..scene.grid.dimension;
     let axis = axes.max_by(|&a, &b| {

@@ -6,10 +6,11 @@ use super::{Chosen, asked, step};
 use crate::case::Case;
 use crate::case::fluid::{Fluid, LatticeBoltzmann};
 use crate::error::Remedy;
+use crate::number::{real, whole};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::flow::Flow;
-use crate::scene::grid::{Grid, count, whole};
+use crate::scene::grid::Grid;
 
 /// A spacing and why; no reason where it is stated.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,13 +177,13 @@ fn whole_cells(
     let least = (shortest / wanted - 1e-9).ceil().max(1.0);
     let fits = |h: f64| sizes.iter().all(|size| fits_one(*size, h));
     let found = (0..=whole(least))
-        .map(|more| shortest / (least + count(more)))
+        .map(|more| shortest / (least + real(more)))
         .find(|h| fits(*h));
     if found.is_none() {
         let h = shortest / least;
         // Cells up to ten times as fine are worth naming, no more.
         let finer =
-            (0..=whole(10.0 * least)).map(|more| length_of(1.0, shortest / (least + count(more))));
+            (0..=whole(10.0 * least)).map(|more| length_of(1.0, shortest / (least + real(more))));
         let common = finer.into_iter().find(|h| fits(*h));
         for (axis, size) in sizes
             .iter()

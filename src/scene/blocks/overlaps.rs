@@ -5,12 +5,12 @@
 use super::super::bodies::{Body, Mobility};
 use super::super::findings::{Findings, number};
 use super::super::grains::{GrainSource, Grains};
-use super::super::grid::count;
 use super::super::walls::Wall;
 use super::Blocks;
 use crate::case::Case;
 use crate::case::blocks::BlockSource;
 use crate::dem::polyhedron::{Memory, Model, Narrow, Piece, Placed, Solid};
+use crate::number::real;
 use nalgebra::Vector3;
 
 /// Solids overlap at the start by no more than this, over the radius of the smaller one's largest sphere.
@@ -115,7 +115,7 @@ pub(crate) fn overlaps(
         }
     }
     if found > MOST_FINDINGS {
-        let more = number(count(found - MOST_FINDINGS));
+        let more = number(real(found - MOST_FINDINGS));
         findings.error(
             "blocks.initial",
             format!("{more} more overlaps"),

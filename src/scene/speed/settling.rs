@@ -113,7 +113,7 @@ pub(crate) fn held_by_bodies(scene: &Scene, flow: &Flow, force: f64) -> Option<f
         .filter(|body| body.mobility != Mobility::Free);
     let diameters: Vec<f64> = held.map(|body| 2.0 * body.radius).collect();
     let smallest = diameters.iter().copied().fold(f64::INFINITY, f64::min);
-    let number = super::super::grid::count(diameters.len());
+    let number = crate::number::real(diameters.len());
     smallest
         .is_finite()
         .then(|| terminal_speed(dimension, force * volume / number, smallest, flow))

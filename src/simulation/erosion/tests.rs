@@ -84,7 +84,7 @@ impl Channel {
         }
     }
     fn at(&self, cell: usize) -> f64 {
-        (count(cell) + 0.5) * self.units.spacing
+        (real(cell) + 0.5) * self.units.spacing
     }
 }
 
@@ -139,7 +139,7 @@ fn view<'a>(
         particles,
         dem: None,
         step,
-        time: number(step) * plan.clock.time_step,
+        time: real(step) * plan.clock.time_step,
     }
 }
 
@@ -274,7 +274,7 @@ fn departed(step: u64, id: u64, region: usize) -> Departed {
         region,
         grain: RemovedGrain {
             step,
-            time: number(step),
+            time: real(step),
             id,
             mass: 0.1,
             radius: 1e-4,

@@ -10,10 +10,10 @@ use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
+use crate::number::real;
 use crate::plan::Plan;
 use crate::plan::margin::Margin;
 use crate::scene::findings::number;
-use crate::scene::grid::count;
 use decomposition::Communicator;
 
 /// How a cell fails.
@@ -140,7 +140,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         } else {
             cell[axis]
         };
-        (count(cells) + 0.5) * grid.spacing
+        (real(cells) + 0.5) * grid.spacing
     };
     let holds = |patch: &&crate::scene::boundaries::Patch| {
         let axis = patch.face.axis();

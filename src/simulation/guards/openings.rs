@@ -19,9 +19,9 @@ use crate::coupling::lattice::LatticeFlow;
 use crate::dem::space::Space;
 use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
+use crate::number::real;
 use crate::plan::Plan;
 use crate::scene::boundaries::{Condition, Patch};
-use crate::scene::grid::count;
 use crate::units::LatticeUnits;
 
 /// Times that sound crosses the domain in a window.
@@ -164,11 +164,11 @@ impl Openings {
         let cells = fluid.domain_cells();
         let longest = cells.into_iter().max().unwrap_or(1);
         // Sound goes at 1/sqrt(3) of a cell in a step.
-        let steps = CROSSINGS * count(longest) * 3.0_f64.sqrt();
-        let looks = (steps / crate::plan::steps_number(every)).ceil();
-        self.window = crate::scene::grid::whole(looks).max(LEAST_LOOKS);
-        self.ramps_end = crate::scene::grid::whole(fluid.boundaries().ramps_end()) as u64;
-        self.still = STILL * cells.map(count).iter().product::<f64>();
+        let steps = CROSSINGS * real(longest) * 3.0_f64.sqrt();
+        let looks = (steps / real(every)).ceil();
+        self.window = crate::number::whole(looks).max(LEAST_LOOKS);
+        self.ramps_end = crate::number::whole(fluid.boundaries().ramps_end()) as u64;
+        self.still = STILL * cells.map(real).iter().product::<f64>();
         self.looks.reserve(self.window);
         self.sums.reserve(fluid.boundaries().names().count());
         self.masses.reserve(fluid.boundaries().names().count());
@@ -176,7 +176,7 @@ impl Openings {
 
     /// Means over the window; none before the first look, and without openings.
     pub(super) fn mean(&self) -> Option<Rates> {
-        let number = count(self.looks.len());
+        let number = real(self.looks.len());
         (!self.looks.is_empty()).then(|| Rates {
             inflow: self.looks.iter().map(|r| r.inflow).sum::<f64>() / number,
             outflow: self.looks.iter().map(|r| r.outflow).sum::<f64>() / number,
@@ -191,7 +191,7 @@ impl Openings {
     /// Means since this was last asked.
     pub(super) fn since_last(&mut self) -> Option<Rates> {
         let (sums, number) = std::mem::take(&mut self.since);
-        let number = crate::plan::steps_number(number);
+        let number = real(number);
         (number > 0.0).then(|| Rates {
             inflow: sums.inflow / number,
             outflow: sums.outflow / number,

@@ -29,9 +29,10 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Level;
+use crate::number::real;
 use crate::output::Outputs;
 use crate::output::averages::Averages;
-use crate::plan::{Plan, steps_number};
+use crate::plan::Plan;
 use crate::preparation::rest::Rest;
 use crate::preparation::supervision::{Request, Requests};
 use crate::scene::initial::Initial;
@@ -305,7 +306,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 (begun, earlier),
                 keep,
             )?;
-            flow_age = steps_number(steps) * plan.clock.time_step;
+            flow_age = real(steps) * plan.clock.time_step;
             progress.note(&line);
         }
         let resumed = runs;
@@ -451,7 +452,7 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &
     } else {
         grains.iter().map(|g| g.radius).collect()
     };
-    let mean = radii.iter().sum::<f64>() / crate::scene::grid::count(radii.len().max(1));
+    let mean = radii.iter().sum::<f64>() / real(radii.len().max(1));
     let agreed = domain
         .communicator()
         .all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
@@ -546,9 +547,8 @@ fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result
         return Ok(());
     };
     let field = move |p: [f64; 3]| {
-        let at: [usize; 3] = std::array::from_fn(|a| {
-            crate::scene::grid::whole(p[a].floor().max(0.0)).min(cells[a] - 1)
-        });
+        let at: [usize; 3] =
+            std::array::from_fn(|a| crate::number::whole(p[a].floor().max(0.0)).min(cells[a] - 1));
         let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
         let u = std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
         (units.pressure_to_density_deviation(pressure.values[n]), u)

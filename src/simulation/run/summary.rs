@@ -8,7 +8,7 @@ use super::runner::Runner;
 use crate::checkpoint::Saved;
 use crate::dem::space::Space;
 use crate::error::Error;
-use crate::plan::steps_number;
+use crate::number::real;
 use serde_json::json;
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
@@ -18,17 +18,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let account = simulation.phases.reduce(communicator);
         let wall = self.watch.elapsed().as_secs_f64();
         let looped = account.looped();
-        let steps = steps_number(simulation.now.step - self.first_step);
+        let steps = real(simulation.now.step - self.first_step);
         let cells = if simulation.now.lattice().is_some() {
             simulation.now.plan.scene.grid.cell_count()
         } else {
             0
         };
-        let mlups = crate::scene::grid::count(cells) * steps / looped.max(1e-9) / 1e6;
+        let mlups = real(cells) * steps / looped.max(1e-9) / 1e6;
         let grains = communicator.all_reduce_sum_u64(simulation.now.particles.owned() as u64);
         let solid_steps = f64::from(simulation.now.plan.clock.solid_steps_per_step);
         let rate = if simulation.now.dem.is_some() {
-            steps_number(grains) * steps * solid_steps / looped.max(1e-9)
+            real(grains) * steps * solid_steps / looped.max(1e-9)
         } else {
             0.0
         };
@@ -53,7 +53,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "peak_rss_bytes": rss,
             "peak_rss_bytes_all_ranks": rss_total,
             "mass_error": simulation.guards.mass_error(),
-            "mass_change": drift / crate::scene::grid::count(cells.max(1)),
+            "mass_change": drift / real(cells.max(1)),
             "momentum_error": simulation.guards.momentum_error(),
             "mach": simulation.guards.mach(),
             "compression": simulation.guards.compression(),
@@ -139,7 +139,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 clock(wall),
                 mlups,
                 rate / 1e6,
-                steps_number(rss) / 1e6
+                real(rss) / 1e6
             ));
             let measured = |number: Option<f64>| {
                 number.map_or_else(|| "-".to_owned(), |number| format!("{number:.1e}"))

@@ -1,6 +1,6 @@
 //! From the plan to state: the law of blocks, the table of shapes, the blocks.
 
-use super::{motion_of, pairs, small};
+use super::{motion_of, pairs};
 use crate::case::contact::BlockModel;
 use crate::dem::Law;
 use crate::dem::contact::blocks::Blocks;
@@ -8,6 +8,7 @@ use crate::dem::particles::{Body, Kind, Particles};
 use crate::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::number::to_u32;
 use crate::plan::Plan;
 use crate::scene::contact::{ContactTable, PairParameters};
 use decomposition::Domain;
@@ -78,7 +79,7 @@ pub fn blocks<S: Space>(
         // What never moves may have a material without density.
         let density = plan.scene.materials[block.material].density.unwrap_or(1.0);
         let id = (bodies.len() + n) as u64;
-        let mut body = Body::of_block(id, &solid.shape, density, small(block.material));
+        let mut body = Body::of_block(id, &solid.shape, density, to_u32(block.material));
         if block.fixed {
             body.kind = Kind::Fixed;
         }
@@ -87,7 +88,7 @@ pub fn blocks<S: Space>(
             block.velocity,
             block.angular_velocity,
         );
-        particles.add_block(body, motion, small(first_shape + n), solid.orientation)?;
+        particles.add_block(body, motion, to_u32(first_shape + n), solid.orientation)?;
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
             for x in 0..2 * COUNT[0] {
                 let mut grain = Grain {
                     id: grains.len() as u64,
-                    at: [x, y, z].map(|k| (number(k) + 0.5) * D),
+                    at: [x, y, z].map(|k| (real(k) + 0.5) * D),
                     moved: [0.0; 3],
                     radius: 0.5 * D,
                 };
@@ -47,7 +47,7 @@ fn sink(grain: &mut Grain, depth: f64) {
 }
 
 fn cells() -> Cells {
-    Cells::new(COUNT.map(|n| number(n) * EDGE), COUNT)
+    Cells::new(COUNT.map(|n| real(n) * EDGE), COUNT)
 }
 
 fn ground() -> Ground {
@@ -57,8 +57,8 @@ fn ground() -> Ground {
 /// An opening two cells long and two wide in the bottom.
 fn point(first: usize) -> Point {
     Point {
-        from: [number(first) * EDGE, EDGE, 0.0],
-        to: [number(first + 2) * EDGE, 3.0 * EDGE, 0.5 * EDGE],
+        from: [real(first) * EDGE, EDGE, 0.0],
+        to: [real(first + 2) * EDGE, 3.0 * EDGE, 0.5 * EDGE],
     }
 }
 
@@ -85,7 +85,7 @@ fn whole_ground_has_no_void_and_does_not_move() {
     assert_eq!(seen.depression, Depression::default());
     for above in &seen.points {
         assert_eq!((above.front, above.arch_height), (0.0, 0.0));
-        assert!(near(above.cover, number(LAYERS) * EDGE), "{above:?}");
+        assert!(near(above.cover, real(LAYERS) * EDGE), "{above:?}");
         assert!(above.front_shape.is_nan());
     }
 }
@@ -119,7 +119,7 @@ fn voids_that_have_met_are_one() {
         packing(|grain| !(grain.at[2] < EDGE && (2.0 * EDGE..10.0 * EDGE).contains(&grain.at[0])));
     let seen = sample(&grains, &[point(2), point(8)]);
     assert_eq!(seen.voids, 1);
-    assert!(near(seen.void_volume, number(8 * COUNT[1]) * EDGE.powi(3)));
+    assert!(near(seen.void_volume, real(8 * COUNT[1]) * EDGE.powi(3)));
     assert_eq!(seen.points[0].void_volume, seen.points[1].void_volume);
 }
 
@@ -134,7 +134,7 @@ fn a_cell_with_a_quarter_of_its_solid_is_void_and_one_with_three_quarters_is_not
     let few = packing(|grain| !(low(grain) && !(odd(grain.at[0]) && odd(grain.at[1]))));
     let seen = sample(&few, &[point(2)]);
     assert_eq!(seen.voids, 1);
-    let missing = 0.75 * number(6 * COUNT[1]) * EDGE.powi(3);
+    let missing = 0.75 * real(6 * COUNT[1]) * EDGE.powi(3);
     assert!(near(seen.void_volume, missing), "{}", seen.void_volume);
 }
 
@@ -142,7 +142,7 @@ fn a_cell_with_a_quarter_of_its_solid_is_void_and_one_with_three_quarters_is_not
 #[test]
 fn a_cone_settles_as_deep_as_it_is() {
     let middle = [6.0 * EDGE, 2.0 * EDGE];
-    let surface = number(LAYERS) * EDGE;
+    let surface = real(LAYERS) * EDGE;
     let depth = 4.0 * D;
     let grains = packing(|grain| {
         let r = (grain.at[0] - middle[0]).hypot(grain.at[1] - middle[1]);
@@ -153,8 +153,8 @@ fn a_cone_settles_as_deep_as_it_is() {
     let expected = |column: [usize; 2]| {
         let corners = [0.5, 1.5].iter().flat_map(|a| [0.5, 1.5].map(|b| (*a, b)));
         let highest = corners.map(|(a, b)| {
-            let x = number(column[0]) * EDGE + a * D - middle[0];
-            let y = number(column[1]) * EDGE + b * D - middle[1];
+            let x = real(column[0]) * EDGE + a * D - middle[0];
+            let y = real(column[1]) * EDGE + b * D - middle[1];
             ((depth - x.hypot(y)).max(0.0) / D - 1e-9).ceil() * D
         });
         highest.fold(f64::INFINITY, f64::min)
@@ -175,7 +175,7 @@ fn a_cone_settles_as_deep_as_it_is() {
 /// Two trenches of 3 and 2 cells across the whole width, one and two diameters deep.
 #[test]
 fn trenches_have_the_length_and_depth_they_were_dug_with() {
-    let surface = number(LAYERS) * EDGE;
+    let surface = real(LAYERS) * EDGE;
     let depth = |x: f64| match (x / EDGE).floor() {
         k if (1.0..4.0).contains(&k) => 2.0 * D,
         k if (7.0..9.0).contains(&k) => D,
@@ -206,10 +206,10 @@ fn a_grain_in_flight_is_no_ground() {
         }
     }
     let mut alone = flying[0];
-    alone.at = [5.0 * EDGE, 2.0 * EDGE, number(LAYERS) * EDGE + 1.2 * D];
+    alone.at = [5.0 * EDGE, 2.0 * EDGE, real(LAYERS) * EDGE + 1.2 * D];
     flying.push(alone);
     let seen = sample(&flying, &[point(4)]);
-    assert!(near(seen.settlement_max, number(LAYERS) * EDGE));
+    assert!(near(seen.settlement_max, real(LAYERS) * EDGE));
     assert!(near(seen.depression.length, 2.0 * EDGE));
     let at = |long| seen.settlement[cells().column(long, 2)].unwrap();
     assert!(at(5).abs() < 1e-12, "{}", at(5));
@@ -223,7 +223,7 @@ fn perched() -> Grain {
         at: [
             6.0 * EDGE - 0.1 * D,
             2.0 * EDGE + 0.5 * D,
-            number(LAYERS) * EDGE + 1.5 * D,
+            real(LAYERS) * EDGE + 1.5 * D,
         ],
         moved: [0.0; 3],
         radius: 1.5 * D,
@@ -250,7 +250,7 @@ fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
         }
     });
     // The top of the column is three diameters lower, and that grain more than one; those beside it stay.
-    assert!(near(seen.surface[k].unwrap(), number(LAYERS) * EDGE));
+    assert!(near(seen.surface[k].unwrap(), real(LAYERS) * EDGE));
     assert_eq!(seen.settlement[k], Some(0.0));
     assert_eq!(seen.settlement_max, 0.0);
     assert_eq!(seen.depression, Depression::default());
