@@ -9,6 +9,7 @@
 //! | how are grains, contacts and blocks written? | [`mesh`] |
 //! | how does ParaView find the steps? | [`series`] |
 //! | how is the whole state kept and found again? | [`checkpoint`] |
+//! | how is a table read and written as text? | [`csv`] |
 //! | how are numbers over time kept? | [`table`] |
 //! | how does a restart know its tables again? | [`marks`] |
 //! | how are files read back? | [`fields`] |
@@ -20,6 +21,7 @@
 
 pub mod atomic;
 pub mod checkpoint;
+pub mod csv;
 pub mod data;
 pub mod error;
 pub mod fields;

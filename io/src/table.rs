@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::atomic;
+use crate::csv;
 use crate::error::{Error, Result};
 use crate::plain;
 
@@ -88,10 +89,8 @@ impl Table {
         };
         let mut kept = head.clone();
         for row in rows.split_inclusive('\n').filter(|row| row.ends_with('\n')) {
-            let first = row.split(',').next().unwrap_or_default().trim_end();
-            let at: u64 = first
-                .parse()
-                .map_err(|_| Error::corrupt(path, format!("{first:?} is not a step")))?;
+            let at = csv::step_of(row)
+                .ok_or_else(|| Error::corrupt(path, format!("{row:?} begins with no step")))?;
             if at <= step {
                 kept.push_str(row);
             }
@@ -178,24 +177,23 @@ impl Rows {
 /// end is a row being written and is left out.
 pub fn read(path: &Path) -> Result<Rows> {
     let text = plain::text(path, plain::LONGEST_TABLE)?;
-    let list = |line: &str| -> Vec<String> { line.split(',').map(str::to_owned).collect() };
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
     let mut rows = Rows {
         columns: Vec::new(),
         units: Vec::new(),
         steps: Vec::new(),
         values: Vec::new(),
     };
-    for (number, line) in text.split_inclusive('\n').enumerate() {
-        let Some(line) = line.strip_suffix('\n') else {
-            break;
-        };
-        let wrong = || Error::corrupt(path, format!("line {} is {line:?}", number + 1));
-        if number == 0 {
-            rows.columns = list(line);
-        } else if let Some(units) = line.strip_prefix("# ") {
-            rows.units = list(units);
-        } else {
-            let mut cells = line.split(',');
+    let list = |cells: Vec<&str>| cells.into_iter().map(str::to_owned).collect();
+    if let Some(mut reader) = csv::Reader::new(whole) {
+        rows.columns = list(reader.names());
+        while let Some(row) = reader.row() {
+            let wrong = || {
+                let cells: Vec<&str> = row.cells().collect();
+                let line = cells.join(",");
+                Error::corrupt(path, format!("line {} is {line:?}", row.line()))
+            };
+            let mut cells = row.cells();
             let step = cells
                 .next()
                 .and_then(|c| c.parse().ok())
@@ -209,6 +207,7 @@ pub fn read(path: &Path) -> Result<Rows> {
             rows.steps.push(step);
             rows.values.push(values);
         }
+        rows.units = list(reader.units());
     }
     if rows.columns.first().map(String::as_str) != Some("step") {
         return Err(Error::corrupt(path, "its first column is not step"));

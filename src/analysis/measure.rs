@@ -11,6 +11,7 @@
 
 use super::expression::evaluate;
 use crate::number::real;
+use io::csv::Reader;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::Path;
@@ -249,22 +250,18 @@ struct Table {
 impl Table {
     fn read(path: &Path) -> Result<Self, String> {
         let text = read(path)?;
-        let mut lines = text
-            .lines()
-            .filter(|line| !line.starts_with('#') && !line.is_empty())
-            .map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect());
-        let header: Vec<String> = lines
-            .next()
-            .ok_or_else(|| format!("{} is empty", path.display()))?;
+        let mut reader =
+            Reader::new(&text).ok_or_else(|| format!("{} is empty", path.display()))?;
         // A unit may stand behind a name: `time [s]`.
-        let columns = header
-            .iter()
+        let names = reader.names().into_iter();
+        let columns = names
             .map(|name| name.split(' ').next().unwrap_or_default().to_owned())
             .collect();
-        Ok(Self {
-            columns,
-            rows: lines.collect(),
-        })
+        let mut rows = Vec::new();
+        while let Some(row) = reader.row() {
+            rows.push(row.cells().map(str::to_owned).collect());
+        }
+        Ok(Self { columns, rows })
     }
 
     fn cell(&self, row: usize, name: &str) -> Option<f64> {

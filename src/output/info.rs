@@ -10,6 +10,7 @@
 //! | `.csv` | columns, number of rows, last row |
 
 use crate::error::Error;
+use io::csv::Reader;
 use io::{Alone, Series};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -197,29 +198,24 @@ fn series(path: &Path) -> Result<Value, Error> {
 fn table(path: &Path) -> Result<Value, Error> {
     let text =
         io::plain::text(path, io::plain::LONGEST_TABLE).map_err(|e| Error::Io(e.to_string()))?;
-    let mut lines = text
-        .split_inclusive('\n')
-        .filter(|line| line.ends_with('\n'))
-        .map(str::trim_end);
-    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let mut units = None;
-    let (mut rows, mut last) = (0_u64, None);
-    for line in lines {
-        if let Some(comment) = line.strip_prefix('#') {
-            units.get_or_insert_with(|| comment.trim().split(',').collect::<Vec<_>>());
-        } else if !line.is_empty() {
+    // A last line without its end is a row that is being written.
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+    let (mut rows, mut last, mut headings) = (0_u64, None, Vec::new());
+    if let Some(mut reader) = Reader::new(whole) {
+        while let Some(row) = reader.row() {
             rows += 1;
-            last = Some(line);
+            last = Some(row.cells().collect::<Vec<_>>().join(","));
         }
+        let (names, units) = (reader.names(), reader.units());
+        headings = names
+            .iter()
+            .enumerate()
+            .map(|(k, name)| match units.get(k) {
+                Some(unit) if *unit != "-" && !unit.is_empty() => format!("{name} [{unit}]"),
+                _ => (*name).to_owned(),
+            })
+            .collect();
     }
-    let headings: Vec<String> = columns
-        .iter()
-        .enumerate()
-        .map(|(k, column)| match units.as_ref().and_then(|u| u.get(k)) {
-            Some(unit) if *unit != "-" && !unit.is_empty() => format!("{column} [{unit}]"),
-            _ => (*column).to_owned(),
-        })
-        .collect();
     let mut all = Map::new();
     all.insert("columns".to_owned(), json!(headings.join(", ")));
     all.insert("rows".to_owned(), json!(rows));

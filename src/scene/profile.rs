@@ -3,6 +3,7 @@
 //! The first line is a header; empty lines and lines that begin with `#` are skipped. In 2-D the velocity is linear
 //! between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
 
+use io::csv::Reader;
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -120,20 +121,16 @@ impl Table {
 fn rows(text: &str, dimension: usize) -> Result<Vec<Vec<f64>>, String> {
     let numbers = 2 * dimension - 1;
     let mut rows: Vec<Vec<f64>> = Vec::new();
-    for (n, line) in text.lines().enumerate().skip(1) {
-        if line.trim().is_empty() || line.starts_with('#') {
-            continue;
-        }
+    let mut lines = Reader::new(text).ok_or("there are no rows below the header")?;
+    while let Some(line) = lines.row() {
         if rows.len() >= MOST_ROWS {
             return Err(format!("more than {MOST_ROWS} rows"));
         }
-        let row: Option<Vec<f64>> = line
-            .split(',')
-            .take(numbers + 1)
-            .map(|v| v.trim().parse().ok())
+        let row: Result<Vec<f64>, String> = (0..line.cells().count().min(numbers + 1))
+            .map(|column| line.number(column))
             .collect();
         match row {
-            Some(row) if row.len() == numbers && row.iter().all(|v| v.abs() <= LARGEST) => {
+            Ok(row) if row.len() == numbers && row.iter().all(|v| v.abs() <= LARGEST) => {
                 rows.push(row);
             }
             _ => {
@@ -144,7 +141,7 @@ fn rows(text: &str, dimension: usize) -> Result<Vec<Vec<f64>>, String> {
                 };
                 return Err(format!(
                     "line {} needs {numbers} finite numbers: {names}",
-                    n + 1
+                    line.line()
                 ));
             }
         }

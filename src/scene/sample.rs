@@ -1,8 +1,9 @@
-//! A prepared sample of grains as CSV, so that every run of a study can start from the same one.
+//! A prepared sample of grains as CSV, so that every run of a study can start from the same one.
 //!
 //! A header names the columns: `x`, `y`, `z` (3-D only), `radius` in m, and optionally `material`; other columns are
 //! skipped. Numbers are written with all their digits: a sample read back is the sample written.
 
+use io::csv::Reader;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -30,11 +31,11 @@ pub fn write(grains: &[Grain], dimension: usize, materials: &[String]) -> String
         "x,y,z,radius,material\n"
     });
     for grain in grains {
+        let material = materials.get(grain.material).map_or("", String::as_str);
         for coordinate in &grain.position[..dimension.min(3)] {
             // Writing to a String cannot fail.
             let _ = write!(text, "{coordinate:?},");
         }
-        let material = materials.get(grain.material).map_or("", String::as_str);
         let _ = writeln!(text, "{:?},{material}", grain.radius);
     }
     text
@@ -50,56 +51,37 @@ pub fn read(
     materials: &[String],
     default: usize,
 ) -> Result<Vec<Grain>, String> {
-    let mut lines = text.lines().enumerate();
-    let header: Vec<&str> = match lines.next() {
-        Some((_, line)) => line.split(',').map(str::trim).collect(),
-        None => return Err("the file is empty".into()),
+    let mut rows = Reader::new(text).ok_or("the file is empty")?;
+    let needed = |name: &str| {
+        rows.column(name)
+            .ok_or_else(|| format!("the header has no column `{name}`"))
     };
-    let column = |name: &str| header.iter().position(|c| *c == name);
-    let needed =
-        |name: &str| column(name).ok_or_else(|| format!("the header has no column `{name}`"));
     let axes: Vec<usize> = ["x", "y", "z"][..dimension.min(3)]
         .iter()
         .map(|name| needed(name))
         .collect::<Result<_, _>>()?;
     let radius_column = needed("radius")?;
-    let material_column = column("material");
+    let material_column = rows.column("material");
     let mut grains = Vec::new();
-    let mut cells: Vec<&str> = Vec::new();
-    for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        cells.clear();
-        cells.extend(line.split(',').map(str::trim));
-        let number = |column: usize| {
-            cells
-                .get(column)
-                .and_then(|cell| cell.parse::<f64>().ok())
-                .filter(|x| x.is_finite())
-                .ok_or_else(|| {
-                    format!(
-                        "line {}: column `{}` holds no number",
-                        n + 1,
-                        header[column]
-                    )
-                })
-        };
+    while let Some(row) = rows.row() {
         let mut position = [0.0; 3];
         for (to, column) in position.iter_mut().zip(&axes) {
-            *to = number(*column)?;
+            *to = row.number(*column)?;
         }
-        let radius = number(radius_column)?;
+        let radius = row.number(radius_column)?;
         if radius <= 0.0 {
-            return Err(format!("line {}: the radius must be above 0", n + 1));
+            return Err(format!(
+                "line {}: the radius is {radius}, it must be above 0",
+                row.line()
+            ));
         }
-        let name = material_column
-            .and_then(|column| cells.get(column).copied())
-            .unwrap_or("");
-        let material = if name.is_empty() {
-            default
-        } else {
-            materials
+        let name = material_column.and_then(|column| row.text(column));
+        let material = match name.unwrap_or_default() {
+            "" => default,
+            name => materials
                 .iter()
                 .position(|known| known == name)
-                .ok_or_else(|| format!("line {}: there is no material `{name}`", n + 1))?
+                .ok_or_else(|| format!("line {}: there is no material `{name}`", row.line()))?,
         };
         grains.push(Grain {
             position,

@@ -9,6 +9,7 @@ use crate::error::Verdict;
 use crate::figures::plot::{
     Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
 };
+use io::csv::push_line;
 use std::fmt::Write as _;
 
 /// Error against cost, with a panel for each cost.
@@ -308,15 +309,13 @@ impl Map {
     /// A row for each member.
     #[must_use]
     pub fn to_csv(&self) -> String {
-        let mut text = format!("member,{},{},plan,outcome\n", self.axes[0], self.axes[1]);
+        let mut text = String::new();
+        let [x, y] = &self.axes;
+        push_line(&mut text, ["member", x.as_str(), y, "plan", "outcome"]);
         for place in &self.places {
+            let (x, y) = (format!("{:e}", place.x), format!("{:e}", place.y));
             let (verdict, outcome) = (place.verdict.name(), place.outcome.name());
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{},{:e},{:e},{verdict},{outcome}",
-                place.name, place.x, place.y
-            );
+            push_line(&mut text, [&*place.name, &x, &y, verdict, outcome]);
         }
         text
     }

@@ -7,6 +7,7 @@ use super::study::{Cost, FoundReference, Output, Reference, Study};
 use crate::analysis::expression::evaluate;
 use crate::analysis::measure::Profile;
 use crate::error::Severity;
+use io::csv::push_line;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -144,9 +145,9 @@ impl Table {
             ]
             .map(String::from),
         );
-        line(&mut text, &header);
+        push_line(&mut text, &header);
         for (member, row) in members.iter().zip(&self.rows) {
-            line(&mut text, &row.cells(study, member));
+            push_line(&mut text, &row.cells(study, member));
         }
         text
     }
@@ -461,22 +462,6 @@ pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
         .collect()
 }
 
-/// Cells as a line of CSV; those with commas, quotes or line breaks in quotes.
-fn line(text: &mut String, cells: &[String]) {
-    let cells: Vec<String> = cells
-        .iter()
-        .map(|cell| {
-            if cell.contains([',', '"', '\n']) {
-                format!("\"{}\"", cell.replace('"', "\"\""))
-            } else {
-                cell.clone()
-            }
-        })
-        .collect();
-    text.push_str(&cells.join(","));
-    text.push('\n');
-}
-
 /// The name of the processor; `unknown` where the system does not tell.
 #[must_use]
 pub fn machine() -> String {
@@ -511,7 +496,7 @@ mod tests {
     #[test]
     fn cells_with_commas_and_quotes_are_quoted() {
         let mut text = String::new();
-        line(&mut text, &["a,b".into(), "say \"x\"".into(), "c".into()]);
+        push_line(&mut text, ["a,b", "say \"x\"", "c"]);
         assert_eq!(text, "\"a,b\",\"say \"\"x\"\"\",c\n");
     }
 }

@@ -12,24 +12,20 @@
 //! that does not exist (the shear on a hole that is gone) is `NaN`.
 
 use crate::error::Error;
+use io::csv::Reader;
+use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
 /// One row of a CSV file.
-pub trait Row: Sized {
+pub trait Row: DeserializeOwned {
     /// The columns in order, `name [unit]`.
     const COLUMNS: &'static [&'static str];
 
     /// The row as text, without the end of line.
     fn to_csv(&self) -> String;
-
-    /// The row from its fields, in the order of [`Row::COLUMNS`].
-    ///
-    /// # Errors
-    /// The name of the column and the text that does not read as its value.
-    fn from_fields(fields: &[&str]) -> Result<Self, String>;
 
     /// The first line of the file, without the end of line.
     #[must_use]
@@ -47,8 +43,8 @@ macro_rules! csv_row {
         }
     ) => {
         $(#[$about])*
-        #[derive(Clone, Copy, Debug, PartialEq)]
-        pub struct $name { $( $(#[$doc])* pub $field: $kind, )* }
+        #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+        pub struct $name { $( $(#[$doc])* #[serde(rename = $column)] pub $field: $kind, )* }
 
         impl Row for $name {
             const COLUMNS: &'static [&'static str] = &[$($column),*];
@@ -63,16 +59,6 @@ macro_rules! csv_row {
                 )*
                 line
             }
-
-            fn from_fields(fields: &[&str]) -> Result<Self, String> {
-                let mut rest = fields.iter();
-                $(
-                    let text = rest.next().ok_or_else(|| format!("column `{}` is missing", $column))?;
-                    let $field = <$kind as Value>::take(text)
-                        .ok_or_else(|| format!("column `{}` cannot be `{text}`", $column))?;
-                )*
-                Ok(Self { $($field),* })
-            }
         }
     };
 }
@@ -83,17 +69,12 @@ pub(crate) use csv_row;
 pub(crate) trait Value: Sized {
     /// Appends it to a line.
     fn put(&self, line: &mut String);
-    /// Reads it back.
-    fn take(text: &str) -> Option<Self>;
 }
 
 impl Value for u64 {
     fn put(&self, line: &mut String) {
         // Writing to a string cannot fail.
         let _ = write!(line, "{self}");
-    }
-    fn take(text: &str) -> Option<Self> {
-        text.trim().parse().ok()
     }
 }
 
@@ -107,9 +88,6 @@ impl Value for f64 {
         } else {
             write!(line, "{self:e}")
         };
-    }
-    fn take(text: &str) -> Option<Self> {
-        text.trim().parse().ok()
     }
 }
 
@@ -180,7 +158,8 @@ pub struct RemovedGrain {
 }
 
 /// How a bond broke.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BreakMode {
     /// The normal force passed the tensile strength.
     Tension,
@@ -189,7 +168,8 @@ pub enum BreakMode {
 }
 
 /// Where a bond broke.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BreakPlace {
     /// In the bulk of the packing, where only a pressure wave reaches.
     Inside,
@@ -204,13 +184,6 @@ impl Value for BreakMode {
             Self::Shear => "shear",
         });
     }
-    fn take(text: &str) -> Option<Self> {
-        match text.trim() {
-            "tension" => Some(Self::Tension),
-            "shear" => Some(Self::Shear),
-            _ => None,
-        }
-    }
 }
 
 impl Value for BreakPlace {
@@ -219,13 +192,6 @@ impl Value for BreakPlace {
             Self::Inside => "inside",
             Self::HoleWall => "hole_wall",
         });
-    }
-    fn take(text: &str) -> Option<Self> {
-        match text.trim() {
-            "inside" => Some(Self::Inside),
-            "hole_wall" => Some(Self::HoleWall),
-            _ => None,
-        }
     }
 }
 
@@ -281,34 +247,18 @@ pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>,
     let fail = |what: String| Error::Io(format!("{}: {what}", path.display()));
     let text = io::plain::text(path, io::plain::LONGEST_TABLE)
         .map_err(|error| Error::Io(error.to_string()))?;
-    let mut lines = text
-        .lines()
-        .enumerate()
-        .filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
-    match lines.next() {
-        Some((_, header)) if header.trim() == R::header() => {}
-        Some((_, header)) => {
-            return Err(fail(format!(
-                "the columns are `{header}`, expected `{}`",
-                R::header()
-            )));
-        }
-        None => return Err(fail("the file is empty".to_owned())),
+    let mut lines = Reader::new(&text).ok_or_else(|| fail("the file is empty".to_owned()))?;
+    if lines.names() != R::COLUMNS {
+        return Err(fail(format!(
+            "the columns are `{}`, expected `{}`",
+            lines.names().join(","),
+            R::header()
+        )));
     }
     let mut rows: Vec<R> = Vec::new();
     let mut places: HashMap<u64, usize> = HashMap::new();
-    for (number, line) in lines {
-        let fields: Vec<&str> = line.split(',').collect();
-        if fields.len() != R::COLUMNS.len() {
-            return Err(fail(format!(
-                "line {} has {} columns, expected {}",
-                number + 1,
-                fields.len(),
-                R::COLUMNS.len()
-            )));
-        }
-        let row = R::from_fields(&fields)
-            .map_err(|reason| fail(format!("line {}: {reason}", number + 1)))?;
+    while let Some(line) = lines.row() {
+        let row: R = line.read().map_err(fail)?;
         match places.get(&key(&row)) {
             Some(&place) => {
                 if let Some(old) = rows.get_mut(place) {

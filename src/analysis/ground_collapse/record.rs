@@ -81,7 +81,8 @@ pub struct PointRecord {
 }
 
 /// Which grains a cluster is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ClusterKind {
     /// Grains in the ground that have come loose.
     Loose,
@@ -95,13 +96,6 @@ impl Value for ClusterKind {
             Self::Loose => "loose",
             Self::Left => "left",
         });
-    }
-    fn take(text: &str) -> Option<Self> {
-        match text.trim() {
-            "loose" => Some(Self::Loose),
-            "left" => Some(Self::Left),
-            _ => None,
-        }
     }
 }
 
@@ -195,10 +189,15 @@ mod tests {
             size: 8,
             count: 3,
         };
-        let text = row.to_csv();
-        let fields: Vec<&str> = text.split(',').collect();
-        assert_eq!(fields.len(), ClusterRecord::COLUMNS.len());
-        assert_eq!(ClusterRecord::from_fields(&fields), Ok(row));
-        assert!(ClusterRecord::from_fields(&["7", "0", "lost", "1", "1"]).is_err());
+        let text = format!(
+            "{}\n{}\n7,0,lost,1,1\n",
+            ClusterRecord::header(),
+            row.to_csv()
+        );
+        let mut lines = io::csv::Reader::new(&text).unwrap();
+        assert_eq!(lines.names(), ClusterRecord::COLUMNS);
+        assert_eq!(lines.row().unwrap().read(), Ok(row));
+        let wrong = lines.row().unwrap().read::<ClusterRecord>().unwrap_err();
+        assert_eq!(wrong, "line 3: column `kind` cannot be `lost`");
     }
 }

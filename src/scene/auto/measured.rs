@@ -7,25 +7,28 @@
 //! A run is another problem than that of the row, so the error of the row shall be at most half the target. Inertia makes layers as
 //! thin as d/Re^½: a row at a Reynolds number asks for cells in proportion to the root of that of the run.
 
-use serde::Serialize;
+use io::csv::Reader;
+use serde::{Deserialize, Serialize};
+use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured.csv");
 /// Beyond this Reynolds number the layers are turbulent, and eddies are modelled where they are too small.
 const MOST_REYNOLDS: f64 = 1000.0;
 
 /// A measured row.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Row {
     /// The problem.
-    pub problem: &'static str,
+    pub problem: String,
     /// 2 or 3.
     pub dimension: usize,
     /// What the water meets: `walls`, a coupling, or `blocks: ` and what their cells do.
-    pub obstacle: &'static str,
+    pub obstacle: String,
     /// Velocity set.
-    pub lattice: &'static str,
+    pub lattice: String,
     /// Collision operator.
-    pub operator: &'static str,
+    pub operator: String,
     /// Cells across the body or from wall to wall.
     pub cells: f64,
     /// Relaxation time tau.
@@ -39,35 +42,16 @@ pub struct Row {
     /// Core-seconds for one diameter cubed (2-D: squared) over d²/nu.
     pub core_seconds: f64,
     /// Where it was measured, and against what.
-    pub place: &'static str,
+    pub place: String,
 }
 
 impl Row {
-    fn read(line: &'static str) -> Option<Self> {
-        let mut columns = line.splitn(12, ',').map(str::trim);
-        let mut text = || columns.next();
-        Some(Self {
-            problem: text()?,
-            dimension: text()?.parse().ok()?,
-            obstacle: text()?,
-            lattice: text()?,
-            operator: text()?,
-            cells: text()?.parse().ok()?,
-            relaxation_time: text()?.parse().ok()?,
-            mach: text()?.parse().ok()?,
-            reynolds: text()?.parse().ok()?,
-            error: text()?.parse().ok()?,
-            core_seconds: text()?.parse().ok()?,
-            place: text()?,
-        })
-    }
-
     /// Cells that a flow of this Reynolds number needs to be as well resolved as the row. Slower flow than that of the row may have
     /// fewer only where there are rows of creeping flow to say how many.
     #[must_use]
     pub fn cells_at(&self, reynolds: f64) -> f64 {
         if self.reynolds > 0.0 {
-            let creeping = group(self.dimension, self.obstacle, false).next();
+            let creeping = group(self.dimension, &self.obstacle, false).next();
             let least = creeping.map_or(self.reynolds, |_| 0.0);
             self.cells * (reynolds.min(MOST_REYNOLDS).max(least) / self.reynolds).sqrt()
         } else {
@@ -94,12 +78,21 @@ impl Row {
 }
 
 /// All rows.
-pub(crate) fn rows() -> impl Iterator<Item = Row> {
-    TABLE.lines().skip(1).filter_map(Row::read)
+pub(crate) fn rows() -> impl Iterator<Item = &'static Row> {
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
+        let mut reader = Reader::new(TABLE);
+        let mut rows = Vec::new();
+        while let Some(row) = reader.as_mut().and_then(Reader::row) {
+            // A test reads every row.
+            rows.extend(row.read());
+        }
+        rows
+    });
+    ROWS.iter()
 }
 
 /// Rows of creeping flow, or of flow with inertia.
-fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item = Row> {
+fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item = &'static Row> {
     rows().filter(move |row| {
         row.dimension == dimension && row.obstacle == obstacle && (row.reynolds > 0.0) == inertia
     })
@@ -107,7 +100,12 @@ fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item 
 
 /// The row that asks for most cells at this Reynolds number, of the cheapest that are good enough for the target in creeping flow and
 /// in flow with inertia; where none is good enough, the best.
-pub(crate) fn needed(dimension: usize, obstacle: &str, reynolds: f64, target: f64) -> Option<Row> {
+pub(crate) fn needed(
+    dimension: usize,
+    obstacle: &str,
+    reynolds: f64,
+    target: f64,
+) -> Option<&'static Row> {
     let pick = |inertia: bool| {
         group(dimension, obstacle, inertia)
             .filter(|row| row.error <= 0.5 * target)
@@ -122,7 +120,12 @@ pub(crate) fn needed(dimension: usize, obstacle: &str, reynolds: f64, target: f6
 
 /// The row that says what so many cells are worth: the worse of those for creeping flow and for flow with inertia; none where there are
 /// fewer cells than in any row.
-pub(crate) fn covering(dimension: usize, obstacle: &str, reynolds: f64, cells: f64) -> Option<Row> {
+pub(crate) fn covering(
+    dimension: usize,
+    obstacle: &str,
+    reynolds: f64,
+    cells: f64,
+) -> Option<&'static Row> {
     let best = |inertia: bool| {
         group(dimension, obstacle, inertia)
             .filter(|row| row.cells_at(reynolds) <= cells * (1.0 + 1e-9))
@@ -132,7 +135,7 @@ pub(crate) fn covering(dimension: usize, obstacle: &str, reynolds: f64, cells: f
         let measured = group(dimension, obstacle, inertia).next().is_some();
         measured.then(|| best(inertia))
     });
-    let known: Option<Vec<Row>> = known.into_iter().flatten().collect();
+    let known: Option<Vec<&'static Row>> = known.into_iter().flatten().collect();
     known?
         .into_iter()
         .max_by(|a, b| a.error.total_cmp(&b.error))

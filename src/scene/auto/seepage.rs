@@ -22,6 +22,9 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
 use crate::scene::seepage::{Patch, Seepage};
+use io::csv::Reader;
+use serde::Deserialize;
+use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_seepage.csv");
 /// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since another bed
@@ -34,49 +37,53 @@ const SOLID: f64 = 0.6;
 const IMPACT: f64 = 0.1;
 
 /// A measured row.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Row {
     /// `overlap` or `interval`.
-    what: &'static str,
+    what: String,
     /// Up to this number.
     value: f64,
     /// Largest relative error of the flow.
     error: f64,
     /// Where it was measured, and against what.
-    place: &'static str,
+    place: String,
 }
 
 impl Row {
-    fn read(line: &'static str) -> Option<Self> {
-        let mut columns = line.splitn(4, ',').map(str::trim);
-        Some(Self {
-            what: columns.next()?,
-            value: columns.next()?.parse().ok()?,
-            error: columns.next()?.parse().ok()?,
-            place: columns.next()?,
-        })
-    }
-
     fn name(&self) -> String {
         let error = number(100.0 * self.error);
         format!("`{} {}: {error} %`", self.what, number(self.value))
     }
 }
 
-fn rows(what: &str) -> impl Iterator<Item = Row> {
-    let all = TABLE.lines().skip(1).filter_map(Row::read);
-    all.filter(move |row| row.what == what)
+fn rows(what: &str) -> impl Iterator<Item = &'static Row> {
+    all().iter().filter(move |row| row.what == what)
+}
+
+/// All rows.
+fn all() -> &'static [Row] {
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
+        let mut reader = Reader::new(TABLE);
+        let mut rows = Vec::new();
+        while let Some(row) = reader.as_mut().and_then(Reader::row) {
+            // A test reads every row.
+            rows.extend(row.read());
+        }
+        rows
+    });
+    &ROWS
 }
 
 /// The largest number whose error is within a bound, which is the cheapest; where none is, the best.
-fn needed(what: &str, bound: f64) -> Option<Row> {
+fn needed(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
 /// The row that says what this number is worth; none beyond all rows.
-fn covering(what: &str, value: f64) -> Option<Row> {
+fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
         .min_by(|a, b| a.value.total_cmp(&b.value))
@@ -204,7 +211,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
 }
 
 /// What the interval chosen and the contacts, chosen or stated, promise together.
-fn judge(scene: &mut Scene, bed: &Bed, interval: Row, target: f64, findings: &mut Findings) {
+fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &mut Findings) {
     let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
         return;
     };
@@ -262,8 +269,8 @@ mod tests {
             TABLE.lines().count()
         );
         for what in ["overlap", "interval"] {
-            let all: Vec<Row> = rows(what).collect();
-            let grows = |w: &[Row]| w[0].value < w[1].value && w[0].error <= w[1].error;
+            let all: Vec<&Row> = rows(what).collect();
+            let grows = |w: &[&Row]| w[0].value < w[1].value && w[0].error <= w[1].error;
             assert!(all.windows(2).all(grows), "{what}");
             assert!(
                 all.iter()

@@ -239,8 +239,8 @@ pub(crate) fn judge(
         measured::covering(grid.dimension, feature.obstacle, reynolds, cells)
     };
     let features = features::of(case, lbm, scene.flow.as_ref());
-    let rows: Vec<(Option<Row>, &Feature)> = features.iter().map(|f| (of(f), f)).collect();
-    let error = |row: &Option<Row>| row.map_or(f64::INFINITY, |row| row.error);
+    let rows: Vec<(Option<&Row>, &Feature)> = features.iter().map(|f| (of(f), f)).collect();
+    let error = |row: &Option<&Row>| row.map_or(f64::INFINITY, |row| row.error);
     let worst = rows
         .iter()
         .max_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
