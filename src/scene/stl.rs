@@ -3,6 +3,9 @@
 //! STL lists the corners of each triangle by themselves: corners within 1e-7 of the extent of the surface are one vertex, so
 //! that triangles know their neighbours. Triangles without an area are left out. The normals of the file are not used: walls are
 //! touched from both sides.
+//!
+//! The reader is our own: text is read in double precision where the crate `stl_io` rounds to single precision, a message names
+//! the line, and the number of triangles is compared with the length of the file before anything is allocated.
 
 use crate::dem::Surface;
 use nalgebra::Vector3;

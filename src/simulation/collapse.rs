@@ -5,8 +5,9 @@
 //! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64
 //! bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
 
+use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
-use super::table::{Table, agreed, append};
+use super::table::{Table, append};
 use super::view::View;
 use crate::analysis::erosion_law::{Row, read_rows};
 use crate::analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
@@ -134,7 +135,7 @@ impl CollapseRecorder {
         } else {
             Ok(Tables::default())
         };
-        recorder.tables = agreed(domain, opened)?;
+        recorder.tables = agree(domain.communicator(), opened)?;
         Ok(recorder)
     }
 
@@ -210,7 +211,7 @@ impl CollapseRecorder {
         .into_iter()
         .flatten()
         .try_for_each(|table| table.drop_from(step));
-        agreed(domain, dropped)
+        agree(domain.communicator(), dropped)
     }
 
     /// One line for each stage that began since the last call; on rank 0 only.
@@ -245,7 +246,7 @@ impl CollapseRecorder {
             }
             Ok(())
         })();
-        agreed(domain, drawn)
+        agree(domain.communicator(), drawn)
     }
 
     /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables are on disk, synced,
@@ -267,7 +268,7 @@ impl CollapseRecorder {
         .into_iter()
         .flatten()
         .try_for_each(Table::sync);
-        agreed(domain, synced)?;
+        agree(domain.communicator(), synced)?;
         let broken = |error: serde_json::Error| Error::Internal(error.to_string());
         // What rank 0 knows is the whole of it.
         let mut bytes = serde_json::to_vec(&self.state).map_err(broken)?;
@@ -462,7 +463,7 @@ impl CollapseRecorder {
             None => Ok(()),
         });
         self.state.left.clear();
-        agreed(view.domain, written)
+        agree(view.domain.communicator(), written)
     }
 
     /// Measures and writes; on rank 0.

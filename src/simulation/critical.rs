@@ -8,6 +8,7 @@
 //!
 //! A search that was stopped goes on when it is called again: runs that are done are read, and one that was stopped is resumed.
 
+use super::agreement;
 use super::progress::Progress;
 use super::run::{self, Bounds};
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
@@ -364,15 +365,7 @@ impl Searching<'_> {
             let sample = folder.join("sample.csv");
             self.sample = Some(std::path::absolute(&sample).unwrap_or(sample));
         }
-        let mut found = (0_u64, 0_u64, 0.0_f64);
-        let read = if self.communicator.rank() == 0 {
-            read(&folder, half).map(|numbers| found = numbers)
-        } else {
-            Ok(())
-        };
-        self.communicator
-            .agree(read.map_err(|e| e.to_string()))
-            .map_err(|e| Error::Io(e.message))?;
+        let found = agreement::on_first(self.communicator, || read(&folder, half))?;
         let words = [found.0, found.1, found.2.to_bits()];
         let mut bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         self.communicator.broadcast_bytes(0, &mut bytes);

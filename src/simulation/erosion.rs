@@ -26,8 +26,9 @@
 //! Rank 0 writes. Rows are appended; a resumed run first cuts the tables back to its checkpoint, so that they go on as those of
 //! a run that was never stopped.
 
+use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
-use super::table::{Table, agreed, append};
+use super::table::{Table, append};
 use super::view::View;
 use crate::analysis::erosion_law::hole::Profile;
 use crate::analysis::erosion_law::{
@@ -233,7 +234,7 @@ impl ErosionRecorder {
                 )?,
             ))
         })();
-        let (removed, bonds, rows) = agreed(domain, opened)?;
+        let (removed, bonds, rows) = agree(domain.communicator(), opened)?;
         Ok(Self {
             speed: None,
             law: scene.erosion_law.as_ref().map(|law| Hole::new(law, plan)),
@@ -317,7 +318,10 @@ impl ErosionRecorder {
                 lines.push_str(&departed.grain.to_csv());
                 lines.push('\n');
             }
-            agreed(view.domain, append(&mut self.removed, &lines))?;
+            agree(
+                view.domain.communicator(),
+                append(&mut self.removed, &lines),
+            )?;
         }
         if self.is_due(view.step) && self.state.last_row != Some(view.step) {
             self.flush(view.domain)?;
@@ -355,7 +359,10 @@ impl ErosionRecorder {
             return Ok(());
         }
         let rows = self.rows.as_mut();
-        agreed(domain, rows.map_or(Ok(()), |rows| rows.drop_from(step)))
+        agree(
+            domain.communicator(),
+            rows.map_or(Ok(()), |rows| rows.drop_from(step)),
+        )
     }
 
     /// Writes the bonds that broke since the last row. [`Self::state`] and every row include it.
@@ -417,7 +424,7 @@ impl ErosionRecorder {
             lines.push_str(&row.to_csv());
             lines.push('\n');
         }
-        agreed(domain, append(&mut self.bonds, &lines))
+        agree(domain.communicator(), append(&mut self.bonds, &lines))
     }
 
     /// The state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
@@ -430,7 +437,7 @@ impl ErosionRecorder {
             .into_iter()
             .flatten()
             .try_for_each(Table::sync);
-        agreed(domain, synced)?;
+        agree(domain.communicator(), synced)?;
         Ok(self.state.clone())
     }
 
@@ -650,7 +657,10 @@ impl ErosionRecorder {
         };
         self.state.last_row = Some(view.step);
         self.speed = Some(sums.speed);
-        agreed(view.domain, append(&mut self.rows, &(row.to_csv() + "\n")))
+        agree(
+            view.domain.communicator(),
+            append(&mut self.rows, &(row.to_csv() + "\n")),
+        )
     }
 }
 

@@ -1,25 +1,13 @@
-//! CSV files that grow during a run: rank 0 writes, all ranks learn how it went.
+//! CSV files that grow during a run: rank 0 writes, and all ranks agree on the outcome ([`super::agreement`]).
 //!
 //! Rows begin with the step; a resumed run first cuts a table back to its checkpoint, so that it goes on as that of a run that
 //! was never stopped.
 
 use crate::error::Error;
-use decomposition::Domain;
+use io::csv::step_of;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::PathBuf;
-
-/// The outcome of rank 0 as that of every rank.
-pub(super) fn agreed<T>(domain: &Domain, outcome: Result<T, Error>) -> Result<T, Error> {
-    let text = outcome.map_err(|error| match error {
-        Error::Io(what) => what,
-        other => other.to_string(),
-    });
-    domain
-        .communicator()
-        .agree(text)
-        .map_err(|disagreement| Error::Io(disagreement.message))
-}
 
 /// Appends lines where this rank has the table.
 pub(super) fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error> {
@@ -46,8 +34,7 @@ impl Table {
             match fs::read_to_string(&path) {
                 Ok(old) => {
                     let kept = old.split_inclusive('\n').skip(1).filter(|line| {
-                        let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
-                        line.ends_with('\n') && first.is_some_and(|row| row <= step)
+                        line.ends_with('\n') && step_of(line).is_some_and(|row| row <= step)
                     });
                     text.extend(kept);
                 }
@@ -62,10 +49,8 @@ impl Table {
     pub(super) fn drop_from(&mut self, step: u64) -> Result<(), Error> {
         let old = fs::read_to_string(&self.path)
             .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))?;
-        let kept = |(n, line): &(usize, &str)| {
-            let first = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
-            *n == 0 || first.is_some_and(|row| row < step)
-        };
+        let kept =
+            |(n, line): &(usize, &str)| *n == 0 || step_of(line).is_some_and(|row| row < step);
         let lines = old.split_inclusive('\n').enumerate().filter(kept);
         let text: String = lines.map(|(_, line)| line).collect();
         if text.len() < old.len() {

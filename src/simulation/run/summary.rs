@@ -1,5 +1,6 @@
 //! What is said and written at the end of a run.
 
+use super::super::agreement;
 use super::super::blocks;
 use super::super::energy;
 use super::super::progress::clock;
@@ -118,16 +119,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 lists.bonds
             );
         }
-        let first = communicator.rank() == 0;
-        let written = if first {
+        agreement::on_first(communicator, || {
             io::atomic::write_json(&self.folder.path().join("summary.json"), &summary)
-                .map_err(|e| e.to_string())
-        } else {
-            Ok(())
-        };
-        communicator
-            .agree(written)
-            .map_err(|e| Error::Io(e.message))?;
+                .map_err(|e| Error::Io(e.to_string()))
+        })?;
         if as_json {
             self.progress
                 .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
