@@ -49,7 +49,7 @@ pub mod surface;
 mod table;
 pub mod walls;
 
-pub use contact::{Failure, Law, PairTable, Partners};
+pub use contact::{Failure, Law, PairTable, PairProperties};
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
@@ -401,7 +401,7 @@ impl Law {
         for body in grains.into_iter().filter(|body| body.kind == Kind::Free) {
             for material in 0..materials.max(1) {
                 for diameter in [2.0 * body.radius, body.radius + largest] {
-                    let partners = Partners {
+                    let partners = PairProperties {
                         materials: [body.material, material],
                         diameter,
                         mass: body.mass,
@@ -425,7 +425,7 @@ impl Law {
     }
 }
 
-fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64 {
+fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &PairProperties) -> f64 {
     let table = law.table();
     let row = table.get(partners.materials[0], partners.materials[1]);
     let [normal, shear] = L::stiffness(&L::between(row, partners));

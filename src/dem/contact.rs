@@ -1,7 +1,7 @@
 //! Contact laws: overlap and relative motion of two bodies to the force between them.
 //!
 //! A law is one file: its parameters (per pair of materials), what it computes once per pair ([`ContactLaw::constants`]), what
-//! it remembers from step to step ([`ContactLaw::Memory`]), and the force. The pair loop is compiled once per law. To add one:
+//! it remembers from step to step ([`ContactLaw::History`]), and the force. The pair loop is compiled once per law. To add one:
 //! write the file, and add one line to [`Law`], to the matches in `dem.rs` and to those in `dem/state.rs`, and its name to the laws
 //! of spheres in `dem/engine/bodies.rs`.
 //!
@@ -93,7 +93,7 @@ impl<P: Clone> PairTable<P> {
 
 /// Who meets whom: what a law may compute its constants from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Partners {
+pub struct PairProperties {
     /// Both materials.
     pub materials: [u32; 2],
     /// Mean diameter (m) of two grains, the grain's own against a wall.
@@ -108,7 +108,7 @@ pub struct Partners {
 
 /// How two bodies touch now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch<S: Space> {
+pub struct ContactKinematics<S: Space> {
     /// Overlap (m); negative for a gap.
     pub overlap: f64,
     /// Unit normal from the first to the second.
@@ -135,7 +135,7 @@ pub enum Failure {
 
 /// The force on the second partner.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reply<S: Space> {
+pub struct ContactForce<S: Space> {
     /// Along the normal (N), positive in compression.
     pub normal: f64,
     /// Across it (N).
@@ -155,37 +155,37 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// What the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
     /// What is remembered; its default is a contact just born.
-    type Memory: Copy + Debug + Default + PartialEq + Send + Sync;
+    type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
     /// How many materials, and the row of every ordered pair of them.
     fn table(&self) -> PairTable<Self::Row>;
     /// The scale of a pair.
-    fn scale(row: &Self::Row, partners: &Partners) -> Self::Scale;
+    fn scale(row: &Self::Row, partners: &PairProperties) -> Self::Scale;
     /// The constants of a pair of mean diameter `diameter` (m), by multiplications alone.
     fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
     /// The constants of two partners.
-    fn between(row: &Self::Row, partners: &Partners) -> Self::Constants {
+    fn between(row: &Self::Row, partners: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, partners), partners.diameter)
     }
     /// The force, and the memory after this step. Called where the surfaces overlap or the pair is bonded; where they do not
     /// overlap and the pair is not bonded the memory is dropped instead.
-    fn reply(constants: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S>;
+    fn force(constants: &Self::Constants, memory: &mut Self::History, touch: &ContactKinematics<S>) -> ContactForce<S>;
     /// Whether replies hold a rolling moment.
     const ROLLS: bool = false;
     /// Whether the memory holds a bond.
-    fn bonded(memory: &Self::Memory) -> bool;
+    fn bonded(memory: &Self::History) -> bool;
     /// The widest gap (m) across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
     /// Bonds a pair of this overlap (m), negative for a gap; false where its materials do not bond.
-    fn bond(constants: &Self::Constants, memory: &mut Self::Memory, overlap: f64) -> bool;
+    fn bond(constants: &Self::Constants, memory: &mut Self::History, overlap: f64) -> bool;
     /// Force of the normal spring (N) at an overlap (m), positive in compression.
-    fn normal_spring(constants: &Self::Constants, _: &Self::Memory, overlap: f64) -> f64 {
+    fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
     /// Takes the bond away.
-    fn unbond(memory: &mut Self::Memory);
+    fn unbond(memory: &mut Self::History);
     /// The widest gap (m) over which a bonded pair still acts, for mean diameters (m) between the two.
     fn widest_opening(&self, diameters: [f64; 2]) -> f64;
     /// Normal and shear stiffness (N/m), for the critical time step; where they grow with the overlap, those at the deepest one
@@ -194,9 +194,9 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// How many numbers a memory is.
     const NUMBERS: usize;
     /// The memory as numbers, [`Self::NUMBERS`] of them.
-    fn save(memory: &Self::Memory, numbers: &mut Vec<f64>);
+    fn save(memory: &Self::History, numbers: &mut Vec<f64>);
     /// The memory from [`Self::NUMBERS`] numbers.
-    fn load(numbers: &[f64]) -> Self::Memory;
+    fn load(numbers: &[f64]) -> Self::History;
 }
 
 /// The laws a scene may choose from.

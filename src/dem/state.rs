@@ -109,7 +109,7 @@ fn each_contact<S: Space, L: Bodies<S>>(
     );
 }
 
-fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::Memory]) {
+fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::History]) {
     let mut numbers = Vec::new();
     for memory in memories {
         L::save(memory, &mut numbers);
@@ -122,7 +122,7 @@ fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories:
     }
 }
 
-fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Memory>, Error> {
+fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::History>, Error> {
     let columns = (0..L::NUMBERS)
         .map(|n| table.get_real(&format!("memory_{n}")))
         .collect::<Result<Vec<_>, _>>()?;

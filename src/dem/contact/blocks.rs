@@ -12,10 +12,10 @@
 //! The area counts where stiffness is per area; to leading order the volume of the overlap is `area overlap`, as for a block's patch.
 
 use super::super::blocks::{in_space, out_of_space};
-use super::super::polyhedron::{self, Memory, Model, Polyhedron};
+use super::super::polyhedron::{self, History, Model, Polyhedron};
 use super::super::space::{Components, Space};
 use super::super::{Body, Kind};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to};
+use super::{ContactLaw, PairTable, PairProperties, ContactForce, ContactKinematics, cut_to};
 
 /// The law: see the module.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,16 +71,16 @@ impl<S: Space> ContactLaw<S> for Blocks {
     type Row = polyhedron::Law;
     type Scale = Scale;
     type Constants = Constants;
-    type Memory = Memory;
+    type History = History;
 
     fn table(&self) -> PairTable<Self::Row> {
         self.parameters.clone()
     }
 
-    fn scale(_: &Self::Row, partners: &Partners) -> Scale {
+    fn scale(_: &Self::Row, pair: &PairProperties) -> Scale {
         Scale {
-            mass: partners.mass,
-            radius: partners.rolling_radius,
+            mass: pair.mass,
+            radius: pair.rolling_radius,
         }
     }
 
@@ -93,18 +93,18 @@ impl<S: Space> ContactLaw<S> for Blocks {
     }
 
     #[inline(always)]
-    fn reply(constants: &Constants, memory: &mut Memory, touch: &Touch<S>) -> Reply<S> {
+    fn force(constants: &Constants, history: &mut History, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
         let Constants { law, scale } = constants;
-        let [normal, shear] = law.stiffness(std::f64::consts::PI * scale.radius * touch.overlap);
+        let [normal, shear] = law.stiffness(std::f64::consts::PI * scale.radius * kinematics.overlap);
         let dashpot =
             |fraction: f64, stiffness: f64| 2.0 * fraction * (scale.mass * stiffness).sqrt();
         let push =
-            normal * touch.overlap - dashpot(law.normal_damping, normal) * touch.separation_rate;
+            normal * kinematics.overlap - dashpot(law.normal_damping, normal) * kinematics.separation_rate;
         let push = push.max(0.0);
         let limit = law.friction * push;
-        let carried = S::turn(&out_of_space(&memory.spring()), &touch.normal);
-        let spring = carried - touch.slip * (shear * touch.time_step);
-        let total = spring - touch.slip * dashpot(law.shear_damping, shear);
+        let carried = S::turn(&out_of_space(&history.spring()), &kinematics.normal);
+        let spring = carried - kinematics.slip * (shear * kinematics.time_step);
+        let total = spring - kinematics.slip * dashpot(law.shear_damping, shear);
         let length = total.length();
         let (tangent, spring) = if length > limit {
             let cut = cut_to(total, length, limit);
@@ -112,8 +112,8 @@ impl<S: Space> ContactLaw<S> for Blocks {
         } else {
             (total, spring)
         };
-        memory.hold(&S::to_volume(&touch.normal), &in_space(&spring));
-        Reply {
+        history.hold(&S::to_volume(&kinematics.normal), &in_space(&spring));
+        ContactForce {
             normal: push,
             tangent,
             moment: S::Spin::default(),
@@ -121,20 +121,20 @@ impl<S: Space> ContactLaw<S> for Blocks {
         }
     }
 
-    fn bonded(_: &Memory) -> bool {
+    fn bonded(_: &History) -> bool {
         false
     }
 
-    fn bond(_: &Constants, _: &mut Memory, _: f64) -> bool {
+    fn bond(_: &Constants, _: &mut History, _: f64) -> bool {
         false
     }
 
-    fn normal_spring(constants: &Constants, _: &Memory, overlap: f64) -> f64 {
+    fn normal_spring(constants: &Constants, _: &History, overlap: f64) -> f64 {
         let area = std::f64::consts::PI * constants.scale.radius * overlap;
         constants.law.stiffness(area)[0] * overlap
     }
 
-    fn unbond(_: &mut Memory) {}
+    fn unbond(_: &mut History) {}
 
     fn widest_opening(&self, _: [f64; 2]) -> f64 {
         0.0
@@ -148,17 +148,17 @@ impl<S: Space> ContactLaw<S> for Blocks {
             .stiffness(std::f64::consts::PI * radius * radius)
     }
 
-    const NUMBERS: usize = Memory::NUMBERS;
+    const NUMBERS: usize = History::NUMBERS;
 
-    fn save(memory: &Memory, numbers: &mut Vec<f64>) {
-        numbers.extend(memory.save());
+    fn save(history: &History, numbers: &mut Vec<f64>) {
+        numbers.extend(history.save());
     }
 
-    fn load(numbers: &[f64]) -> Memory {
-        let mut all = [0.0; Memory::NUMBERS];
+    fn load(numbers: &[f64]) -> History {
+        let mut all = [0.0; History::NUMBERS];
         for (number, saved) in all.iter_mut().zip(numbers) {
             *number = *saved;
         }
-        Memory::load(&all)
+        History::load(&all)
     }
 }

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
 use super::{
-    ContactLaw, Failure, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent,
+    ContactLaw, Failure, PairTable, PairProperties, ContactForce, ContactKinematics, cut_to, load_tangent, save_tangent,
 };
 
 /// Parameters of one pair of materials.
@@ -84,7 +84,7 @@ pub struct Constants {
 
 /// The force of the shear spring (N) on the second partner, and the cohesion (N), 0 without a bond.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
     cohesion: f64,
 }
@@ -93,7 +93,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     type Row = Row;
     type Scale = f64;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
     fn table(&self) -> PairTable<Row> {
@@ -114,8 +114,8 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         })
     }
 
-    fn scale(row: &Row, partners: &Partners) -> f64 {
-        (partners.mass * at(row.normal, partners.diameter)).sqrt()
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        (pair.mass * at(row.normal, pair.diameter)).sqrt()
     }
 
     #[inline(always)]
@@ -132,45 +132,45 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        let normal = c.normal * touch.overlap;
+    fn force(c: &Constants, history: &mut History<S>, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        let normal = c.normal * kinematics.overlap;
         let shear =
-            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.shear * touch.time_step);
+            S::turn(&history.shear, &kinematics.normal) - kinematics.slip * (c.shear * kinematics.time_step);
         let length = shear.length();
-        let limit = normal * c.friction + memory.cohesion;
-        if length <= limit && normal >= -memory.cohesion {
-            memory.shear = shear;
-            let least = if memory.cohesion > 0.0 {
+        let limit = normal * c.friction + history.cohesion;
+        if length <= limit && normal >= -history.cohesion {
+            history.shear = shear;
+            let least = if history.cohesion > 0.0 {
                 f64::NEG_INFINITY
             } else {
                 0.0
             };
-            return Reply {
-                normal: (normal - c.normal_dashpot * touch.separation_rate).max(least),
-                tangent: shear - touch.slip * c.shear_dashpot,
+            return ContactForce {
+                normal: (normal - c.normal_dashpot * kinematics.separation_rate).max(least),
+                tangent: shear - kinematics.slip * c.shear_dashpot,
                 moment: S::Spin::default(),
                 failure: None,
             };
         }
         // Sliding, or the end of a bond: tension where it pulls more than the cohesion, else shear.
-        let failure = match memory.cohesion > 0.0 {
+        let failure = match history.cohesion > 0.0 {
             false => None,
-            true if normal < -memory.cohesion => Some(Failure::Tension),
+            true if normal < -history.cohesion => Some(Failure::Tension),
             true => Some(Failure::Shear),
         };
         let normal = normal.max(0.0);
         let tangent = cut_to(shear, length, normal * c.friction);
-        *memory = Memory {
+        *history = History {
             shear: tangent,
             cohesion: 0.0,
         };
-        let dashpot = if touch.overlap > 0.0 {
+        let dashpot = if kinematics.overlap > 0.0 {
             c.normal_dashpot
         } else {
             0.0
         };
-        Reply {
-            normal: (normal - dashpot * touch.separation_rate).max(0.0),
+        ContactForce {
+            normal: (normal - dashpot * kinematics.separation_rate).max(0.0),
             tangent,
             moment: S::Spin::default(),
             failure,
@@ -178,17 +178,17 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     #[inline(always)]
-    fn bonded(memory: &Memory<S>) -> bool {
-        memory.cohesion > 0.0
+    fn bonded(history: &History<S>) -> bool {
+        history.cohesion > 0.0
     }
 
-    fn bond(c: &Constants, memory: &mut Memory<S>, _: f64) -> bool {
-        memory.cohesion = c.cohesion;
+    fn bond(c: &Constants, history: &mut History<S>, _: f64) -> bool {
+        history.cohesion = c.cohesion;
         c.cohesion > 0.0
     }
 
-    fn unbond(memory: &mut Memory<S>) {
-        memory.cohesion = 0.0;
+    fn unbond(history: &mut History<S>) {
+        history.cohesion = 0.0;
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
@@ -208,13 +208,13 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         [c.normal, c.shear]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
-        numbers.push(memory.cohesion);
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.cohesion);
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
-        Memory {
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
             shear: load_tangent(numbers),
             cohesion: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
         }

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
 use super::{
-    ContactLaw, Failure, PairTable, Partners, Reply, Touch, linear, load_tangent, save_tangent,
+    ContactLaw, Failure, PairTable, PairProperties, ContactForce, ContactKinematics, linear, load_tangent, save_tangent,
 };
 
 /// Parameters of one pair of materials.
@@ -73,7 +73,7 @@ pub struct Constants {
 
 /// The force of the shear spring (N) on the second partner, and of a bond the overlap (m) without a normal force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
     rest: f64,
     bonded: bool,
@@ -83,7 +83,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     type Row = Row;
     type Scale = f64;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 2;
 
     fn table(&self) -> PairTable<Row> {
@@ -96,8 +96,8 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         })
     }
 
-    fn scale(row: &Row, partners: &Partners) -> f64 {
-        row.linear.scale(partners)
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        row.linear.scale(pair)
     }
 
     #[inline(always)]
@@ -112,70 +112,70 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        if !memory.bonded {
-            return c.linear.slide(&mut memory.shear, touch);
+    fn force(c: &Constants, history: &mut History<S>, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        if !history.bonded {
+            return c.linear.slide(&mut history.shear, kinematics);
         }
-        let normal = c.linear.normal * (touch.overlap - memory.rest);
+        let normal = c.linear.normal * (kinematics.overlap - history.rest);
         let shear =
-            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.linear.shear * touch.time_step);
+            S::turn(&history.shear, &kinematics.normal) - kinematics.slip * (c.linear.shear * kinematics.time_step);
         let failure = if normal < -c.tensile {
             Failure::Tension
         } else if shear.length() > c.shear {
             Failure::Shear
         } else {
-            memory.shear = shear;
-            return Reply {
-                normal: normal - c.linear.normal_dashpot * touch.separation_rate,
-                tangent: shear - touch.slip * c.linear.shear_dashpot,
+            history.shear = shear;
+            return ContactForce {
+                normal: normal - c.linear.normal_dashpot * kinematics.separation_rate,
+                tangent: shear - kinematics.slip * c.linear.shear_dashpot,
                 moment: S::Spin::default(),
                 failure: None,
             };
         };
-        let mut broken = Memory {
-            shear: memory.shear,
-            ..Memory::default()
+        let mut broken = History {
+            shear: history.shear,
+            ..History::default()
         };
-        let reply = if touch.overlap > 0.0 {
-            c.linear.slide(&mut broken.shear, touch)
+        let force = if kinematics.overlap > 0.0 {
+            c.linear.slide(&mut broken.shear, kinematics)
         } else {
-            broken = Memory::default();
-            Reply {
+            broken = History::default();
+            ContactForce {
                 normal: 0.0,
                 tangent: S::Tangent::default(),
                 moment: S::Spin::default(),
                 failure: None,
             }
         };
-        *memory = broken;
-        Reply {
+        *history = broken;
+        ContactForce {
             failure: Some(failure),
-            ..reply
+            ..force
         }
     }
 
     #[inline(always)]
-    fn bonded(memory: &Memory<S>) -> bool {
-        memory.bonded
+    fn bonded(history: &History<S>) -> bool {
+        history.bonded
     }
 
     fn bonding_gap(c: &Constants) -> f64 {
         c.gap
     }
 
-    fn bond(c: &Constants, memory: &mut Memory<S>, overlap: f64) -> bool {
-        memory.bonded = c.tensile > 0.0 || c.shear > 0.0;
-        memory.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
-        memory.bonded
+    fn bond(c: &Constants, history: &mut History<S>, overlap: f64) -> bool {
+        history.bonded = c.tensile > 0.0 || c.shear > 0.0;
+        history.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
+        history.bonded
     }
 
-    fn unbond(memory: &mut Memory<S>) {
-        memory.bonded = false;
-        memory.rest = 0.0;
+    fn unbond(history: &mut History<S>) {
+        history.bonded = false;
+        history.rest = 0.0;
     }
 
-    fn normal_spring(c: &Constants, memory: &Memory<S>, overlap: f64) -> f64 {
-        c.linear.normal * (overlap - memory.rest)
+    fn normal_spring(c: &Constants, history: &History<S>, overlap: f64) -> f64 {
+        c.linear.normal * (overlap - history.rest)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
@@ -198,15 +198,15 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         [c.linear.normal, c.linear.shear]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
-        numbers.push(memory.rest);
-        numbers.push(if memory.bonded { 1.0 } else { 0.0 });
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.rest);
+        numbers.push(if history.bonded { 1.0 } else { 0.0 });
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
+    fn load(numbers: &[f64]) -> History<S> {
         let number = |k| numbers.get(k).copied().unwrap_or(0.0);
-        Memory {
+        History {
             shear: load_tangent(numbers),
             rest: number(S::Tangent::COUNT),
             bonded: number(S::Tangent::COUNT + 1) > 0.5,

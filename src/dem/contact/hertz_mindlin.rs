@@ -32,7 +32,7 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+use super::{ContactLaw, PairTable, PairProperties, ContactForce, ContactKinematics, cut_to, load_tangent, save_tangent};
 
 /// An isotropic elastic material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -177,7 +177,7 @@ pub struct Constants {
 
 /// The force of the shear spring (N) on the second partner, and the root of the overlap (m^1/2) it was loaded at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
     root: f64,
 }
@@ -186,7 +186,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     type Row = Row;
     type Scale = Scale;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
     fn table(&self) -> PairTable<Row> {
@@ -206,11 +206,11 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         })
     }
 
-    fn scale(_: &Row, partners: &Partners) -> Scale {
-        let radius = partners.rolling_radius.sqrt();
+    fn scale(_: &Row, pair: &PairProperties) -> Scale {
+        let radius = pair.rolling_radius.sqrt();
         Scale {
             radius,
-            mass: (partners.mass * radius).sqrt(),
+            mass: (pair.mass * radius).sqrt(),
         }
     }
 
@@ -228,25 +228,25 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        let overlap = touch.overlap.max(0.0);
+    fn force(c: &Constants, history: &mut History<S>, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        let overlap = kinematics.overlap.max(0.0);
         let root = overlap.sqrt();
         let fourth = root.sqrt();
-        let normal = (c.normal * overlap * root - c.dashpots[0] * fourth * touch.separation_rate)
+        let normal = (c.normal * overlap * root - c.dashpots[0] * fourth * kinematics.separation_rate)
             .max(c.least);
-        let mut held = S::turn(&memory.shear, &touch.normal);
-        if root < memory.root {
-            held = held * (root / memory.root);
+        let mut held = S::turn(&history.shear, &kinematics.normal);
+        if root < history.root {
+            held = held * (root / history.root);
         }
-        let spring = held - touch.slip * (c.shear * root * touch.time_step);
-        let total = spring - touch.slip * (c.dashpots[1] * fourth);
+        let spring = held - kinematics.slip * (c.shear * root * kinematics.time_step);
+        let total = spring - kinematics.slip * (c.dashpots[1] * fourth);
         let (length, limit) = (total.length(), c.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
-        *memory = Memory {
+        *history = History {
             shear: if length > limit { tangent } else { spring },
             root,
         };
-        Reply {
+        ContactForce {
             normal,
             tangent,
             moment: S::Spin::default(),
@@ -255,20 +255,20 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     }
 
     #[inline(always)]
-    fn bonded(_: &Memory<S>) -> bool {
+    fn bonded(_: &History<S>) -> bool {
         false
     }
 
-    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
+    fn bond(_: &Constants, _: &mut History<S>, _: f64) -> bool {
         false
     }
 
-    fn normal_spring(c: &Constants, _: &Memory<S>, overlap: f64) -> f64 {
+    fn normal_spring(c: &Constants, _: &History<S>, overlap: f64) -> f64 {
         let overlap = overlap.max(0.0);
         c.normal * overlap * overlap.sqrt()
     }
 
-    fn unbond(_: &mut Memory<S>) {}
+    fn unbond(_: &mut History<S>) {}
 
     fn widest_opening(&self, _: [f64; 2]) -> f64 {
         0.0
@@ -283,13 +283,13 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         [1.5 * c.normal * root, c.shear * root]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
-        numbers.push(memory.root);
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.root);
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
-        Memory {
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
             shear: load_tangent(numbers),
             root: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
         }

@@ -14,7 +14,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+use super::{ContactLaw, PairTable, PairProperties, ContactForce, ContactKinematics, cut_to, load_tangent, save_tangent};
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,8 +100,8 @@ impl Row {
     }
 
     /// The root of mass times normal stiffness (N s/m).
-    pub(super) fn scale(&self, partners: &Partners) -> f64 {
-        (partners.mass * self.normal(partners.diameter)).sqrt()
+    pub(super) fn scale(&self, pair: &PairProperties) -> f64 {
+        (pair.mass * self.normal(pair.diameter)).sqrt()
     }
 
     #[inline(always)]
@@ -121,16 +121,16 @@ impl Row {
 impl Constants {
     /// The force of an unbonded contact; `shear` is the force of the shear spring (N).
     #[inline(always)]
-    pub(super) fn slide<S: Space>(&self, shear: &mut S::Tangent, touch: &Touch<S>) -> Reply<S> {
-        let normal = (self.normal * touch.overlap - self.normal_dashpot * touch.separation_rate)
+    pub(super) fn slide<S: Space>(&self, shear: &mut S::Tangent, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        let normal = (self.normal * kinematics.overlap - self.normal_dashpot * kinematics.separation_rate)
             .max(self.least);
-        let spring = S::turn(shear, &touch.normal) - touch.slip * (self.shear * touch.time_step);
-        let dashpot = touch.slip * self.shear_dashpot;
+        let spring = S::turn(shear, &kinematics.normal) - kinematics.slip * (self.shear * kinematics.time_step);
+        let dashpot = kinematics.slip * self.shear_dashpot;
         let total = spring - dashpot;
         let (length, limit) = (total.length(), self.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
         *shear = if length > limit { tangent } else { spring };
-        Reply {
+        ContactForce {
             normal,
             tangent,
             moment: S::Spin::default(),
@@ -143,15 +143,15 @@ impl<S: Space> ContactLaw<S> for Linear {
     type Row = Row;
     type Scale = f64;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT;
 
     fn table(&self) -> PairTable<Row> {
         self.parameters.map(Parameters::row)
     }
 
-    fn scale(row: &Row, partners: &Partners) -> f64 {
-        row.scale(partners)
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        row.scale(pair)
     }
 
     #[inline(always)]
@@ -160,20 +160,20 @@ impl<S: Space> ContactLaw<S> for Linear {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        c.slide(&mut memory.shear, touch)
+    fn force(c: &Constants, history: &mut History<S>, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        c.slide(&mut history.shear, kinematics)
     }
 
     #[inline(always)]
-    fn bonded(_: &Memory<S>) -> bool {
+    fn bonded(_: &History<S>) -> bool {
         false
     }
 
-    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
+    fn bond(_: &Constants, _: &mut History<S>, _: f64) -> bool {
         false
     }
 
-    fn unbond(_: &mut Memory<S>) {}
+    fn unbond(_: &mut History<S>) {}
 
     fn widest_opening(&self, _: [f64; 2]) -> f64 {
         0.0
@@ -183,12 +183,12 @@ impl<S: Space> ContactLaw<S> for Linear {
         [c.normal, c.shear]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
-        Memory {
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
             shear: load_tangent(numbers),
         }
     }
@@ -196,6 +196,6 @@ impl<S: Space> ContactLaw<S> for Linear {
 
 /// The force of the shear spring (N) on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
 }

@@ -9,13 +9,13 @@
 //! `roll` is the second partner's spin relative to the first's without its part along the normal, `R_r = r1 r2/(r1 + r2)`, and
 //! `I_r = (1/I1 + 1/I2)^-1` with the moments of inertia about the contact point. Against a wall `R_r` and `I_r` are the grain's.
 //! `M_k'` is the spring's moment of the last step, turned with the contact. Equal and opposite moments act on both
-//! partners: angular momentum is kept.
+//! pair: angular momentum is kept.
 //! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
 
 use serde::{Deserialize, Serialize};
 
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch};
+use super::{ContactLaw, PairTable, PairProperties, ContactForce, ContactKinematics};
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,7 +56,7 @@ pub struct Constants<C> {
 
 /// The law's, and the moment of the rolling spring (N m) on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<M, S: Space> {
+pub struct History<M, S: Space> {
     law: M,
     moment: S::Spin,
 }
@@ -65,7 +65,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     type Row = (L::Row, Parameters);
     type Scale = Scale<L::Scale>;
     type Constants = Constants<L::Constants>;
-    type Memory = Memory<L::Memory, S>;
+    type History = History<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const ROLLS: bool = true;
 
@@ -77,15 +77,15 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         table
     }
 
-    fn scale((row, p): &Self::Row, partners: &Partners) -> Scale<L::Scale> {
-        let scale = L::scale(row, partners);
-        let law = L::constants(row, &scale, partners.diameter);
-        let lever = p.friction * partners.rolling_radius;
+    fn scale((row, p): &Self::Row, pair: &PairProperties) -> Scale<L::Scale> {
+        let scale = L::scale(row, pair);
+        let law = L::constants(row, &scale, pair.diameter);
+        let lever = p.friction * pair.rolling_radius;
         let stiffness = 2.25 * L::stiffness(&law)[0] * lever * lever;
         Scale {
             law: scale,
             lever,
-            dashpot: 2.0 * p.damping * (partners.rolling_inertia * stiffness).sqrt(),
+            dashpot: 2.0 * p.damping * (pair.rolling_inertia * stiffness).sqrt(),
         }
     }
 
@@ -101,41 +101,41 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     }
 
     #[inline(always)]
-    fn reply(c: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S> {
-        let reply = L::reply(&c.law, &mut memory.law, touch);
-        let roll = S::rolling(&touch.roll, &touch.normal);
+    fn force(c: &Self::Constants, history: &mut Self::History, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+        let force = L::force(&c.law, &mut history.law, kinematics);
+        let roll = S::rolling(&kinematics.roll, &kinematics.normal);
         let spring =
-            S::turn_moment(&memory.moment, &touch.normal) - roll * (c.stiffness * touch.time_step);
-        let (length, limit) = (spring.length(), c.lever * reply.normal.max(0.0));
+            S::turn_moment(&history.moment, &kinematics.normal) - roll * (c.stiffness * kinematics.time_step);
+        let (length, limit) = (spring.length(), c.lever * force.normal.max(0.0));
         let moment = if length > limit {
-            memory.moment = spring * (limit / length);
-            memory.moment
+            history.moment = spring * (limit / length);
+            history.moment
         } else {
-            memory.moment = spring;
+            history.moment = spring;
             spring - roll * c.dashpot
         };
-        Reply { moment, ..reply }
+        ContactForce { moment, ..force }
     }
 
     #[inline(always)]
-    fn bonded(memory: &Self::Memory) -> bool {
-        L::bonded(&memory.law)
+    fn bonded(history: &Self::History) -> bool {
+        L::bonded(&history.law)
     }
 
     fn bonding_gap(c: &Self::Constants) -> f64 {
         L::bonding_gap(&c.law)
     }
 
-    fn bond(c: &Self::Constants, memory: &mut Self::Memory, overlap: f64) -> bool {
-        L::bond(&c.law, &mut memory.law, overlap)
+    fn bond(c: &Self::Constants, history: &mut Self::History, overlap: f64) -> bool {
+        L::bond(&c.law, &mut history.law, overlap)
     }
 
-    fn unbond(memory: &mut Self::Memory) {
-        L::unbond(&mut memory.law);
+    fn unbond(history: &mut Self::History) {
+        L::unbond(&mut history.law);
     }
 
-    fn normal_spring(c: &Self::Constants, memory: &Self::Memory, overlap: f64) -> f64 {
-        L::normal_spring(&c.law, &memory.law, overlap)
+    fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {
+        L::normal_spring(&c.law, &history.law, overlap)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
@@ -146,19 +146,19 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         L::stiffness(&c.law)
     }
 
-    fn save(memory: &Self::Memory, numbers: &mut Vec<f64>) {
-        L::save(&memory.law, numbers);
+    fn save(history: &Self::History, numbers: &mut Vec<f64>) {
+        L::save(&history.law, numbers);
         for k in 0..S::Spin::COUNT {
-            numbers.push(memory.moment.get(k));
+            numbers.push(history.moment.get(k));
         }
     }
 
-    fn load(numbers: &[f64]) -> Self::Memory {
+    fn load(numbers: &[f64]) -> Self::History {
         let mut moment = S::Spin::default();
         for k in 0..S::Spin::COUNT {
             moment.set(k, numbers.get(L::NUMBERS + k).copied().unwrap_or(0.0));
         }
-        Memory {
+        History {
             law: L::load(numbers),
             moment,
         }

@@ -13,16 +13,16 @@ use rayon::prelude::*;
 use super::super::blocks::{in_space, out_of_space};
 use super::super::contact::blocks::{Blocks, Constants, Scale};
 use super::super::polyhedron::force::Approach;
-use super::super::polyhedron::{self, Geometry, Hidden, Memory, Model, Narrow, Polyhedron};
+use super::super::polyhedron::{self, Geometry, Hidden, History, Model, Narrow, Polyhedron};
 use super::super::{Contact, View, integrate};
 use super::bodies::Bodies;
 use super::*;
 use act::World;
 use pose::{Pose, boxes_meet};
 
-type BlockPair = Pair<Scale, Memory>;
+type BlockPair = Pair<Scale, History>;
 type BlockAtFacets = SurfacePair<Constants>;
-type BlockAtPlane = WallPair<Constants, Memory>;
+type BlockAtPlane = WallPair<Constants, History>;
 
 /// Poses of all entries, and buffers of the narrow phase, one for each piece of work.
 #[derive(Debug, Default)]
@@ -101,7 +101,7 @@ impl<S: Space> Engine<S, Blocks> {
                 };
                 let facet = face[0][0];
                 let held = facets.held(&pair).iter().find(|held| held.facet == facet);
-                let mut memory = held.map_or(Memory::default(), |held| held.memory);
+                let mut memory = held.map_or(History::default(), |held| held.memory);
                 let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut memory);
                 contact[k].force += load.force;
                 contact[k].torque += load.torque;

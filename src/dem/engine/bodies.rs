@@ -74,7 +74,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &Pair<Self::Scale, Self::Memory>,
+        pair: &Pair<Self::Scale, Self::History>,
         _: &mut Narrow,
     ) -> Option<Contact<S>> {
         engine.sphere_contact(particles, pair)
@@ -84,7 +84,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &WallPair<Self::Constants, Self::Memory>,
+        pair: &WallPair<Self::Constants, Self::History>,
         _: &mut Narrow,
     ) -> Option<Contact<S>> {
         engine.sphere_plane_contact(particles, pair)

@@ -66,7 +66,7 @@ use super::separating_axes::{gap, widest_gap};
 use super::shape::Polyhedron;
 use super::{HalfSpace, analytic_centre};
 pub use facet::Hidden;
-pub use memory::Memory;
+pub use memory::History;
 
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
@@ -162,7 +162,7 @@ impl Narrow {
         second: &Placed,
         separation: &Vector3<f64>,
         model: &Model,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Option<Geometry> {
         let reach = first.shape.radius() + second.shape.radius();
         if separation.norm_squared() >= reach * reach {
@@ -221,7 +221,7 @@ impl Narrow {
         normal: &Vector3<f64>,
         height: f64,
         model: &Model,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Option<Geometry> {
         let plane = HalfSpace {
             normal: block.rotation.tr_mul(normal),
@@ -271,7 +271,7 @@ impl Narrow {
         deepest: &Vector3<f64>,
         depth: f64,
         model: &Model,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Option<Geometry> {
         match *model {
             Model::Patch => {
@@ -318,7 +318,7 @@ impl Narrow {
         &mut self,
         first: &Polyhedron,
         other: &Other,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Option<Geometry> {
         self.ways.exhaustive += 1;
         let (axis, depth, foremost) = match other {
@@ -380,7 +380,7 @@ impl Narrow {
         first: &Placed,
         second: &Placed,
         separation: &Vector3<f64>,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Option<Geometry> {
         let other = Other::Block {
             shape: second.shape,
@@ -393,7 +393,7 @@ impl Narrow {
 }
 
 /// The contact in space, and what the pair remembers of it.
-fn finish(found: Option<Geometry>, first: &Placed, memory: &mut Memory) -> Option<Geometry> {
+fn finish(found: Option<Geometry>, first: &Placed, memory: &mut History) -> Option<Geometry> {
     if found.is_none() {
         memory.release();
     }

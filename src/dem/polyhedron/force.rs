@@ -26,7 +26,7 @@
 
 use nalgebra::Vector3;
 
-use super::contact::{Geometry, Memory};
+use super::contact::{Geometry, History};
 
 /// Stiffness of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +97,7 @@ impl Law {
     }
 
     /// The action of a contact; its springs live in `memory`.
-    pub fn act(&self, touch: &Geometry, memory: &mut Memory, approach: &Approach) -> Action {
+    pub fn act(&self, touch: &Geometry, memory: &mut History, approach: &Approach) -> Action {
         let dt = approach.time_step;
         let n = touch.normal;
         let [spin, other] = approach.spins;
