@@ -17,6 +17,7 @@
 //! | `bond_events` | bonds made, failed and removed |
 //! | `report` | contacts and counts for output |
 
+mod any;
 mod blocks;
 pub(super) mod bodies;
 mod bond_events;
@@ -27,7 +28,7 @@ mod pairs;
 mod parts;
 mod report;
 
-use super::contact::{ContactLaw, Failure, PairTable, PairProperties, ContactKinematics};
+use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
@@ -41,6 +42,7 @@ use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
+pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
 use facets::{Facets, Held, SurfacePair, memory_of};
 pub(super) use histories::{Key, WallKey};

@@ -518,6 +518,7 @@ fn whole(value: f64) -> i64 {
 mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
+    use crate::dem::contact::Scaled;
     use crate::dem::contact::linear::{self, Linear};
     use crate::dem::{PairTable, Volume};
     use crate::scene::grading::Class;
@@ -533,8 +534,7 @@ mod tests {
             parameters: PairTable::uniform(
                 1,
                 linear::Parameters {
-                    normal_stiffness: stiffness,
-                    stiffness_per_diameter: false,
+                    normal_stiffness: Scaled::Absolute(stiffness),
                     stiffness_ratio: 1.0,
                     friction: 0.5,
                     normal_damping: 0.3,

@@ -147,6 +147,11 @@ impl Grid {
     }
 }
 
+/// The number of something of which there are few, such as materials.
+pub(crate) fn small(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
 /// A count as a number.
 #[expect(clippy::cast_precision_loss, reason = "counts stay below 2^53")]
 pub(crate) fn count(n: usize) -> f64 {

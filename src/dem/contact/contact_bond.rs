@@ -1,4 +1,4 @@
-//! The linear contact-bond law of the fissure paper's clay (C-03, C-04); its sand is [`super::linear`] (C-02).
+//! The linear contact-bond law: [`super::linear`] with bonds of given tensile and shear strength.
 //!
 //! ```text
 //! bonded:    F_n = k_n (overlap - rest) - c_n d(gap)/dt      also in tension, down to -T
@@ -15,43 +15,196 @@
 //! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` says what the normal
 //! spring of a bond across a gap measures from: 0, so that it pulls at once with k_n times the gap (a gap beyond T/k_n fails
 //! in the first step), or, with `unstressed`, the gap it was made at, so that it starts without a force. Once
-//! broken, overlaps count from contact again. With the paper's numbers (C-05) a bond opens by T/k_n = 1e-5 m and shears by
-//! S/k_s = 5e-5 m.
+//! broken, overlaps count from contact again. Before it breaks, a bond opens by T/k_n and shears by S/k_s.
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
+use super::input::{coefficient, default_ratio, pair_table};
+use super::rolling::{self, Rolling};
 use super::{
-    ContactLaw, Failure, PairTable, PairProperties, ContactForce, ContactKinematics, linear, load_tangent, save_tangent,
+    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
+    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact,
+    TimeLimits, linear, load_tangent, save_tangent,
 };
+use crate::error::Report;
+
+/// Bonded: F_n = k_n δ down to minus the tensile strength, |F_s| up to the shear strength, no sliding and no moment.
+/// A bond that fails is gone for good; without one the law is the linear one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "ContactBond")]
+pub struct Input {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ of contacts without a bond [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Force that pulls a bond apart [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: f64,
+    /// Force that shears a bond off [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: f64,
+    /// `bond_at_start` bonds all whose surfaces are at most so far apart [m]; 0: only those that touch.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub bonding_gap: f64,
+    /// Whether a bond made across a gap starts without a force. Else it pulls at once with k_n times the gap, and
+    /// fails at once where that is above its strength.
+    #[serde(default)]
+    pub unstressed: bool,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Resistance to rolling; none without it.
+    #[serde(default)]
+    pub rolling: Option<rolling::Parameters>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for Input {
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        let path = "contact.contact_bond";
+        let base = Parameters {
+            linear: linear::Parameters {
+                normal_stiffness: self.normal_stiffness,
+                stiffness_ratio: self.shear_to_normal_stiffness,
+                friction: coefficient(self.friction_angle_degrees),
+                normal_damping: self.normal_damping_ratio,
+                shear_damping: self.shear_damping_ratio,
+                attraction: false,
+            },
+            tensile_strength: self.tensile_strength,
+            shear_strength: self.shear_strength,
+            bonding_gap: self.bonding_gap,
+            unstressed: self.unstressed,
+        };
+        base.linear.check(path, report);
+        let parameters = pair_table(
+            (path, scene),
+            PairTable::uniform(scene.material_count(), base),
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |_, pair, path, report| {
+                pair.check_stiffness(path, report);
+                pair.refuse_cohesion(path, report);
+                Parameters {
+                    linear: base.linear.overridden(pair),
+                    tensile_strength: pair.tensile_strength.unwrap_or(base.tensile_strength),
+                    shear_strength: pair.shear_strength.unwrap_or(base.shear_strength),
+                    ..base
+                }
+            },
+        );
+        let law = ContactBond { parameters };
+        Some(match self.rolling {
+            Some(rolling) => Rolling::everywhere(law, rolling).into(),
+            None => law.into(),
+        })
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
 
 /// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameters {
     /// The springs, dashpots and friction.
     pub linear: linear::Parameters,
-    /// Tensile strength T of a bond (N; in the plane N per m of depth).
+    /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
     pub tensile_strength: f64,
-    /// Shear strength S of a bond (N; in the plane N per m of depth).
+    /// Shear strength S of a bond [N]; in the plane [N per m of depth].
     pub shear_strength: f64,
-    /// Surfaces at most so far apart (m) are bonded.
-    #[serde(default)]
+    /// Surfaces at most so far apart [m] are bonded.
     pub bonding_gap: f64,
     /// Whether a bond made across a gap starts without a force.
-    #[serde(default)]
     pub unstressed: bool,
 }
 
 /// The law: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactBond {
     /// Per pair of materials.
     pub parameters: PairTable<Parameters>,
 }
 
-/// Per pair of materials: the linear law's, strengths (N), bonding gap (m).
+impl ContactModel for ContactBond {
+    fn describe(&self) -> String {
+        "linear with contact bonds".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).linear.friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        let pair = self.parameters.get(a, b);
+        pair.linear.normal_stiffness.at(diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            pair.linear.prepare(normal_stiffness, friction);
+        }
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        self.parameters.get(a, b).linear.springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = self.parameters.rows_of(material);
+        let stiffest = pairs.map(|p| p.linear.stiffest(2.0 * radius));
+        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
+    }
+
+    fn bonds(&self) -> bool {
+        true
+    }
+
+    fn bonding_gap(&self) -> f64 {
+        self.parameters.get(0, 0).bonding_gap
+    }
+
+    fn bond_opening(&self, [a, b]: [u32; 2], diameter: f64) -> Option<BondOpening> {
+        let pair = self.parameters.get(a, b);
+        Some(BondOpening {
+            gap: pair.bonding_gap,
+            strength: pair.tensile_strength,
+            stiffness: pair.linear.normal_stiffness.at(diameter),
+            path: "contact.contact_bond.tensile_strength",
+        })
+    }
+}
+
+/// Per pair of materials: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     linear: linear::Row,
@@ -61,7 +214,7 @@ pub struct Row {
     unstressed: bool,
 }
 
-/// Per pair: the linear law's, strengths (N), bonding gap (m).
+/// Per pair: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     linear: linear::Constants,
@@ -71,7 +224,7 @@ pub struct Constants {
     unstressed: bool,
 }
 
-/// The force of the shear spring (N) on the second partner, and of a bond the overlap (m) without a normal force.
+/// The force of the shear spring [N] on the second partner, and of a bond the overlap [m] without a normal force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct History<S: Space> {
     shear: S::Tangent,
@@ -112,13 +265,17 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     }
 
     #[inline(always)]
-    fn force(c: &Constants, history: &mut History<S>, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
         if !history.bonded {
             return c.linear.slide(&mut history.shear, kinematics);
         }
         let normal = c.linear.normal * (kinematics.overlap - history.rest);
-        let shear =
-            S::turn(&history.shear, &kinematics.normal) - kinematics.slip * (c.linear.shear * kinematics.time_step);
+        let shear = S::turn(&history.shear, &kinematics.normal)
+            - kinematics.slip * (c.linear.shear * kinematics.time_step);
         let failure = if normal < -c.tensile {
             Failure::Tension
         } else if shear.length() > c.shear {
@@ -180,12 +337,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         let opening = |p: &Parameters, d: f64| {
-            let scale = if p.linear.stiffness_per_diameter {
-                d
-            } else {
-                1.0
-            };
-            p.bonding_gap + p.tensile_strength / (p.linear.normal_stiffness * scale)
+            p.bonding_gap + p.tensile_strength / p.linear.normal_stiffness.at(d)
         };
         self.parameters
             .rows()
@@ -212,4 +364,8 @@ impl<S: Space> ContactLaw<S> for ContactBond {
             bonded: number(S::Tangent::COUNT + 1) > 0.5,
         }
     }
+}
+
+impl<S: Space> Bodies<S> for ContactBond {
+    type Scratch = ();
 }

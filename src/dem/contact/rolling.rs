@@ -1,4 +1,4 @@
-//! Resistance to rolling on top of another law: the elastic-plastic spring-dashpot model, type C of Ai et al. (C-04).
+//! Resistance to rolling on top of another law: the elastic-plastic spring-dashpot model, type C of Ai et al..
 //!
 //! ```text
 //! M_k = cut(M_k' - k_r roll dt)          cut to length M_m = mu_r R_r max(F_n, 0)
@@ -12,24 +12,33 @@
 //! pair: angular momentum is kept.
 //! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, PairProperties, ContactForce, ContactKinematics};
+use super::{
+    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties,
+    PairTable, Scaled, Springs, StaticContact, TimeLimits,
+};
 
-/// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Resistance to rolling as an elastic-plastic spring-dashpot: type C of Ai, Chen, Rotter and Ooi (2011).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "Rolling")]
 pub struct Parameters {
-    /// Coefficient of rolling friction mu_r: the tangent of the slope on which a grain just rolls.
+    /// Coefficient of rolling friction: the moment is at most this times the rolling radius times the normal force. It is the tangent
+    /// of the slope on which a grain just rolls.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
-    /// Rolling dashpot as a fraction of critical damping.
+    /// Dashpot in parallel with the rolling spring, as a fraction of critical damping.
     #[serde(default)]
-    pub damping: f64,
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub damping_ratio: f64,
 }
 
 /// A law with resistance to rolling: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rolling<L> {
     /// The law of normal and shear forces.
     pub law: L,
@@ -37,7 +46,73 @@ pub struct Rolling<L> {
     pub parameters: PairTable<Parameters>,
 }
 
-/// Per pair: the law's, lever of the limit (m), and rolling dashpot (N m s).
+impl<L: ContactModel> Rolling<L> {
+    /// A law with the same resistance to rolling for all pairs.
+    #[must_use]
+    pub fn everywhere(law: L, parameters: Parameters) -> Self {
+        Self {
+            parameters: PairTable::uniform(law.materials(), parameters),
+            law,
+        }
+    }
+}
+
+/// All but the description is that of the law: the rolling spring shortens no step.
+impl<L: ContactModel> ContactModel for Rolling<L> {
+    fn describe(&self) -> String {
+        format!("{}, resistance to rolling", self.law.describe())
+    }
+
+    fn materials(&self) -> u32 {
+        self.law.materials()
+    }
+
+    fn friction(&self, materials: [u32; 2]) -> f64 {
+        self.law.friction(materials)
+    }
+
+    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64 {
+        self.law.normal_stiffness(materials, diameter)
+    }
+
+    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
+        self.law.growth_stiffness(material, diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        self.law.prepare(normal_stiffness, friction);
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        self.law.springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        self.law.time_limits(material, radius, mass)
+    }
+
+    fn impact_speed(&self) -> Option<(f64, &'static str)> {
+        self.law.impact_speed()
+    }
+
+    fn bonds(&self) -> bool {
+        self.law.bonds()
+    }
+
+    fn bonding_gap(&self) -> f64 {
+        self.law.bonding_gap()
+    }
+
+    fn bond_opening(&self, materials: [u32; 2], diameter: f64) -> Option<BondOpening> {
+        self.law.bond_opening(materials, diameter)
+    }
+
+    fn cohesion(&self, materials: [u32; 2]) -> Scaled {
+        self.law.cohesion(materials)
+    }
+}
+
+/// Per pair: the law's, lever of the limit [m], and rolling dashpot [N m s].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale<C> {
     law: C,
@@ -45,7 +120,7 @@ pub struct Scale<C> {
     dashpot: f64,
 }
 
-/// Per pair: the law's, rolling stiffness (N m), dashpot (N m s), and lever of the limit (m).
+/// Per pair: the law's, rolling stiffness [N m], dashpot [N m s], and lever of the limit [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants<C> {
     law: C,
@@ -54,7 +129,7 @@ pub struct Constants<C> {
     lever: f64,
 }
 
-/// The law's, and the moment of the rolling spring (N m) on the second partner.
+/// The law's, and the moment of the rolling spring [N m] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct History<M, S: Space> {
     law: M,
@@ -85,7 +160,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         Scale {
             law: scale,
             lever,
-            dashpot: 2.0 * p.damping * (pair.rolling_inertia * stiffness).sqrt(),
+            dashpot: 2.0 * p.damping_ratio * (pair.rolling_inertia * stiffness).sqrt(),
         }
     }
 
@@ -101,11 +176,15 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     }
 
     #[inline(always)]
-    fn force(c: &Self::Constants, history: &mut Self::History, kinematics: &ContactKinematics<S>) -> ContactForce<S> {
+    fn force(
+        c: &Self::Constants,
+        history: &mut Self::History,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
         let force = L::force(&c.law, &mut history.law, kinematics);
         let roll = S::rolling(&kinematics.roll, &kinematics.normal);
-        let spring =
-            S::turn_moment(&history.moment, &kinematics.normal) - roll * (c.stiffness * kinematics.time_step);
+        let spring = S::turn_moment(&history.moment, &kinematics.normal)
+            - roll * (c.stiffness * kinematics.time_step);
         let (length, limit) = (spring.length(), c.lever * force.normal.max(0.0));
         let moment = if length > limit {
             history.moment = spring * (limit / length);
@@ -163,4 +242,8 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
             moment,
         }
     }
+}
+
+impl<S: Space, L: ContactLaw<S> + 'static> Bodies<S> for Rolling<L> {
+    type Scratch = ();
 }

@@ -43,19 +43,6 @@ fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
 }
 
 impl<S: Space> Engine<S, Blocks> {
-    pub(in crate::dem) fn of_blocks(
-        law: Blocks,
-        settings: Settings<S>,
-        walls: Vec<Wall<S>>,
-    ) -> Self {
-        let mut engine = Self::new(law, settings, walls);
-        let surfaces = engine.walls.iter().map(|wall| &wall.surface);
-        engine.scratch.faces = surfaces
-            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
-            .collect();
-        engine
-    }
-
     /// Adds the actions of facets: one contact with each face, with the memory it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let mut facets = std::mem::take(&mut self.facets);
@@ -205,6 +192,23 @@ impl<S: Space> Bodies<S> for Blocks {
     type Scratch = Scratch;
 
     const PER_THREAD: usize = 16;
+
+    fn engine(
+        law: Self,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Result<Engine<S, Self>, Error> {
+        if S::DIMENSION != 3 {
+            let what = "a contact law of blocks in two dimensions";
+            return Err(Error::Numerical(what.into()));
+        }
+        let mut engine = Engine::new(law, settings, walls);
+        let surfaces = engine.walls.iter().map(|wall| &wall.surface);
+        engine.scratch.faces = surfaces
+            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
+            .collect();
+        Ok(engine)
+    }
 
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
         if !particles.has_blocks() {

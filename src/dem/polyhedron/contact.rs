@@ -54,11 +54,13 @@
 //! the buffers of [`Narrow`] have grown.
 
 mod facet;
-mod memory;
+mod history;
 mod overlap;
 mod sphere;
 
 use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::cut::count_f64;
 use super::linear_program::{self, Verdict};
@@ -66,7 +68,7 @@ use super::separating_axes::{gap, widest_gap};
 use super::shape::Polyhedron;
 use super::{HalfSpace, analytic_centre};
 pub use facet::Hidden;
-pub use memory::History;
+pub use history::History;
 
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
@@ -77,16 +79,20 @@ pub struct Placed<'a> {
     pub rotation: Matrix3<f64>,
 }
 
-/// How a contact is condensed: see the module.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How a contact of blocks is condensed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "BlockModel")]
 pub enum Model {
-    /// Boon's point and normal.
+    /// Volume and vector area of the overlap: faces that rest on faces.
+    #[default]
+    Patch,
+    /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
-        /// Rounding r (m) of the potential particles: more than an overlap, less than half a block.
+        /// Rounding of the corners [m]: more than an overlap, much less than a block.
+        #[schemars(extend("exclusiveMinimum" = 0))]
         rounding: f64,
     },
-    /// Volume and vector area of the overlap.
-    Patch,
 }
 
 /// A contact now, in the axes of space.

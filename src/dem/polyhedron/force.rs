@@ -25,11 +25,13 @@
 //! mass-proportional damping ([`super::Damping`]); the dashpots are for collisions.
 
 use nalgebra::Vector3;
+use serde::Serialize;
 
 use super::contact::{Geometry, History};
 
 /// Stiffness of a contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Stiffness {
     /// The same for every contact.
     PerContact {
@@ -48,7 +50,7 @@ pub enum Stiffness {
 }
 
 /// The law of a pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Law {
     /// Stiffness.
     pub stiffness: Stiffness,

@@ -20,7 +20,7 @@ use crate::case::darcy::SeepageCondition;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
-use crate::scene::grid::count;
+use crate::scene::grid::{count, small};
 use crate::scene::seepage::{Patch, Seepage};
 
 const TABLE: &str = include_str!("measured_seepage.csv");
@@ -247,7 +247,8 @@ fn softest(scene: &Scene) -> Option<f64> {
     let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
     let radius = grains.radii?.1;
     let mass = scene.mass(grains.material, radius);
-    let time = contact.time_limits(grains.material, radius, mass).spring;
+    let material = small(grains.material);
+    let time = contact.model().time_limits(material, radius, mass).spring;
     Some(4.0 * mass / (time * time))
 }
 

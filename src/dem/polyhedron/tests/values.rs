@@ -7,7 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::Approach;
 use super::super::linear_program::{AFRESH, Verdict, solve};
-use super::super::{HalfSpace, Law, History, Model, Narrow, Polyhedron, Stiffness};
+use super::super::{HalfSpace, History, Law, Model, Narrow, Polyhedron, Stiffness};
 use super::{attitude, between, direction, placed, random_hull};
 use crate::random::Stream;
 
