@@ -18,7 +18,7 @@
 //! | `region`, `migration`, `ghosts` | the box; which rank owns a grain; which ranks see it |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
-//! | `contact` | contact laws, one file each |
+//! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |

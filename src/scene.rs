@@ -30,7 +30,6 @@ pub(crate) mod stl;
 pub mod walls;
 
 use crate::case::Case;
-use crate::case::contact::Contact;
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
@@ -444,7 +443,7 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
             "take lattice_boltzmann, or take out the blocks and polyhedra",
         );
     }
-    if !matches!(case.contact, None | Some(Contact::Blocks(_))) {
+    if case.contact.as_ref().is_some_and(|law| !law.of_polyhedra()) {
         findings.error(
             "contact",
             "this is a law of discs and spheres, but there are polyhedra",

@@ -3,14 +3,15 @@
 //! A contact law is one file. It holds, in this order:
 //!
 //! 1. the equation and its source;
-//! 2. `Input`, its parameters as they stand in a case, with unit, range and default of each ([`ContactParameters`]), and how they become
-//!    the law with its parameters for every pair of materials, with all that can be wrong;
-//! 3. the law, with what the plan asks of it: one line of description, limits of the time step, springs, bonds ([`ContactModel`]);
-//! 4. what it computes once per pair, what it remembers from step to step, and the force ([`ContactLaw`]);
-//! 5. what its bodies are: `impl Bodies`, spheres unless it says more.
+//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution to parameters for
+//!    every pair of materials, with findings ([`ContactParameters`]);
+//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds ([`ContactModel`]);
+//! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
+//! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
-//! To add a law, write the file and add one line to the list below. The list makes the enum of a case and its schema ([`Contact`]), the
-//! resolved laws ([`Law`]), and the way from a law to the engine that is compiled for it: no loop asks which law it has.
+//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of the case with its
+//! schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is compiled for each law: no loop asks for the
+//! law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|

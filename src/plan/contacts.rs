@@ -1,28 +1,31 @@
-//! Up to which time step contacts are stable, from the highest frequency of what they hold together.
+//! The largest time step at which contacts are stable, from the highest frequency of the bodies that they connect.
 //!
 //! A contact of a pair is a spring K and a dashpot C between two bodies of masses M, along its normal and across it, where rotation
-//! moves the point of contact too. The explicit step with velocities half a step behind makes of small motions
+//! moves the point of contact too. For small motions, the explicit step with velocities half a step behind is
 //!
 //! ```text
 //! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
 //! ```
 //!
-//! which grows, its sign changing in every step, once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without dashpots that
-//! is dt > 2/w of the highest frequency w; dashpots shorten the step (of one oscillator by sqrt(1 + zeta²) - zeta). Source of the
-//! limit of explicit steps by the highest frequency: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and
-//! Structures, 2000, chapter 6. What maps of runs show of it stands under `benches/stability`.
+//! Its solution grows and changes its sign in every step once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
+//! dashpots that is dt > 2/w with the highest frequency w. Dashpots shorten the step, that of one oscillator by sqrt(1 + zeta²) - zeta.
+//! Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000, chapter 6. Maps of runs
+//! under `benches/stability` confirm it.
 //!
-//! Two limits are compared with the step:
+//! The step is compared with two limits:
 //!
-//! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it without friction the case
-//!   is refused: what is hardly pressed slips, so that friction alone is no spring. With the springs of friction, and with contacts as
-//!   deep as the law expects them, the case counts as unstable.
-//! * that of a packing of the smallest grains: `lambda k/m` of the normal springs is 6 or 8 in the densest packing of discs or spheres, and that
-//!   of the shear springs 16 or 20 where all turn the same way on 4 or 6 partners, as many as a random packing has. Fewer partners make at
-//!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared will come to it and is unstable;
-//!   what is held together from the start has its own limit, and may come to that of a packing: a warning.
+//! * The limit of the contacts with which a listed or read sample starts, by power iteration, which finds it from above. Beyond the
+//!   limit without friction the case is refused; contacts under little pressure slip, so that friction is no spring. Beyond the limit
+//!   with the springs of friction, and with contacts as deep as the law expects them, the case counts as unstable.
+//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing of discs or
+//!   spheres. That of the shear springs is 16 or 20 where all grains turn the same way on 4 or 6 partners, the number in a random
+//!   packing. Z partners give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Beyond this limit,
+//!   grains that start apart or are prepared are unstable; a sample that is held together from the start gets a warning.
 //!
-//! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
+//! A block is bounded by springs on all its faces, with neighbours that move against it. Beyond the limit of one face alone the case is
+//! refused.
+//!
+//! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
 mod blocks;
 mod network;

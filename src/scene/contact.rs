@@ -70,8 +70,8 @@ impl Scene {
     }
 }
 
-/// From above, how fast two things of a case approach each other [m/s]: the two largest speeds at the start, and a fall through
-/// the domain.
+/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the start and that of a
+/// fall through the domain.
 pub(crate) fn fastest_approach(case: &Case) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
@@ -91,6 +91,6 @@ pub(crate) fn fastest_approach(case: &Case) -> f64 {
     let extent = case.domain.size.to_array();
     let fall: f64 = (0..3).map(|a| 2.0 * gravity[a].abs() * extent[a]).sum();
     let fastest = speeds[0] + speeds[1] + fall.sqrt();
-    // Nothing moves, nothing falls: a creeping millimetre per second.
+    // Nothing moves and nothing falls: a millimetre per second.
     if fastest > 0.0 { fastest } else { 1e-3 }
 }

@@ -2,8 +2,8 @@
 
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};
-pub(crate) use crate::error::number;
 use crate::case::{Case, check};
+pub(crate) use crate::error::number;
 use crate::error::{Finding, Problem, Remedy, Report, Severity};
 use serde_json::Value;
 use std::cell::OnceCell;

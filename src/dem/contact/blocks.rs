@@ -182,6 +182,10 @@ impl Input {
 }
 
 impl<F: From<Blocks>> ContactParameters<F> for Input {
+    fn of_polyhedra(&self) -> bool {
+        true
+    }
+
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.blocks";
         if scene.dimension == 2 {

@@ -47,6 +47,16 @@ macro_rules! contact_laws {
                     } )+
                 }
             }
+
+            /// Whether polyhedra can have the law.
+            #[must_use]
+            $vis fn of_polyhedra(&self) -> bool {
+                match self {
+                    $( Self::$Name(parameters) => {
+                        $crate::dem::contact::ContactParameters::<$Law>::of_polyhedra(parameters)
+                    } )+
+                }
+            }
         }
 
         $(#[$resolved])*

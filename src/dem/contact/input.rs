@@ -18,6 +18,11 @@ pub trait ContactParameters<F> {
     fn local_damping(&self) -> f64 {
         0.0
     }
+
+    /// Whether polyhedra can have the law.
+    fn of_polyhedra(&self) -> bool {
+        false
+    }
 }
 
 /// The facts of a scene that contact laws are resolved against.

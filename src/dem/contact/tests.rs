@@ -60,7 +60,7 @@ fn resolved(contact: serde_json::Value) -> Law {
     let mut report = Paths::default();
     let law = contact.resolve(&facts(&glass(), false), &mut report);
     assert_eq!(report.0, Vec::<String>::new());
-    assert_eq!(contact.local_damping().to_bits(), 0.0_f64.to_bits());
+    assert!(contact.local_damping() <= 0.0 && !contact.of_polyhedra());
     law.unwrap()
 }
 
