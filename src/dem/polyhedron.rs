@@ -16,7 +16,7 @@
 //! | `linear_program` | whether two sets of half-spaces meet: dual simplex method in four variables |
 //! | `analytic_centre` | the contact point of Boon et al. (2012) |
 //! | `separating_axes` | the exhaustive test, for pairs that the linear program leaves open |
-//! | `contact` | the narrow phase: two blocks, block and plane; `contact/`: overlap, sphere, facet, memory |
+//! | `contact` | the narrow phase: two blocks, block and plane; `contact/`: overlap, sphere, facet, history |
 //! | `force` | contact law |
 //! | `rotation` | orientation and angular momentum |
 //!

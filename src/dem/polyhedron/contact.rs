@@ -168,22 +168,22 @@ impl Narrow {
         second: &Placed,
         separation: &Vector3<f64>,
         model: &Model,
-        memory: &mut History,
+        history: &mut History,
     ) -> Option<Geometry> {
         let reach = first.shape.radius() + second.shape.radius();
         if separation.norm_squared() >= reach * reach {
-            memory.release();
+            history.release();
             return None;
         }
         let turn = first.rotation.tr_mul(&second.rotation);
         let local = first.rotation.tr_mul(separation);
         let apart = |axis: &Vector3<f64>| gap(first.shape, second.shape, &turn, &local, axis);
-        if memory.axis != Vector3::zeros() {
-            if apart(&memory.axis) > 0.0 {
-                memory.release();
+        if history.axis != Vector3::zeros() {
+            if apart(&history.axis) > 0.0 {
+                history.release();
                 return None;
             }
-            memory.axis = Vector3::zeros();
+            history.axis = Vector3::zeros();
         }
         self.planes.clear();
         self.planes.extend_from_slice(first.shape.half_spaces());
@@ -195,7 +195,7 @@ impl Narrow {
         }
         self.ways.programs += 1;
         let far = 4.0 * first.shape.radius();
-        let verdict = linear_program::solve(&self.planes, self.own, far, &mut memory.basis);
+        let verdict = linear_program::solve(&self.planes, self.own, far, &mut history.basis);
         let other = Other::Block {
             shape: second.shape,
             turn,
@@ -203,20 +203,20 @@ impl Narrow {
         };
         let found = match verdict {
             Verdict::Overlap { point, depth } if depth > 0.0 => {
-                self.condense(first.shape, &other, &point, depth, model, memory)
+                self.condense(first.shape, &other, &point, depth, model, history)
             }
             Verdict::Apart { axis, .. } => {
                 let axis = axis.try_normalize(0.0).unwrap_or_default();
                 if apart(&axis) > 0.0 {
-                    memory.axis = axis;
+                    history.axis = axis;
                     None
                 } else {
-                    self.exhaust(first.shape, &other, memory)
+                    self.exhaust(first.shape, &other, history)
                 }
             }
-            Verdict::Overlap { .. } | Verdict::Open => self.exhaust(first.shape, &other, memory),
+            Verdict::Overlap { .. } | Verdict::Open => self.exhaust(first.shape, &other, history),
         };
-        finish(found, first, memory)
+        finish(found, first, history)
     }
 
     /// A block (the first) and what fills the space behind a plane (the second): `normal` points out of that, and the block's
@@ -227,19 +227,19 @@ impl Narrow {
         normal: &Vector3<f64>,
         height: f64,
         model: &Model,
-        memory: &mut History,
+        history: &mut History,
     ) -> Option<Geometry> {
         let plane = HalfSpace {
             normal: block.rotation.tr_mul(normal),
             offset: -height,
         };
         if height >= block.shape.radius() {
-            memory.release();
+            history.release();
             return None;
         }
         let (lowest, below) = block.shape.support(&-plane.normal);
         if below <= height {
-            memory.release();
+            history.release();
             return None;
         }
         let other = Other::Plane(plane);
@@ -257,16 +257,16 @@ impl Narrow {
                 self.planes.push(plane);
                 self.ways.programs += 1;
                 let far = 4.0 * block.shape.radius();
-                let basis = &mut memory.basis;
+                let basis = &mut history.basis;
                 match linear_program::solve(&self.planes, self.own, far, basis) {
                     Verdict::Overlap { point, depth } if depth > 0.0 => {
-                        self.condense(block.shape, &other, &point, depth, model, memory)
+                        self.condense(block.shape, &other, &point, depth, model, history)
                     }
-                    _ => self.exhaust(block.shape, &other, memory),
+                    _ => self.exhaust(block.shape, &other, history),
                 }
             }
         };
-        finish(found, block, memory)
+        finish(found, block, history)
     }
 
     /// The contact of an overlap whose deepest point is known.
@@ -277,34 +277,34 @@ impl Narrow {
         deepest: &Vector3<f64>,
         depth: f64,
         model: &Model,
-        memory: &mut History,
+        history: &mut History,
     ) -> Option<Geometry> {
         match *model {
             Model::Patch => {
                 let overlap = self.overlap(first, other, deepest);
                 match self.patch(other, &overlap) {
                     Some(geometry) => Some(geometry),
-                    None => self.exhaust(first, other, memory),
+                    None => self.exhaust(first, other, history),
                 }
             }
             Model::Point { rounding } => {
                 let warm = self
                     .planes
                     .iter()
-                    .all(|plane| plane.height(&memory.point) < -0.1 * depth);
-                let start = if warm { &memory.point } else { deepest };
+                    .all(|plane| plane.height(&history.point) < -0.1 * depth);
+                let start = if warm { &history.point } else { deepest };
                 let (point, reached) = analytic_centre::find(&self.planes, start, &mut self.rows);
                 if !reached {
                     self.ways.off_centre += 1;
                 }
-                memory.point = point;
+                history.point = point;
                 let (own, others) = self.planes.split_at(self.own);
                 let one = gradient(own, &point, rounding);
                 let two = gradient(others, &point, rounding);
                 // Gradients that nearly agree: so deep inside that they say nothing.
                 let normal = match (one - two).try_normalize(1e-3) {
                     Some(normal) => normal,
-                    None => return self.exhaust(first, other, memory),
+                    None => return self.exhaust(first, other, history),
                 };
                 let depth = exit(own, &point, &normal) + exit(others, &point, &-normal);
                 let (area, second) = self.section(&point, &normal, first.radius());
@@ -324,7 +324,7 @@ impl Narrow {
         &mut self,
         first: &Polyhedron,
         other: &Other,
-        memory: &mut History,
+        history: &mut History,
     ) -> Option<Geometry> {
         self.ways.exhaustive += 1;
         let (axis, depth, foremost) = match other {
@@ -335,7 +335,7 @@ impl Narrow {
             } => {
                 let (axis, wide) = widest_gap(first, shape, turn, separation);
                 if wide >= 0.0 {
-                    memory.axis = axis;
+                    history.axis = axis;
                     return None;
                 }
                 let foot = shape.support(&-turn.tr_mul(&axis)).0;
@@ -386,22 +386,22 @@ impl Narrow {
         first: &Placed,
         second: &Placed,
         separation: &Vector3<f64>,
-        memory: &mut History,
+        history: &mut History,
     ) -> Option<Geometry> {
         let other = Other::Block {
             shape: second.shape,
             turn: first.rotation.tr_mul(&second.rotation),
             separation: first.rotation.tr_mul(separation),
         };
-        let found = self.exhaust(first.shape, &other, memory);
-        finish(found, first, memory)
+        let found = self.exhaust(first.shape, &other, history);
+        finish(found, first, history)
     }
 }
 
 /// The contact in space, and what the pair remembers of it.
-fn finish(found: Option<Geometry>, first: &Placed, memory: &mut History) -> Option<Geometry> {
+fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Option<Geometry> {
     if found.is_none() {
-        memory.release();
+        history.release();
     }
     found.map(|geometry| Geometry {
         arm: first.rotation * geometry.arm,

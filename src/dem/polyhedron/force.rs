@@ -98,8 +98,8 @@ impl Law {
         }
     }
 
-    /// The action of a contact; its springs live in `memory`.
-    pub fn act(&self, touch: &Geometry, memory: &mut History, approach: &Approach) -> Action {
+    /// The action of a contact; its springs live in `history`.
+    pub fn act(&self, touch: &Geometry, history: &mut History, approach: &Approach) -> Action {
         let dt = approach.time_step;
         let n = touch.normal;
         let [spin, other] = approach.spins;
@@ -116,7 +116,7 @@ impl Law {
         let limit = self.friction * normal;
 
         let turning = 0.5 * dt * (spin + other).dot(&n);
-        let carried = carry(&memory.shear, &memory.normal, &n, turning);
+        let carried = carry(&history.shear, &history.normal, &n, turning);
         let spring = carried - slip * (shear_stiff * dt);
         let total = spring - slip * dashpots[1];
         let length = total.norm();
@@ -134,7 +134,7 @@ impl Law {
             let turning = other - spin;
             let about = turning.dot(&n);
             let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
-            twist = memory.twist - shear_stiff * spread * about * dt;
+            twist = history.twist - shear_stiff * spread * about * dt;
             let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
             twist = twist.clamp(-limit, limit);
             // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
@@ -151,9 +151,9 @@ impl Law {
             };
             moment = n * total + rocking;
         }
-        memory.normal = n;
-        memory.shear = spring;
-        memory.twist = twist;
+        history.normal = n;
+        history.shear = spring;
+        history.twist = twist;
 
         let force = n * normal + shear;
         Action {

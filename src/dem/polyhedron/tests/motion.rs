@@ -124,7 +124,7 @@ impl World {
                 }
             }
         }
-        for (a, b, memory) in &mut self.pairs {
+        for (a, b, history) in &mut self.pairs {
             let (one, two) = (&self.blocks[*a], &self.blocks[*b]);
             let separation = two.position - one.position;
             let touch = self.narrow.blocks(
@@ -138,7 +138,7 @@ impl World {
                 },
                 &separation,
                 &self.model,
-                memory,
+                history,
             );
             if let Some(touch) = touch {
                 let approach = Approach {
@@ -152,7 +152,7 @@ impl World {
                     force,
                     on_first,
                     on_second,
-                } = self.law.act(&touch, memory, &approach);
+                } = self.law.act(&touch, history, &approach);
                 self.loads[*a].0 -= force;
                 self.loads[*a].1 += on_first;
                 self.loads[*b].0 += force;

@@ -26,9 +26,9 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    fn look(&self, narrow: &mut Narrow, model: &Model, memory: &mut History) -> Option<Geometry> {
+    fn look(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
         let [one, two] = [0, 1].map(|k| placed(self.shapes[k], &self.orientations[k]));
-        narrow.blocks(&one, &two, &self.separation, model, memory)
+        narrow.blocks(&one, &two, &self.separation, model, history)
     }
 
     /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without the
@@ -154,8 +154,8 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         let (_, gap) = pair.oracle();
         let models = [Model::Patch, Model::Point { rounding: 1e-3 }];
         let model = models[usize::from(id % 2 == 1)];
-        let mut memory = History::default();
-        let touch = pair.look(&mut narrow, &model, &mut memory);
+        let mut history = History::default();
+        let touch = pair.look(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
             within += 1;
             continue;
@@ -178,7 +178,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         }
         // Warm: the same answer, and where apart without another program.
         let before = narrow.ways.programs;
-        let again = pair.look(&mut narrow, &model, &mut memory);
+        let again = pair.look(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
         if let (Some(a), Some(b)) = (again, touch) {
             assert!(
@@ -330,14 +330,14 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
 }
 
 #[test]
-fn memory_survives_as_numbers() {
+fn history_survives_as_numbers() {
     let shapes = shapes();
     let mut narrow = Narrow::default();
     for id in 0..200 {
         let pair = pair(&shapes, id);
-        let mut memory = History::default();
-        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut memory);
-        assert_eq!(History::load(&memory.save()), memory);
+        let mut history = History::default();
+        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
+        assert_eq!(History::load(&history.save()), history);
     }
 }
 
