@@ -25,7 +25,7 @@ use std::time::Instant;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use solver::dem::contact::blocks::Blocks;
 use solver::dem::polyhedron::{
-    self, HalfSpace, Memory, Model, Narrow, Placed, Polyhedron, ShapeError, Stiffness,
+    self, HalfSpace, History, Model, Narrow, Placed, Polyhedron, ShapeError, Stiffness,
 };
 use solver::dem::{
     Alone, Body, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, Wall,
@@ -80,7 +80,7 @@ fn approach(shapes: [Polyhedron; 2], rotations: [Matrix3<f64>; 2], along: &Vecto
             rotation: rotations[k],
         });
         let at = along * middle;
-        match narrow.blocks(&one, &two, &at, &Model::Patch, &mut Memory::default()) {
+        match narrow.blocks(&one, &two, &at, &Model::Patch, &mut History::default()) {
             Some(_) => inside = middle,
             None => outside = middle,
         }
@@ -110,8 +110,8 @@ fn rate(pairs: &[Pair], mut look: impl FnMut(usize, &Pair, u32) -> bool) -> (f64
 
 fn row(name: &str, pairs: &[Pair], model: &Model) {
     let mut narrow = Narrow::default();
-    let mut memories = vec![Memory::default(); pairs.len()];
-    let mut see = |pair: &Pair, at: &Vector3<f64>, memory: &mut Memory| {
+    let mut memories = vec![History::default(); pairs.len()];
+    let mut see = |pair: &Pair, at: &Vector3<f64>, memory: &mut History| {
         let [one, two] = [0, 1].map(|k| Placed {
             shape: &pair.shapes[k],
             rotation: pair.rotations[k],
@@ -119,16 +119,16 @@ fn row(name: &str, pairs: &[Pair], model: &Model) {
         black_box(narrow.blocks(&one, &two, black_box(at), model, memory)).is_some()
     };
     let (cold, touching) = rate(pairs, |_, pair, _| {
-        see(pair, &pair.touching, &mut Memory::default())
+        see(pair, &pair.touching, &mut History::default())
     });
     let (warm, _) = rate(pairs, |k, pair, round| {
         let at = pair.touching * (1.0 - 1e-6 * f64::from(round % 2));
         see(pair, &at, &mut memories[k])
     });
     let (fresh, _) = rate(pairs, |_, pair, _| {
-        see(pair, &pair.apart, &mut Memory::default())
+        see(pair, &pair.apart, &mut History::default())
     });
-    let mut memories = vec![Memory::default(); pairs.len()];
+    let mut memories = vec![History::default(); pairs.len()];
     let (apart, _) = rate(pairs, |k, pair, _| see(pair, &pair.apart, &mut memories[k]));
     println!(
         "{name:32} {:8.3} {:8.3} {:8.3} {:12.3} M pairs/s, {touching} of {} touch",

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::{Vector2, Vector3};
+use solver::dem::contact::Scaled;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::contact::linear::{self, Linear};
 use solver::dem::{
@@ -27,12 +28,11 @@ use solver::preparation::supervision::Supervision;
 use solver::random::Stream;
 
 const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
-    normal_stiffness: 150e6,
-    stiffness_per_diameter: true,
+    normal_stiffness: Scaled::PerDiameter(150e6),
     stiffness_ratio: 0.4,
-    friction_angle: 20.0,
-    cohesion: 0.506,
-    cohesion_per_diameter: true,
+    // The tangent of 20 degrees.
+    friction: 0.363_970_234_266_202_36,
+    cohesion: Scaled::PerDiameter(0.506),
     normal_damping: 0.0,
     shear_damping: 0.0,
 };
@@ -134,8 +134,7 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
         (3e-3, 0.1)
     };
     let parameters = linear::Parameters {
-        normal_stiffness: 1e5,
-        stiffness_per_diameter: false,
+        normal_stiffness: Scaled::Absolute(1e5),
         stiffness_ratio: 2.0 / 7.0,
         friction: 0.5,
         normal_damping: 0.3,
@@ -211,8 +210,7 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
         parameters: PairTable::uniform(
             1,
             linear::Parameters {
-                normal_stiffness: stiffness,
-                stiffness_per_diameter: false,
+                normal_stiffness: Scaled::Absolute(stiffness),
                 stiffness_ratio: ratio,
                 friction: 0.5,
                 normal_damping: 0.5 * gamma * (mass / stiffness).sqrt(),

@@ -18,7 +18,7 @@
 //! | `region`, `migration`, `ghosts` | the box; which rank owns a grain; which ranks see it |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
-//! | `contact` | contact laws, one file each |
+//! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
@@ -49,7 +49,7 @@ pub mod surface;
 mod table;
 pub mod walls;
 
-pub use contact::{Failure, Law, PairTable, Partners};
+pub use contact::{Failure, Law, PairProperties, PairTable};
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use ranks::{Alone, Ranks};
@@ -59,15 +59,8 @@ pub use space::{Components, Plane, Space, Volume};
 pub use surface::Surface;
 pub use walls::Wall;
 
-use contact::ContactLaw;
-use contact::blocks::Blocks;
-use contact::cohesive_frictional::CohesiveFrictional;
-use contact::contact_bond::ContactBond;
-use contact::hertz_mindlin::HertzMindlin;
-use contact::linear::Linear;
-use contact::rolling::Rolling;
-use engine::Engine;
-use engine::bodies::Bodies;
+use contact::family::Family;
+use engine::{AnyEngine, MakeEngine};
 
 use crate::error::Error;
 
@@ -171,35 +164,8 @@ pub struct Statistics {
 /// Contacts, walls and lists of one rank.
 #[derive(Debug)]
 pub struct Dem<S: Space> {
-    inner: Inner<S>,
+    engine: Box<dyn AnyEngine<S>>,
 }
-
-#[derive(Debug)]
-enum Inner<S: Space> {
-    Linear(Box<Engine<S, Linear>>),
-    CohesiveFrictional(Box<Engine<S, CohesiveFrictional>>),
-    ContactBond(Box<Engine<S, ContactBond>>),
-    RollingLinear(Box<Engine<S, Rolling<Linear>>>),
-    RollingContactBond(Box<Engine<S, Rolling<ContactBond>>>),
-    HertzMindlin(Box<Engine<S, HertzMindlin>>),
-    Blocks(Box<Engine<S, Blocks>>),
-}
-
-/// The same code for the engine of each law.
-macro_rules! of_each_law {
-    ($dem:expr, $engine:ident => $body:expr) => {
-        match $dem {
-            Inner::Linear($engine) => $body,
-            Inner::CohesiveFrictional($engine) => $body,
-            Inner::ContactBond($engine) => $body,
-            Inner::RollingLinear($engine) => $body,
-            Inner::RollingContactBond($engine) => $body,
-            Inner::HertzMindlin($engine) => $body,
-            Inner::Blocks($engine) => $body,
-        }
-    };
-}
-use of_each_law;
 
 impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
@@ -208,6 +174,15 @@ impl<S: Space> Dem<S> {
     /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
     /// and the scene plane.
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
+        Self::of_family(&law, settings, walls)
+    }
+
+    /// The same with a law of any list.
+    fn of_family(
+        law: &impl Family,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::Numerical(what));
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !positive(settings.time_step) {
@@ -234,29 +209,8 @@ impl<S: Space> Dem<S> {
             settings.local_damping,
             walls.len()
         );
-        let inner = match law {
-            Law::Linear(law) => Inner::Linear(Box::new(Engine::new(law, settings, walls))),
-            Law::CohesiveFrictional(law) => {
-                Inner::CohesiveFrictional(Box::new(Engine::new(law, settings, walls)))
-            }
-            Law::ContactBond(law) => {
-                Inner::ContactBond(Box::new(Engine::new(law, settings, walls)))
-            }
-            Law::RollingLinear(law) => {
-                Inner::RollingLinear(Box::new(Engine::new(law, settings, walls)))
-            }
-            Law::RollingContactBond(law) => {
-                Inner::RollingContactBond(Box::new(Engine::new(law, settings, walls)))
-            }
-            Law::HertzMindlin(law) => {
-                Inner::HertzMindlin(Box::new(Engine::new(law, settings, walls)))
-            }
-            Law::Blocks(_) if S::DIMENSION != 3 => {
-                return refuse("a contact law of blocks in two dimensions".into());
-            }
-            Law::Blocks(law) => Inner::Blocks(Box::new(Engine::of_blocks(law, settings, walls))),
-        };
-        Ok(Self { inner })
+        let engine = law.visit(MakeEngine { settings, walls })?;
+        Ok(Self { engine })
     }
 
     /// One solid step. Collective.
@@ -281,7 +235,7 @@ impl<S: Space> Dem<S> {
         ranks: &dyn Ranks,
         steps: u64,
     ) -> Result<(), Error> {
-        of_each_law!(&mut self.inner, engine => engine.advance(particles, ranks, steps))
+        self.engine.advance(particles, ranks, steps)
     }
 
     /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
@@ -294,7 +248,7 @@ impl<S: Space> Dem<S> {
         particles: &mut Particles<S>,
         ranks: &dyn Ranks,
     ) -> Result<(), Error> {
-        of_each_law!(&mut self.inner, engine => engine.prepare(particles, ranks))
+        self.engine.prepare(particles, ranks)
     }
 
     /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
@@ -308,128 +262,76 @@ impl<S: Space> Dem<S> {
         ranks: &dyn Ranks,
     ) -> Result<u64, Error> {
         self.prepare(particles, ranks)?;
-        Ok(of_each_law!(&mut self.inner, engine => Bodies::bond_all(&mut **engine, particles)))
+        Ok(self.engine.bond_all(particles))
     }
 
     /// Takes every bond away; contacts and their shear stay.
     pub fn unbond(&mut self) {
-        of_each_law!(&mut self.inner, engine => engine.unbond());
+        self.engine.unbond();
     }
 
     /// The bonds that failed since the last call, as this rank reports them.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
-        of_each_law!(&mut self.inner, engine => std::mem::take(&mut engine.breaks))
+        self.engine.take_breaks()
     }
 
     /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
-    pub fn for_each_contact(&self, particles: &Particles<S>, visit: impl FnMut(Contact<S>)) {
-        of_each_law!(&self.inner, engine => engine.for_each_contact(particles, visit));
+    pub fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(Contact<S>)) {
+        self.engine.for_each_contact(particles, &mut visit);
     }
 
     /// What this rank has now.
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
-        of_each_law!(&self.inner, engine => engine.statistics(particles))
+        self.engine.statistics(particles)
     }
 
     /// Solid steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        of_each_law!(&self.inner, engine => engine.steps)
+        self.engine.steps()
     }
 
     /// Solid steps done times the time step [s].
     #[must_use]
     pub fn time(&self) -> f64 {
-        of_each_law!(&self.inner, engine => engine.time())
+        self.engine.time()
     }
 
     /// The settings.
     #[must_use]
     pub fn settings(&self) -> &Settings<S> {
-        of_each_law!(&self.inner, engine => &engine.settings)
+        self.engine.settings()
     }
 
     /// Changes gravity [m/s²].
     pub fn set_gravity(&mut self, gravity: S::Vector) {
-        of_each_law!(&mut self.inner, engine => engine.settings.gravity = gravity);
+        self.engine.settings_mut().gravity = gravity;
     }
 
     /// Changes the non-viscous damping, 0 (none) to below 1; other values are brought there.
     pub fn set_local_damping(&mut self, damping: f64) {
         let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
-        of_each_law!(&mut self.inner, engine => engine.settings.local_damping = damping);
+        self.engine.settings_mut().local_damping = damping;
     }
 
     /// The walls as they stand.
     #[must_use]
     pub fn walls(&self) -> &[Wall<S>] {
-        of_each_law!(&self.inner, engine => &engine.walls)
+        self.engine.walls()
     }
 
     /// Takes the walls of these indices out of the way, and the contacts and bonds with them. The same on all ranks.
     pub fn open_walls(&mut self, walls: &[usize]) {
-        of_each_law!(&mut self.inner, engine => engine.open_walls(walls));
+        self.engine.open_walls(walls);
     }
 
     /// Changes a wall's velocity [m/s].
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
-        of_each_law!(&mut self.inner, engine => {
-            if let Some(wall) = engine.walls.get_mut(wall) {
-                wall.velocity = velocity;
-            }
-        });
-    }
-}
-
-impl Law {
-    /// `sqrt(m/k)` [s] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
-    /// explicit step must stay well below it (a pair rings with `pi sqrt(m/(2 k))` a half period; 0.1 to 0.2 of the
-    /// limit is usual).
-    #[must_use]
-    pub fn critical_time_step<'a, S: Space>(
-        &self,
-        grains: impl IntoIterator<Item = &'a Body> + Clone,
-        materials: u32,
-    ) -> f64 {
-        let largest = grains
-            .clone()
-            .into_iter()
-            .map(|body| body.radius)
-            .fold(0.0, f64::max);
-        let mut limit = f64::INFINITY;
-        for body in grains.into_iter().filter(|body| body.kind == Kind::Free) {
-            for material in 0..materials.max(1) {
-                for diameter in [2.0 * body.radius, body.radius + largest] {
-                    let partners = Partners {
-                        materials: [body.material, material],
-                        diameter,
-                        mass: body.mass,
-                        rolling_radius: body.radius,
-                        rolling_inertia: body.inertia,
-                    };
-                    let stiffness = match self {
-                        Self::Linear(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::CohesiveFrictional(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::ContactBond(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::RollingLinear(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::RollingContactBond(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::HertzMindlin(law) => stiffness_of::<S, _>(law, &partners),
-                        Self::Blocks(law) => stiffness_of::<S, _>(law, &partners),
-                    };
-                    limit = limit.min((body.mass / stiffness).sqrt());
-                }
-            }
+        if let Some(wall) = self.engine.walls_mut().get_mut(wall) {
+            wall.velocity = velocity;
         }
-        limit
     }
-}
-
-fn stiffness_of<S: Space, L: ContactLaw<S>>(law: &L, partners: &Partners) -> f64 {
-    let table = law.table();
-    let row = table.get(partners.materials[0], partners.materials[1]);
-    let [normal, shear] = L::stiffness(&L::between(row, partners));
-    normal.max(shear)
 }
 
 #[cfg(test)]

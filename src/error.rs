@@ -90,6 +90,15 @@ impl Remedy {
     }
 }
 
+/// Takes findings about the parameters of a model while it is resolved: models know nothing of the case that they stand in.
+pub trait Report {
+    /// The case is refused.
+    fn error(&mut self, path: &str, reason: String, remedy: Remedy);
+
+    /// The case is refused: it names a material that is none of `known`.
+    fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]);
+}
+
 impl From<String> for Remedy {
     fn from(text: String) -> Self {
         Self {

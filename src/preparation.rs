@@ -16,17 +16,15 @@ pub mod numbering;
 pub mod rest;
 pub mod supervision;
 
-use crate::case::contact::Scaled;
 use crate::case::grains as case;
 use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space, vector};
-use crate::dem::{Law, Region, Wall};
+use crate::dem::{Region, Wall};
 use crate::error::Error;
-use crate::number::real;
+use crate::number::{real, to_u32};
 use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
-use crate::scene::contact::ContactTable;
 use crate::scene::grading::Grading;
 use crate::scene::grains::GrainSource;
 use crate::scene::rock::list;
@@ -50,13 +48,11 @@ pub struct Prepared {
 }
 
 /// The parts of the engine of the run that a deposition uses too.
-pub struct Engine<'a, S: Space> {
+pub struct Engine<S: Space> {
     /// The box of the grains.
     pub region: Region<S>,
     /// The walls, those that are gone as the run begins included.
     pub walls: Vec<Wall<S>>,
-    /// The contact law of a table.
-    pub law: &'a dyn Fn(Option<&ContactTable>) -> Law,
 }
 
 /// Makes, reads or lists the grains of a scene, saves the sample where the case asks for it, and cuts it. One rank.
@@ -66,7 +62,7 @@ pub struct Engine<'a, S: Space> {
 pub fn prepare<S: Space>(
     plan: &Plan,
     folder: &Path,
-    engine: &Engine<'_, S>,
+    engine: &Engine<S>,
     supervision: &Supervision<'_, S>,
 ) -> Result<Prepared, Error> {
     let mut prepared = Prepared::default();
@@ -217,7 +213,7 @@ fn components<C: Components>(vector: &C) -> [f64; 3] {
 /// The deposition of a plan.
 fn deposition_of<S: Space>(
     plan: &Plan,
-    engine: &Engine<'_, S>,
+    engine: &Engine<S>,
     block: &Block,
     grading: &Grading,
     written: &case::Deposition,
@@ -226,20 +222,15 @@ fn deposition_of<S: Space>(
     let material = scene.grains.as_ref().map_or(0, |g| g.material);
     let mut laws = Vec::new();
     let with = |stiffness: Option<f64>| {
-        let mut table = scene.contact.clone();
-        for pair in table.iter_mut().flat_map(|table| &mut table.parameters) {
-            if let Some(stiffness) = stiffness {
-                pair.normal_stiffness = Scaled::Absolute(stiffness);
-            }
-            if let Some(angle) = written.friction_angle_degrees {
-                pair.friction_coefficient = angle.to_radians().tan();
-            }
-        }
-        (engine.law)(table.as_ref())
+        let mut law = scene.contact_law();
+        let angle = written.friction_angle_degrees;
+        let friction = angle.map(|angle| angle.to_radians().tan());
+        law.model_mut().prepare(stiffness, friction);
+        law
     };
     if let (Some(soft), Some(table)) = (written.falling_stiffness, &scene.contact) {
         let mean = grading.bounds().0 + grading.bounds().1;
-        let full = table.pair(material, material).normal_stiffness.at(mean);
+        let full = table.model().normal_stiffness([to_u32(material); 2], mean);
         let mut stiffness = soft;
         while stiffness < full * (1.0 - 1e-9) {
             laws.push(with(Some(stiffness)));
@@ -295,14 +286,12 @@ fn packing_of<S: Space>(
         4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3)
     };
     let mean_diameter = 2.0 * growth.radii.mean_power(1);
-    let pair = scene.contact.as_ref().map(|c| c.pair(material, material));
-    let stiffness = pair.map_or(1e6, |p| {
-        // Elastic spheres grow with springs as stiff as they are at an overlap of 1e-4 of the diameter: E* d sqrt(1e-4).
-        let elastic = 1e-2 * p.moduli[0];
-        p.normal_stiffness.at(mean_diameter) / mean_diameter + elastic
+    let law = scene.contact.as_ref().map(|contact| contact.model());
+    let stiffness = law.map_or(1e6, |law| {
+        law.growth_stiffness(to_u32(material), mean_diameter)
     });
     let friction = growth.friction_angle_degrees.map_or_else(
-        || pair.map_or(0.0, |p| p.friction_coefficient),
+        || law.map_or(0.0, |law| law.friction([to_u32(material); 2])),
         |angle| angle.to_radians().tan(),
     );
     PackingSettings {

@@ -29,17 +29,16 @@ pub(crate) mod speed;
 pub(crate) mod stl;
 pub mod walls;
 
-use crate::case::contact::Contact;
+use crate::case::Case;
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
-use crate::case::{Case, check};
+use crate::dem::contact::{blocks as law_of_blocks, linear};
 use crate::dem::polyhedron::Solid;
-use crate::error::{Problem, Remedy};
+use crate::error::{Problem, Remedy, Report};
 use findings::Findings;
 use serde::Serialize;
-use serde_json::{Value, json};
 
 /// The resolved problem.
 #[derive(Clone, Debug, Serialize)]
@@ -155,7 +154,7 @@ impl Scene {
             })
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
-        let contact = contact::ContactTable::resolve(case, &names, &mut findings);
+        let contact = contact::ContactTable::resolve(case, &mut findings);
         let walls = walls::walls(case, &grid, &names, &mut findings);
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);
@@ -216,7 +215,7 @@ impl Scene {
                 auto::keep(&mut scene, written, like);
                 scene.forget_sample();
             }
-            None => auto::settle(&mut scene, case, written, &names, &mut findings),
+            None => auto::settle(&mut scene, case, written, &mut findings),
         }
         log::debug!(
             "scene: cells {:?} of {} m, {} materials, {} bodies, {} blocks, {} walls, {} regions, {} probes, {} sentences about it",
@@ -357,9 +356,9 @@ fn agree(case: &Case, findings: &mut Findings) {
     }
     if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
         let law = if polyhedra {
-            blocks_law()
+            law_of_blocks::example()
         } else {
-            linear_law()
+            linear::example()
         };
         findings.error(
             "contact",
@@ -444,14 +443,14 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
             "take lattice_boltzmann, or take out the blocks and polyhedra",
         );
     }
-    if !matches!(case.contact, None | Some(Contact::Blocks(_))) {
+    if case.contact.as_ref().is_some_and(|law| !law.of_polyhedra()) {
         findings.error(
             "contact",
             "this is a law of discs and spheres, but there are polyhedra",
             if case.domain.size.0.len() == 2 {
                 "take the polyhedra out: they are for three dimensions".into()
             } else {
-                let law = blocks_law();
+                let law = law_of_blocks::example();
                 Remedy::from(format!("write for example {law}")).set("contact", law)
             },
         );
@@ -461,16 +460,6 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
 /// Whether anything has a law of blocks.
 pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
-}
-
-/// A law of discs and spheres as an example.
-pub(crate) fn linear_law() -> Value {
-    json!({"linear": {"normal_stiffness": {"per_diameter": 1e8}}})
-}
-
-/// A law of polyhedra as an example.
-fn blocks_law() -> Value {
-    json!({"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}})
 }
 
 /// The index of a material, or a finding.
@@ -483,12 +472,7 @@ pub(crate) fn material(
     let index = names.iter().position(|known| known == name);
     if index.is_none() {
         let known: Vec<&str> = names.iter().map(String::as_str).collect();
-        let remedy = match check::nearest(name, &known) {
-            Some(near) => Remedy::from(format!("did you mean `{near}`? Or add it to `materials`"))
-                .set(path, near),
-            None => "add it to `materials`".into(),
-        };
-        findings.error(path, format!("there is no material `{name}`"), remedy);
+        findings.unknown_material(path, name, &known);
     }
     index
 }

@@ -17,6 +17,7 @@
 //! | `bond_events` | bonds made, failed and removed |
 //! | `report` | contacts and counts for output |
 
+mod any;
 mod blocks;
 pub(super) mod bodies;
 mod bond_events;
@@ -27,7 +28,7 @@ mod pairs;
 mod parts;
 mod report;
 
-use super::contact::{ContactLaw, Failure, PairTable, Partners, Touch};
+use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
@@ -41,6 +42,7 @@ use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
+pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
 use facets::{Facets, Held, SurfacePair, memory_of};
 pub(super) use histories::{Key, WallKey};
@@ -93,18 +95,18 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     listed: bool,
     total: Option<u64>,
     search: Search,
-    pairs: Vec<Pair<L::Scale, L::Memory>>,
+    pairs: Vec<Pair<L::Scale, L::History>>,
     /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
     active: Vec<u32>,
-    wall_pairs: Vec<WallPair<L::Constants, L::Memory>>,
-    facets: Facets<L::Constants, L::Memory>,
+    wall_pairs: Vec<WallPair<L::Constants, L::History>>,
+    facets: Facets<L::Constants, L::History>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
-    pub(super) memories: Vec<(Key, L::Memory)>,
-    pub(super) wall_memories: Vec<(WallKey, L::Memory)>,
+    pub(super) memories: Vec<(Key, L::History)>,
+    pub(super) wall_memories: Vec<(WallKey, L::History)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
     /// The active pairs hold up to this path (m), and since this step.

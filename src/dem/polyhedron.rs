@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! each step and block  rotation: kick by force and moment, drift of centre and orientation
-//! each pair            contact:  cached axis -> linear program -> point | patch     (Narrow, Memory)
-//!                      force:    springs, history, Coulomb limit, dashpots          (Law, Memory)
+//! each pair            contact:  cached axis -> linear program -> point | patch     (Narrow, History)
+//!                      force:    springs, history, Coulomb limit, dashpots          (Law, History)
 //! ```
 //!
 //! | file | holds |
@@ -16,12 +16,12 @@
 //! | `linear_program` | whether two sets of half-spaces meet: dual simplex method in four variables |
 //! | `analytic_centre` | the contact point of Boon et al. (2012) |
 //! | `separating_axes` | the exhaustive test, for pairs that the linear program leaves open |
-//! | `contact` | the narrow phase: two blocks, block and plane; `contact/`: overlap, sphere, facet, memory |
+//! | `contact` | the narrow phase: two blocks, block and plane; `contact/`: overlap, sphere, facet, history |
 //! | `force` | contact law |
 //! | `rotation` | orientation and angular momentum |
 //!
-//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`Memory`]. Pass the lower id first, and a
-//! separation from raw positions: every rank that sees the pair then computes the same bits. `Memory` is plain data; it travels with
+//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`History`]. Pass the lower id first, and a
+//! separation from raw positions: every rank that sees the pair then computes the same bits. `History` is plain data; it travels with
 //! the history of a contact between ranks and into checkpoints.
 
 mod analytic_centre;
@@ -36,7 +36,7 @@ mod separating_axes;
 pub mod shape;
 mod shape_error;
 
-pub use contact::{Geometry, Hidden, Memory, Model, Narrow, Placed};
+pub use contact::{Geometry, Hidden, History, Model, Narrow, Placed};
 pub(crate) use cut::across;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;

@@ -4,13 +4,13 @@
 //! ranks; each rank keeps those that its lists need. Grains are saved by [`Particles::table`](super::Particles::table). A
 //! restored run gives the same bits as an uninterrupted one.
 
+use super::Dem;
 use super::contact::ContactLaw;
 use super::engine::bodies::Bodies;
 use super::engine::{Engine, Key};
 use super::space::Space;
 use super::table::{AXES, Columns, small, unsigned};
 pub use super::table::{Table, Values};
-use super::{Dem, Inner, of_each_law};
 use crate::error::Error;
 
 /// What a run restored from it needs to know of the contacts.
@@ -57,7 +57,7 @@ impl<S: Space> Dem<S> {
     /// The contacts this rank reports, the walls, and the steps done.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
-        of_each_law!(&self.inner, engine => save(engine))
+        self.engine.save()
     }
 
     /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and facet;
@@ -67,16 +67,14 @@ impl<S: Space> Dem<S> {
         grains: &mut dyn FnMut([u64; 2], &[f64]),
         walls: &mut dyn FnMut([u64; 3], &[f64]),
     ) {
-        of_each_law!(&self.inner, engine => each_contact(engine, grains, walls));
+        self.engine.each_contact(grains, walls);
     }
 
     /// Gives the walls these velocities (m/s), in their order.
     pub fn drive_walls(&mut self, velocities: &[S::Vector]) {
-        of_each_law!(&mut self.inner, engine => {
-            for (wall, velocity) in engine.walls.iter_mut().zip(velocities) {
-                wall.velocity = *velocity;
-            }
-        });
+        for (wall, velocity) in self.engine.walls_mut().iter_mut().zip(velocities) {
+            wall.velocity = *velocity;
+        }
     }
 
     /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
@@ -85,11 +83,11 @@ impl<S: Space> Dem<S> {
     /// # Errors
     /// Where a column is missing, short or of another type, or the number of walls differs.
     pub fn restore(&mut self, contacts: &Contacts) -> Result<(), Error> {
-        of_each_law!(&mut self.inner, engine => restore(engine, contacts))
+        self.engine.restore(contacts)
     }
 }
 
-fn each_contact<S: Space, L: Bodies<S>>(
+pub(super) fn each_contact<S: Space, L: Bodies<S>>(
     engine: &Engine<S, L>,
     grains: &mut dyn FnMut([u64; 2], &[f64]),
     walls: &mut dyn FnMut([u64; 3], &[f64]),
@@ -109,7 +107,7 @@ fn each_contact<S: Space, L: Bodies<S>>(
     );
 }
 
-fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::Memory]) {
+fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::History]) {
     let mut numbers = Vec::new();
     for memory in memories {
         L::save(memory, &mut numbers);
@@ -122,7 +120,7 @@ fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories:
     }
 }
 
-fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Memory>, Error> {
+fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::History>, Error> {
     let columns = (0..L::NUMBERS)
         .map(|n| table.get_real(&format!("memory_{n}")))
         .collect::<Result<Vec<_>, _>>()?;
@@ -134,7 +132,7 @@ fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Mem
         .collect())
 }
 
-fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
+pub(super) fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     let (pairs, at_walls) = engine.saved();
     let grains = Table::of(|table| {
         table.whole("first", pairs.iter().map(|(key, _)| key.first));
@@ -169,7 +167,7 @@ fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     }
 }
 
-fn restore<S: Space, L: Bodies<S>>(
+pub(super) fn restore<S: Space, L: Bodies<S>>(
     engine: &mut Engine<S, L>,
     contacts: &Contacts,
 ) -> Result<(), Error> {

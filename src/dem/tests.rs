@@ -11,6 +11,7 @@ mod spheres;
 pub(crate) mod support;
 mod wall_shapes;
 
+use super::contact::Scaled;
 use super::contact::cohesive_frictional::{self, CohesiveFrictional};
 use super::contact::linear::{self, Linear};
 use super::*;
@@ -38,8 +39,7 @@ pub(super) fn cohesive<S: Space>(
 }
 
 pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
-    normal_stiffness: 1e5,
-    stiffness_per_diameter: false,
+    normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 1.0,
     friction: 0.5,
     normal_damping: 0.0,
@@ -49,12 +49,11 @@ pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
 
 /// Contacts of a simulation of piping erosion: k_n/d = 150e6 N/m², k_s/k_n = 0.4, 20 degrees, C/d = 0.506 N/m.
 pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
-    normal_stiffness: 150e6,
-    stiffness_per_diameter: true,
+    normal_stiffness: Scaled::PerDiameter(150e6),
     stiffness_ratio: 0.4,
-    friction_angle: 20.0,
-    cohesion: 0.506,
-    cohesion_per_diameter: true,
+    // The tangent of 20 degrees.
+    friction: 0.363_970_234_266_202_36,
+    cohesion: Scaled::PerDiameter(0.506),
     normal_damping: 0.0,
     shear_damping: 0.0,
 };

@@ -1,6 +1,7 @@
 use super::*;
 use crate::case::Document;
 use crate::coupling::FluidView;
+use crate::dem::contact::Scaled;
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::particles::{Body, Motion, Particles};
 use crate::dem::space::Plane;
@@ -93,8 +94,7 @@ fn solids() -> (Particles<Plane>, Dem<Plane>) {
         parameters: PairTable::uniform(
             1,
             Parameters {
-                normal_stiffness: 1e3,
-                stiffness_per_diameter: false,
+                normal_stiffness: Scaled::Absolute(1e3),
                 stiffness_ratio: 1.0,
                 friction: 0.0,
                 normal_damping: 0.0,

@@ -1,28 +1,31 @@
-//! Up to which time step contacts are stable, from the highest frequency of what they hold together.
+//! The largest time step at which contacts are stable, from the highest frequency of the bodies that they connect.
 //!
 //! A contact of a pair is a spring K and a dashpot C between two bodies of masses M, along its normal and across it, where rotation
-//! moves the point of contact too. The explicit step with velocities half a step behind makes of small motions
+//! moves the point of contact too. For small motions, the explicit step with velocities half a step behind is
 //!
 //! ```text
 //! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
 //! ```
 //!
-//! which grows, its sign changing in every step, once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without dashpots that
-//! is dt > 2/w of the highest frequency w; dashpots shorten the step (of one oscillator by sqrt(1 + zeta²) - zeta). Source of the
-//! limit of explicit steps by the highest frequency: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and
-//! Structures, 2000, chapter 6. What maps of runs show of it stands under `benches/stability`.
+//! Its solution grows and changes its sign in every step once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
+//! dashpots that is dt > 2/w with the highest frequency w. Dashpots shorten the step, that of one oscillator by sqrt(1 + zeta²) - zeta.
+//! Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000, chapter 6. Maps of runs
+//! under `benches/stability` confirm it.
 //!
-//! Two limits are compared with the step:
+//! The step is compared with two limits:
 //!
-//! * that of the contacts with which a listed or read sample starts: by power iteration, from above. Beyond it without friction the case
-//!   is refused: what is hardly pressed slips, so that friction alone is no spring. With the springs of friction, and with contacts as
-//!   deep as the law expects them, the case counts as unstable.
-//! * that of a packing of the smallest grains: `lambda k/m` of the normal springs is 6 or 8 in the densest packing of discs or spheres, and that
-//!   of the shear springs 16 or 20 where all turn the same way on 4 or 6 partners, as many as a random packing has. Fewer partners make at
-//!   most `2 Z max(k_n, k_s (1 + m r²/I))/m`, their elements' own (B. M. Irons). What starts apart or is prepared will come to it and is unstable;
-//!   what is held together from the start has its own limit, and may come to that of a packing: a warning.
+//! * The limit of the contacts with which a listed or read sample starts, by power iteration, which finds it from above. Beyond the
+//!   limit without friction the case is refused; contacts under little pressure slip, so that friction is no spring. Beyond the limit
+//!   with the springs of friction, and with contacts as deep as the law expects them, the case counts as unstable.
+//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing of discs or
+//!   spheres. That of the shear springs is 16 or 20 where all grains turn the same way on 4 or 6 partners, the number in a random
+//!   packing. Z partners give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Beyond this limit,
+//!   grains that start apart or are prepared are unstable; a sample that is held together from the start gets a warning.
 //!
-//! A block is bounded by springs on all its faces, against neighbours that swing against it; with one face alone it is refused.
+//! A block is bounded by springs on all its faces, with neighbours that move against it. Beyond the limit of one face alone the case is
+//! refused.
+//!
+//! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
 mod blocks;
 mod network;
@@ -30,73 +33,12 @@ mod network;
 use super::Clock;
 use super::critical_step::{critical_solid_time_step, moving};
 use super::margin::{Margin, margin};
-use crate::dem::contact::hertz_mindlin::deepest;
+use crate::dem::contact::{BondOpening, ContactModel, Depth, StaticContact};
 use crate::error::Remedy;
+use crate::number::to_u32;
 use crate::scene::Scene;
-use crate::scene::contact::{ContactTable, Law};
 use crate::scene::findings::{Findings, at_least, at_most, number};
 use crate::scene::grains::GrainSource;
-
-/// Springs (N/m) and dashpots (N s/m) of a contact: normal, shear.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Constants {
-    stiffness: [f64; 2],
-    dashpots: [f64; 2],
-}
-
-/// What meets in a contact.
-#[derive(Clone, Copy, Debug)]
-struct Meeting {
-    materials: [usize; 2],
-    /// Mean diameter (m), effective radius (m) and effective mass (kg).
-    diameter: f64,
-    radius: f64,
-    mass: f64,
-    /// Overlap (m); none for the deepest that is expected.
-    overlap: Option<f64>,
-    depth: Depth,
-    bonded: bool,
-}
-
-/// Which overlap decides the stiffness of a contact whose springs harden.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Depth {
-    /// That of the start.
-    Start,
-    /// The deepest that is expected, if that is deeper.
-    Expected,
-}
-
-/// The springs and dashpots of a contact; what has neither friction nor a bond has none across the normal.
-fn constants(contact: &ContactTable, meeting: &Meeting) -> Constants {
-    let pair = contact.pair(meeting.materials[0], meeting.materials[1]);
-    let (stiffness, factor) = if let Law::HertzMindlin { impact_speed, .. } = contact.law {
-        let [young, shear] = pair.moduli;
-        let root = meeting.radius.sqrt();
-        let expected = || deepest(meeting.mass, 4.0 / 3.0 * young * root, impact_speed);
-        let overlap = match (meeting.overlap, meeting.depth) {
-            (Some(overlap), Depth::Start) => overlap,
-            (Some(overlap), Depth::Expected) => overlap.max(expected()),
-            (None, _) => expected(),
-        };
-        let side = root * overlap.max(0.0).sqrt();
-        // Dashpots of the tangent stiffness (dem::contact::hertz_mindlin).
-        (
-            [2.0 * young * side, 8.0 * shear * side],
-            (5.0_f64 / 6.0).sqrt(),
-        )
-    } else {
-        let normal = pair.normal_stiffness.at(meeting.diameter);
-        ([normal, normal * pair.shear_to_normal_stiffness], 1.0)
-    };
-    let sticks = meeting.bonded || pair.friction_coefficient > 0.0;
-    let stiffness = [stiffness[0], if sticks { stiffness[1] } else { 0.0 }];
-    let ratios = [pair.normal_damping_ratio, pair.shear_damping_ratio];
-    Constants {
-        stiffness,
-        dashpots: [0, 1].map(|i| 2.0 * factor * ratios[i] * (meeting.mass * stiffness[i]).sqrt()),
-    }
-}
 
 /// The step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
 fn limit(stiffness: f64, dashpot: f64) -> f64 {
@@ -109,7 +51,7 @@ fn turning(dimension: usize) -> f64 {
 }
 
 /// The limit of the densest packing of a kind of grain with `partners` at most round each.
-fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partners: f64) -> f64 {
+fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
     let dimension = scene.grid.dimension;
@@ -124,17 +66,16 @@ fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partner
         lattice[1].min(round * (1.0 + turning(dimension))),
     ];
     let mut shortest = f64::INFINITY;
-    for other in 0..contact.materials {
-        let meeting = Meeting {
-            materials: [material, other],
+    for other in 0..law.materials() {
+        let found = law.springs(&StaticContact {
+            materials: [to_u32(material), other],
             diameter: 2.0 * radius,
             radius: 0.5 * radius,
             mass: 0.5 * mass,
             overlap: None,
             depth: Depth::Expected,
-            bonded: bonds(scene, contact),
-        };
-        let found = constants(contact, &meeting);
+            bonded: bonds(scene, law),
+        });
         for (n, factor) in factors.into_iter().enumerate() {
             let [k, c] = [found.stiffness[n], found.dashpots[n]].map(|v| factor * v / mass);
             shortest = shortest.min(limit(k, c));
@@ -144,12 +85,8 @@ fn of_densest(scene: &Scene, contact: &ContactTable, kind: (usize, f64), partner
 }
 
 /// Whether contacts of the start are bonded.
-fn bonds(scene: &Scene, contact: &ContactTable) -> bool {
-    let bonding = matches!(
-        contact.law,
-        Law::ContactBond { .. } | Law::CohesiveFrictional
-    );
-    bonding && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
+fn bonds(scene: &Scene, law: &dyn ContactModel) -> bool {
+    law.bonds() && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
 }
 
 /// How many others a grain can touch at most: the rest of all, and the walls.
@@ -163,8 +100,8 @@ fn others(scene: &Scene) -> f64 {
 /// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
 pub(crate) fn of_packing(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
-        (Some(contact), Some(critical)) if !matches!(contact.law, Law::Blocks { .. }) => {
-            of_spheres(scene, contact, 0.0).packing / critical.time_step
+        (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {
+            of_spheres(scene, contact.model(), 0.0).packing / critical.time_step
         }
         _ => f64::INFINITY,
     }
@@ -180,12 +117,11 @@ pub(super) fn check(
     let Some(contact) = &scene.contact else {
         return;
     };
-    let dt = clock.solid_time_step;
-    openings(scene, contact, findings);
-    let limits = if matches!(contact.law, Law::Blocks { .. }) {
-        blocks::limits(scene, contact)
-    } else {
-        of_spheres(scene, contact, dt)
+    let (law, dt) = (contact.model(), clock.solid_time_step);
+    openings(scene, law, findings);
+    let limits = match law.blocks() {
+        Some(law) => blocks::limits(scene, law),
+        None => of_spheres(scene, law, dt),
     };
     let (sure, worst) = (limits.slipping, limits.sticking.min(limits.packing));
     let path = path(scene);
@@ -248,45 +184,41 @@ const LONG: f64 = 0.1;
 
 /// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too soft for it makes
 /// bonds across other grains, and lists without end.
-fn openings(scene: &Scene, contact: &ContactTable, findings: &mut Findings) {
-    let Law::ContactBond { bonding_gap, .. } = contact.law else {
-        return;
-    };
+fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let kinds = moving(scene);
     let smallest = 2.0 * kinds.iter().map(|k| k.1).fold(f64::INFINITY, f64::min);
-    let mut widest = (0.0_f64, 0.0, 0.0);
+    let mut widest: Option<BondOpening> = None;
     for &(material, radius) in &kinds {
-        for other in 0..contact.materials {
-            if material >= contact.materials {
-                continue;
-            }
-            let pair = contact.pair(material, other);
-            let stiffness = pair.normal_stiffness.at(2.0 * radius);
-            let opening = bonding_gap + pair.strengths[0] / stiffness;
-            if opening > widest.0 {
-                widest = (opening, pair.strengths[0], stiffness);
-            }
+        if material >= scene.materials.len() {
+            continue;
+        }
+        for other in 0..law.materials() {
+            let opening = law.bond_opening([to_u32(material), other], 2.0 * radius);
+            let wider = |o: &BondOpening| o.widest() > widest.map_or(0.0, |known| known.widest());
+            widest = opening.filter(wider).or(widest);
         }
     }
-    let (opening, strength, stiffness) = widest;
-    let path = "contact.contact_bond.tensile_strength";
+    let Some(bond) = widest else {
+        return;
+    };
+    let (opening, path) = (bond.widest(), bond.path);
     let reason = |than: String| {
         format!(
             "a bond of {} N on a spring of {} N/m opens by {} m before it breaks, {than}",
-            number(strength),
-            number(stiffness),
+            number(bond.strength),
+            number(bond.stiffness),
             number(opening)
         )
     };
-    let room = |part: f64| (part * smallest - bonding_gap).max(0.0);
+    let room = |part: f64| (part * smallest - bond.gap).max(0.0);
     let remedy = |part: f64| {
         if room(part) <= 0.0 {
             return format!("use a bonding gap below {} m", number(part * smallest));
         }
         format!(
             "use at most {} N, or a normal stiffness of at least {} N/m",
-            number(at_most(stiffness * room(part))),
-            number(at_least(strength / room(part)))
+            number(at_most(bond.stiffness * room(part))),
+            number(at_least(bond.strength / room(part)))
         )
     };
     if opening > A_GRAIN_BETWEEN * smallest {
@@ -305,16 +237,16 @@ fn openings(scene: &Scene, contact: &ContactTable, findings: &mut Findings) {
 /// together or between unequal grains.
 const LOOK: f64 = 0.25;
 
-fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> Limits {
+fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     let partners = others(scene);
     let mut kinds = moving(scene);
-    kinds.retain(|(material, _)| *material < contact.materials);
+    kinds.retain(|(material, _)| *material < scene.materials.len());
     kinds.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     // The smallest grains of a material swing fastest.
     kinds.dedup_by_key(|(material, _)| *material);
     let limits = kinds
         .into_iter()
-        .map(|kind| of_densest(scene, contact, kind, partners));
+        .map(|kind| of_densest(scene, law, kind, partners));
     let packing = limits.fold(f64::INFINITY, f64::min);
     if dt < LOOK * packing {
         return Limits {
@@ -330,10 +262,10 @@ fn of_spheres(scene: &Scene, contact: &ContactTable, dt: f64) -> Limits {
             GrainSource::List(_) | GrainSource::File { .. }
         )
     });
-    let network = network::Network::of(scene, contact, !prepared, Depth::Expected);
+    let network = network::Network::of(scene, law, !prepared, Depth::Expected);
     let held = !prepared && scene.regions.is_empty() && network.holds_all();
     let sticking = network.stiffest_part().limit();
-    let mut network = network::Network::of(scene, contact, !prepared, Depth::Start);
+    let mut network = network::Network::of(scene, law, !prepared, Depth::Start);
     network.let_slip();
     Limits {
         slipping: network.stiffest_part().limit(),

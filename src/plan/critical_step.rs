@@ -1,8 +1,9 @@
 //! The critical solid time step: that of the lightest grain or free body with its stiffest contact.
 
+use crate::dem::contact::TimeLimits;
+use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
-use crate::scene::contact::TimeLimits;
 use crate::scene::grains::GrainSource;
 
 /// The critical time step and the grain that decides it.
@@ -46,20 +47,21 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
 /// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
 /// with all its faces in touch.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
-    let contact = scene.contact.as_ref()?;
+    let law = scene.contact.as_ref()?.model();
     let of_spheres = moving(scene)
         .into_iter()
-        .filter(|(material, _)| *material < contact.materials)
+        .filter(|(material, _)| *material < scene.materials.len())
         .map(|(material, radius)| {
-            contact.time_limits(material, radius, scene.mass(material, radius))
+            law.time_limits(to_u32(material), radius, scene.mass(material, radius))
         });
-    let of_blocks = scene
-        .polyhedra()
-        .filter(|(_, _, free)| *free)
-        .map(|(solid, material, _)| {
-            let mass = scene.density(material) * solid.shape.volume();
-            contact.time_limits_of_block(material, &solid.shape, mass)
-        });
+    let of_blocks =
+        scene
+            .polyhedra()
+            .filter(|(_, _, free)| *free)
+            .filter_map(|(solid, material, _)| {
+                let mass = scene.density(material) * solid.shape.volume();
+                law.time_limits_of_block(to_u32(material), &solid.shape, mass)
+            });
     let mut shortest: Option<TimeLimits> = None;
     for limits in of_spheres.chain(of_blocks) {
         if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {

@@ -10,7 +10,7 @@ use crate::error::Remedy;
 use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::boundaries::Condition;
-use crate::scene::contact::{ContactTable, Law};
+use crate::scene::contact::ContactTable;
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
@@ -63,10 +63,8 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::contacts::check(scene, clock, &mut margins, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
-    if let Some(ContactTable {
-        law: Law::HertzMindlin { impact_speed, .. },
-        ..
-    }) = &scene.contact
+    let impact = |law: &ContactTable| law.model().impact_speed();
+    if let Some((impact_speed, path)) = scene.contact.as_ref().and_then(impact)
         && let Some(Critical { limits, .. }) = critical_solid_time_step(scene)
     {
         let mut share = |limit: &str, time: f64, path: &str| {
@@ -76,10 +74,10 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         share(
             &format!(
                 "solid time step / 2 sqrt(m/k) of an impact at {} m/s",
-                number(*impact_speed)
+                number(impact_speed)
             ),
             limits.spring,
-            "contact.hertz_mindlin.impact_speed",
+            path,
         );
         if let Some(rayleigh) = limits.rayleigh {
             share("solid time step / Rayleigh's", rayleigh, "materials");

@@ -1,13 +1,11 @@
 //! The models a scene gets, each with its reason; also those it does not pay for.
 
 use super::Clock;
-use crate::case::contact::BlockModel;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
 use crate::case::fluid::Precision;
 use crate::lbm::family::Description;
 use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
-use crate::scene::contact::Law;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use serde::Serialize;
@@ -154,28 +152,13 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     let kind = if dimension == 2 { "discs" } else { "spheres" };
     match &scene.contact {
         Some(table) if solid => {
-            let model = match table.law {
-                Law::Linear { .. } => "linear with friction",
-                Law::CohesiveFrictional => "linear, cohesive-frictional",
-                Law::ContactBond { .. } => "linear with contact bonds",
-                Law::HertzMindlin { .. } => "Hertz-Mindlin with friction",
-                Law::Blocks {
-                    model: BlockModel::Patch,
-                    ..
-                } => "blocks with friction, patches of contact",
-                Law::Blocks { .. } => "blocks with friction, points of contact",
-            };
-            let model = match table.rolling {
-                Some(_) => format!("{model}, resistance to rolling"),
-                None => model.into(),
-            };
             let polyhedra = scene.polyhedra().count();
             let reason = if polyhedra == 0 {
                 format!("asked for; {kind}, without orientation")
             } else {
                 format!("asked for; {polyhedra} polyhedra")
             };
-            choose("contact law", model, reason);
+            choose("contact law", table.model().describe(), reason);
             choose(
                 "solid steps",
                 format!("{} per fluid step", clock.solid_steps_per_step),

@@ -501,6 +501,7 @@ fn ratio(a: u64, b: u64) -> f64 {
 mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
+    use crate::dem::contact::Scaled;
     use crate::dem::contact::linear::{self, Linear};
     use crate::dem::{PairTable, Volume};
     use crate::scene::grading::Class;
@@ -516,8 +517,7 @@ mod tests {
             parameters: PairTable::uniform(
                 1,
                 linear::Parameters {
-                    normal_stiffness: stiffness,
-                    stiffness_per_diameter: false,
+                    normal_stiffness: Scaled::Absolute(stiffness),
                     stiffness_ratio: 1.0,
                     friction: 0.5,
                     normal_damping: 0.3,

@@ -17,6 +17,7 @@ use cloud::{put_neighbours_together, scatter};
 use serde::{Deserialize, Serialize};
 
 use super::supervision::{Saved, Supervision};
+use crate::dem::contact::Scaled;
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
     Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall,
@@ -326,8 +327,7 @@ impl<'a, S: Space> Growing<'a, S> {
     ) -> Result<Self, Error> {
         let mean_diameter = 2.0 * radii.iter().sum::<f64>() / real(radii.len());
         let parameters = Parameters {
-            normal_stiffness: settings.stiffness_per_diameter,
-            stiffness_per_diameter: true,
+            normal_stiffness: Scaled::PerDiameter(settings.stiffness_per_diameter),
             stiffness_ratio: 0.4,
             friction: settings.friction,
             normal_damping: 0.2,
@@ -702,12 +702,10 @@ mod tests {
         assert!(cut > 20);
 
         let parameters = cohesive_frictional::Parameters {
-            normal_stiffness: 150e6,
-            stiffness_per_diameter: true,
+            normal_stiffness: Scaled::PerDiameter(150e6),
             stiffness_ratio: 0.4,
-            friction_angle: 20.0,
-            cohesion: 0.506,
-            cohesion_per_diameter: true,
+            friction: 20.0_f64.to_radians().tan(),
+            cohesion: Scaled::PerDiameter(0.506),
             normal_damping: 0.0,
             shear_damping: 0.0,
         };

@@ -127,13 +127,7 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
 }
 
 /// Chooses what depends on the scene as made, from the case as filled and as written.
-pub(crate) fn settle(
-    scene: &mut Scene,
-    case: &Case,
-    written: &Case,
-    names: &[String],
-    findings: &mut Findings,
-) {
+pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &mut Findings) {
     if let (Some(accuracy), Some(lbm)) = (asked(written), features::lattice(case)) {
         scene.chosen.accuracy = Some(accuracy);
         step::choose(scene, lbm, accuracy.target(), findings);
@@ -144,7 +138,7 @@ pub(crate) fn settle(
     }
     let target = asked(written).map(Accuracy::target);
     if case.contact.is_none() {
-        solids::choose_contact(scene, case, names, target, findings);
+        solids::choose_contact(scene, case, target, findings);
     }
     if let (Some(target), Some(_)) = (target, &scene.seepage) {
         scene.chosen.accuracy = asked(written);

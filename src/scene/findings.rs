@@ -1,10 +1,10 @@
 //! Collects what is wrong with a case, each finding with the value as it stands in the case.
 
-use crate::case::Case;
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};
+use crate::case::{Case, check};
 pub(crate) use crate::error::number;
-use crate::error::{Finding, Problem, Remedy, Severity};
+use crate::error::{Finding, Problem, Remedy, Report, Severity};
 use serde_json::Value;
 use std::cell::OnceCell;
 
@@ -121,6 +121,26 @@ impl<'a> Findings<'a> {
     /// Whether the case is refused.
     pub(crate) fn refused(&self) -> bool {
         refused(&self.problems)
+    }
+}
+
+impl Report for Findings<'_> {
+    fn error(&mut self, path: &str, reason: String, remedy: Remedy) {
+        self.push(path, reason, remedy, Severity::Error);
+    }
+
+    fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]) {
+        let remedy = match check::nearest(name, known) {
+            Some(near) => Remedy::from(format!("did you mean `{near}`? Or add it to `materials`"))
+                .set(path, near),
+            None => "add it to `materials`".into(),
+        };
+        self.push(
+            path,
+            format!("there is no material `{name}`"),
+            remedy,
+            Severity::Error,
+        );
     }
 }
 

@@ -35,7 +35,7 @@ use crate::analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
     RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
 };
-use crate::case::contact::Scaled;
+use crate::dem::contact::Scaled;
 use crate::dem::space::{Components, Space};
 use crate::dem::{BondBreak, Failure};
 use crate::error::Error;
@@ -43,7 +43,6 @@ use crate::number::{real, whole};
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::boundaries::Condition;
-use crate::scene::contact::Law;
 use crate::scene::observe::{Action, ErosionLaw};
 use decomposition::{Domain, ExactSum, Fixed};
 use serde::{Deserialize, Serialize};
@@ -220,9 +219,7 @@ impl ErosionRecorder {
             .regions
             .iter()
             .any(|region| matches!(region.action, Action::Remove { .. }));
-        let bonded = scene.contact.as_ref().is_some_and(|table| {
-            matches!(table.law, Law::CohesiveFrictional | Law::ContactBond { .. })
-        });
+        let bonded = scene.contact.as_ref().is_some_and(|c| c.model().bonds());
         let opened = (|| {
             Ok::<_, Error>((
                 open(removes, "removed.csv", RemovedGrain::header())?,
@@ -803,7 +800,8 @@ fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
         return 0.0;
     };
-    match table.pair(grains.material, grains.material).cohesion {
+    let material = crate::number::to_u32(grains.material);
+    match table.model().cohesion([material; 2]) {
         Scaled::PerDiameter(value) => value,
         Scaled::Absolute(value) if diameter > 0.0 => value / diameter,
         Scaled::Absolute(_) => 0.0,

@@ -12,7 +12,6 @@ use crate::error::Error;
 use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests, Saved, Supervision, Supervisor};
 use crate::preparation::{Engine, Prepared, prepare};
-use crate::scene::contact::ContactTable;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
@@ -124,12 +123,9 @@ pub fn grains<S: Space>(
             attributes,
         };
         let made = earlier.map(saved::<S>).transpose().and_then(|saved| {
-            let law =
-                |table: Option<&ContactTable>| setup::law_of(table, plan.scene.materials.len());
             let engine = Engine {
                 region: setup::region::<S>(plan),
                 walls: setup::walls::<S>(plan),
-                law: &law,
             };
             prepare(
                 plan,

@@ -7,15 +7,10 @@ use crate::case::boundary::Fluctuations;
 use crate::coupling::body_map::GHOSTS;
 use crate::coupling::drag::{self, Seepage};
 use crate::darcy;
-use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-use crate::dem::contact::contact_bond::{self, ContactBond};
-use crate::dem::contact::hertz_mindlin::{self, HertzMindlin};
-use crate::dem::contact::linear::{self, Linear};
-use crate::dem::contact::rolling::{self, Rolling};
 use crate::dem::particles::{Body, Kind, Motion, Particles};
 pub use crate::dem::space::vector;
 use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall};
+use crate::dem::{Dem, Region, Settings, Wall};
 use crate::error::{Error, Problem, Severity};
 use crate::lbm::boundary::turbulent::Synthetic;
 use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
@@ -27,7 +22,6 @@ use crate::plan::{self, Plan};
 use crate::scene::bodies::Mobility;
 use crate::scene::boundaries;
 use crate::scene::boundaries::{Condition as Written, VelocityProfile};
-use crate::scene::contact::{ContactTable, Law as WrittenLaw, PairParameters};
 use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::grid::Grid;
 use crate::scene::initial::Initial;
@@ -389,7 +383,7 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     if scene.flow.is_some() {
         settings.ghost_margin = (f64::from(GHOSTS) + 0.5) * scene.grid.spacing + settings.skin;
     }
-    Dem::new(law(plan), settings, walls(plan))
+    Dem::new(scene.contact_law(), settings, walls(plan))
 }
 
 /// The walls of a plan.
@@ -417,133 +411,6 @@ pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
     walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
 }
 
-/// The contact law of a plan; one without forces where nothing can touch.
-#[must_use]
-pub fn law(plan: &Plan) -> Law {
-    law_of(plan.scene.contact.as_ref(), plan.scene.materials.len())
-}
-
-/// The law of a table for so many materials; one without forces where there is no table.
-#[must_use]
-pub fn law_of(table: Option<&ContactTable>, materials: usize) -> Law {
-    let materials = to_u32(materials.max(1));
-    let Some(table) = table else {
-        let nothing = linear::Parameters {
-            normal_stiffness: 0.0,
-            stiffness_per_diameter: false,
-            stiffness_ratio: 0.0,
-            friction: 0.0,
-            normal_damping: 0.0,
-            shear_damping: 0.0,
-            attraction: false,
-        };
-        return Law::Linear(Linear {
-            parameters: PairTable::uniform(materials, nothing),
-        });
-    };
-    let rolling = table.rolling.map(|r| {
-        let parameters = rolling::Parameters {
-            friction: r.friction,
-            damping: r.damping_ratio,
-        };
-        PairTable::uniform(materials, parameters)
-    });
-    match table.law {
-        WrittenLaw::Linear { attraction } => {
-            let law = Linear {
-                parameters: pairs(table, |p| springs(p, attraction)),
-            };
-            match rolling {
-                Some(parameters) => Law::RollingLinear(Rolling { law, parameters }),
-                None => Law::Linear(law),
-            }
-        }
-        WrittenLaw::ContactBond {
-            bonding_gap,
-            unstressed,
-        } => {
-            let law = ContactBond {
-                parameters: pairs(table, |p| contact_bond::Parameters {
-                    linear: springs(p, false),
-                    tensile_strength: p.strengths[0],
-                    shear_strength: p.strengths[1],
-                    bonding_gap,
-                    unstressed,
-                }),
-            };
-            match rolling {
-                Some(parameters) => Law::RollingContactBond(Rolling { law, parameters }),
-                None => Law::ContactBond(law),
-            }
-        }
-        WrittenLaw::CohesiveFrictional => Law::CohesiveFrictional(CohesiveFrictional {
-            parameters: pairs(table, cohesive),
-        }),
-        WrittenLaw::Blocks {
-            per_area,
-            mass_damping,
-            model,
-        } => blocks::law(table, per_area, mass_damping, model),
-        WrittenLaw::HertzMindlin {
-            attraction,
-            impact_speed,
-        } => Law::HertzMindlin(HertzMindlin {
-            parameters: pairs(table, |p| hertz_mindlin::Parameters {
-                moduli: p.moduli,
-                friction: p.friction_coefficient,
-                damping: p.normal_damping_ratio,
-                attraction,
-                impact_speed,
-            }),
-        }),
-    }
-}
-
-fn springs(p: &PairParameters, attraction: bool) -> linear::Parameters {
-    let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
-    linear::Parameters {
-        normal_stiffness,
-        stiffness_per_diameter,
-        stiffness_ratio: p.shear_to_normal_stiffness,
-        friction: p.friction_coefficient,
-        normal_damping: p.normal_damping_ratio,
-        shear_damping: p.shear_damping_ratio,
-        attraction,
-    }
-}
-
-fn cohesive(p: &PairParameters) -> cohesive_frictional::Parameters {
-    let (normal_stiffness, stiffness_per_diameter) = scaled(&p.normal_stiffness);
-    let (cohesion, cohesion_per_diameter) = scaled(&p.cohesion);
-    cohesive_frictional::Parameters {
-        normal_stiffness,
-        stiffness_per_diameter,
-        stiffness_ratio: p.shear_to_normal_stiffness,
-        friction_angle: p.friction_coefficient.atan().to_degrees(),
-        cohesion,
-        cohesion_per_diameter,
-        normal_damping: p.normal_damping_ratio,
-        shear_damping: p.shear_damping_ratio,
-    }
-}
-
-fn pairs<P: Clone>(table: &ContactTable, make: impl Fn(&PairParameters) -> P) -> PairTable<P> {
-    let n = table.materials;
-    let mut pairs = PairTable::uniform(to_u32(n), make(table.pair(0, 0)));
-    for a in 0..n {
-        for b in a..n {
-            pairs.set(to_u32(a), to_u32(b), make(table.pair(a, b)));
-        }
-    }
-    pairs
-}
-
-fn scaled(value: &crate::case::contact::Scaled) -> (f64, bool) {
-    match value {
-        crate::case::contact::Scaled::PerDiameter(v) => (*v, true),
-        crate::case::contact::Scaled::Absolute(v) => (*v, false),
-    }
-}
 /// Where something stands and how it moves.
 fn motion_of<S: Space>(
     position: [f64; 3],

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 
 use decomposition::{Axis, Communicator, Domain, Slabs, StateHash, World, field_key};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use solver::dem::contact::Scaled;
 use solver::dem::contact::blocks::Blocks;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
@@ -38,12 +39,10 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
         0,
     );
     let parameters = cohesive_frictional::Parameters {
-        normal_stiffness: 5e5,
-        stiffness_per_diameter: false,
+        normal_stiffness: Scaled::Absolute(5e5),
         stiffness_ratio: 0.4,
-        friction_angle: 20.0,
-        cohesion: if name == "bonded" { 0.5 } else { 0.0 },
-        cohesion_per_diameter: false,
+        friction: 20.0_f64.to_radians().tan(),
+        cohesion: Scaled::Absolute(if name == "bonded" { 0.5 } else { 0.0 }),
         normal_damping: 0.05,
         shear_damping: 0.05,
     };

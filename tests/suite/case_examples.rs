@@ -87,9 +87,9 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     assert_eq!(plan.clock.solid_steps_per_step, 9);
     assert_eq!(plan.clock.steps, 12500);
     // k_n and C go with the mean diameter of the pair.
-    let pair = plan.scene.contact.as_ref().expect("contacts").pair(0, 0);
+    let law = plan.scene.contact.as_ref().expect("contacts").model();
     approx::assert_relative_eq!(
-        pair.cohesion.at(2e-4) / pair.normal_stiffness.at(2e-4),
+        law.cohesion([0, 0]).at(2e-4) / law.normal_stiffness([0, 0], 2e-4),
         0.506 / 150e6
     );
 }

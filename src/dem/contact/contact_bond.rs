@@ -1,4 +1,4 @@
-//! The linear contact-bond law of the fissure paper's clay (C-03, C-04); its sand is [`super::linear`] (C-02).
+//! The linear contact-bond law: [`super::linear`] with bonds of given tensile and shear strength.
 //!
 //! ```text
 //! bonded:    F_n = k_n (overlap - rest) - c_n d(gap)/dt      also in tension, down to -T
@@ -15,43 +15,196 @@
 //! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` says what the normal
 //! spring of a bond across a gap measures from: 0, so that it pulls at once with k_n times the gap (a gap beyond T/k_n fails
 //! in the first step), or, with `unstressed`, the gap it was made at, so that it starts without a force. Once
-//! broken, overlaps count from contact again. With the paper's numbers (C-05) a bond opens by T/k_n = 1e-5 m and shears by
-//! S/k_s = 5e-5 m.
+//! broken, overlaps count from contact again. Before it breaks, a bond opens by T/k_n and shears by S/k_s.
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
+use super::input::{coefficient, default_ratio, pair_table};
+use super::rolling::{self, Rolling};
 use super::{
-    ContactLaw, Failure, PairTable, Partners, Reply, Touch, linear, load_tangent, save_tangent,
+    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
+    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact,
+    TimeLimits, linear, load_tangent, save_tangent,
 };
+use crate::error::Report;
+
+/// Bonded: F_n = k_n δ down to minus the tensile strength, |F_s| up to the shear strength, no sliding and no moment.
+/// A bond that fails is gone for good; without one the law is the linear one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "ContactBond")]
+pub struct Input {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ of contacts without a bond [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Force that pulls a bond apart [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: f64,
+    /// Force that shears a bond off [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: f64,
+    /// `bond_at_start` bonds all whose surfaces are at most so far apart [m]; 0: only those that touch.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub bonding_gap: f64,
+    /// Whether a bond made across a gap starts without a force. Else it pulls at once with k_n times the gap, and
+    /// fails at once where that is above its strength.
+    #[serde(default)]
+    pub unstressed: bool,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Resistance to rolling; none without it.
+    #[serde(default)]
+    pub rolling: Option<rolling::Parameters>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for Input {
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        let path = "contact.contact_bond";
+        let base = Parameters {
+            linear: linear::Parameters {
+                normal_stiffness: self.normal_stiffness,
+                stiffness_ratio: self.shear_to_normal_stiffness,
+                friction: coefficient(self.friction_angle_degrees),
+                normal_damping: self.normal_damping_ratio,
+                shear_damping: self.shear_damping_ratio,
+                attraction: false,
+            },
+            tensile_strength: self.tensile_strength,
+            shear_strength: self.shear_strength,
+            bonding_gap: self.bonding_gap,
+            unstressed: self.unstressed,
+        };
+        base.linear.check(path, report);
+        let parameters = pair_table(
+            (path, scene),
+            PairTable::uniform(scene.material_count(), base),
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |_, pair, path, report| {
+                pair.check_stiffness(path, report);
+                pair.refuse_cohesion(path, report);
+                Parameters {
+                    linear: base.linear.overridden(pair),
+                    tensile_strength: pair.tensile_strength.unwrap_or(base.tensile_strength),
+                    shear_strength: pair.shear_strength.unwrap_or(base.shear_strength),
+                    ..base
+                }
+            },
+        );
+        let law = ContactBond { parameters };
+        Some(match self.rolling {
+            Some(rolling) => Rolling::everywhere(law, rolling).into(),
+            None => law.into(),
+        })
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
 
 /// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameters {
     /// The springs, dashpots and friction.
     pub linear: linear::Parameters,
-    /// Tensile strength T of a bond (N; in the plane N per m of depth).
+    /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
     pub tensile_strength: f64,
-    /// Shear strength S of a bond (N; in the plane N per m of depth).
+    /// Shear strength S of a bond [N]; in the plane [N per m of depth].
     pub shear_strength: f64,
-    /// Surfaces at most so far apart (m) are bonded.
-    #[serde(default)]
+    /// Surfaces at most so far apart [m] are bonded.
     pub bonding_gap: f64,
     /// Whether a bond made across a gap starts without a force.
-    #[serde(default)]
     pub unstressed: bool,
 }
 
 /// The law: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactBond {
     /// Per pair of materials.
     pub parameters: PairTable<Parameters>,
 }
 
-/// Per pair of materials: the linear law's, strengths (N), bonding gap (m).
+impl ContactModel for ContactBond {
+    fn describe(&self) -> String {
+        "linear with contact bonds".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).linear.friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        let pair = self.parameters.get(a, b);
+        pair.linear.normal_stiffness.at(diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            pair.linear.prepare(normal_stiffness, friction);
+        }
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        self.parameters.get(a, b).linear.springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = self.parameters.rows_of(material);
+        let stiffest = pairs.map(|p| p.linear.stiffest(2.0 * radius));
+        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
+    }
+
+    fn bonds(&self) -> bool {
+        true
+    }
+
+    fn bonding_gap(&self) -> f64 {
+        self.parameters.get(0, 0).bonding_gap
+    }
+
+    fn bond_opening(&self, [a, b]: [u32; 2], diameter: f64) -> Option<BondOpening> {
+        let pair = self.parameters.get(a, b);
+        Some(BondOpening {
+            gap: pair.bonding_gap,
+            strength: pair.tensile_strength,
+            stiffness: pair.linear.normal_stiffness.at(diameter),
+            path: "contact.contact_bond.tensile_strength",
+        })
+    }
+}
+
+/// Per pair of materials: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     linear: linear::Row,
@@ -61,7 +214,7 @@ pub struct Row {
     unstressed: bool,
 }
 
-/// Per pair: the linear law's, strengths (N), bonding gap (m).
+/// Per pair: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     linear: linear::Constants,
@@ -71,9 +224,9 @@ pub struct Constants {
     unstressed: bool,
 }
 
-/// The force of the shear spring (N) on the second partner, and of a bond the overlap (m) without a normal force.
+/// The force of the shear spring [N] on the second partner, and of a bond the overlap [m] without a normal force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
     rest: f64,
     bonded: bool,
@@ -83,7 +236,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     type Row = Row;
     type Scale = f64;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 2;
 
     fn table(&self) -> PairTable<Row> {
@@ -96,8 +249,8 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         })
     }
 
-    fn scale(row: &Row, partners: &Partners) -> f64 {
-        row.linear.scale(partners)
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        row.linear.scale(pair)
     }
 
     #[inline(always)]
@@ -112,80 +265,79 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        if !memory.bonded {
-            return c.linear.slide(&mut memory.shear, touch);
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        if !history.bonded {
+            return c.linear.slide(&mut history.shear, kinematics);
         }
-        let normal = c.linear.normal * (touch.overlap - memory.rest);
-        let shear =
-            S::turn(&memory.shear, &touch.normal) - touch.slip * (c.linear.shear * touch.time_step);
+        let normal = c.linear.normal * (kinematics.overlap - history.rest);
+        let shear = S::turn(&history.shear, &kinematics.normal)
+            - kinematics.slip * (c.linear.shear * kinematics.time_step);
         let failure = if normal < -c.tensile {
             Failure::Tension
         } else if shear.length() > c.shear {
             Failure::Shear
         } else {
-            memory.shear = shear;
-            return Reply {
-                normal: normal - c.linear.normal_dashpot * touch.separation_rate,
-                tangent: shear - touch.slip * c.linear.shear_dashpot,
+            history.shear = shear;
+            return ContactForce {
+                normal: normal - c.linear.normal_dashpot * kinematics.separation_rate,
+                tangent: shear - kinematics.slip * c.linear.shear_dashpot,
                 moment: S::Spin::default(),
                 failure: None,
             };
         };
-        let mut broken = Memory {
-            shear: memory.shear,
-            ..Memory::default()
+        let mut broken = History {
+            shear: history.shear,
+            ..History::default()
         };
-        let reply = if touch.overlap > 0.0 {
-            c.linear.slide(&mut broken.shear, touch)
+        let force = if kinematics.overlap > 0.0 {
+            c.linear.slide(&mut broken.shear, kinematics)
         } else {
-            broken = Memory::default();
-            Reply {
+            broken = History::default();
+            ContactForce {
                 normal: 0.0,
                 tangent: S::Tangent::default(),
                 moment: S::Spin::default(),
                 failure: None,
             }
         };
-        *memory = broken;
-        Reply {
+        *history = broken;
+        ContactForce {
             failure: Some(failure),
-            ..reply
+            ..force
         }
     }
 
     #[inline(always)]
-    fn bonded(memory: &Memory<S>) -> bool {
-        memory.bonded
+    fn bonded(history: &History<S>) -> bool {
+        history.bonded
     }
 
     fn bonding_gap(c: &Constants) -> f64 {
         c.gap
     }
 
-    fn bond(c: &Constants, memory: &mut Memory<S>, overlap: f64) -> bool {
-        memory.bonded = c.tensile > 0.0 || c.shear > 0.0;
-        memory.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
-        memory.bonded
+    fn bond(c: &Constants, history: &mut History<S>, overlap: f64) -> bool {
+        history.bonded = c.tensile > 0.0 || c.shear > 0.0;
+        history.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
+        history.bonded
     }
 
-    fn unbond(memory: &mut Memory<S>) {
-        memory.bonded = false;
-        memory.rest = 0.0;
+    fn unbond(history: &mut History<S>) {
+        history.bonded = false;
+        history.rest = 0.0;
     }
 
-    fn normal_spring(c: &Constants, memory: &Memory<S>, overlap: f64) -> f64 {
-        c.linear.normal * (overlap - memory.rest)
+    fn normal_spring(c: &Constants, history: &History<S>, overlap: f64) -> f64 {
+        c.linear.normal * (overlap - history.rest)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         let opening = |p: &Parameters, d: f64| {
-            let scale = if p.linear.stiffness_per_diameter {
-                d
-            } else {
-                1.0
-            };
-            p.bonding_gap + p.tensile_strength / (p.linear.normal_stiffness * scale)
+            p.bonding_gap + p.tensile_strength / p.linear.normal_stiffness.at(d)
         };
         self.parameters
             .rows()
@@ -198,18 +350,22 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         [c.linear.normal, c.linear.shear]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
-        numbers.push(memory.rest);
-        numbers.push(if memory.bonded { 1.0 } else { 0.0 });
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.rest);
+        numbers.push(if history.bonded { 1.0 } else { 0.0 });
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
+    fn load(numbers: &[f64]) -> History<S> {
         let number = |k| numbers.get(k).copied().unwrap_or(0.0);
-        Memory {
+        History {
             shear: load_tangent(numbers),
             rest: number(S::Tangent::COUNT),
             bonded: number(S::Tangent::COUNT + 1) > 0.5,
         }
     }
+}
+
+impl<S: Space> Bodies<S> for ContactBond {
+    type Scratch = ();
 }

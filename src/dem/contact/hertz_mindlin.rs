@@ -29,23 +29,191 @@
 
 use std::f64::consts::PI;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+use super::input::{coefficient, pair_table};
+use super::{
+    ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Depth,
+    PairProperties, PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
+    linear, load_tangent, save_tangent,
+};
+use crate::error::{Remedy, Report};
+
+/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed; incremental shear
+/// of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and `poisson_ratio` of the materials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "HertzMindlin")]
+pub struct Input {
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Speed after over speed before a head-on collision, without unit; 1 is elastic.
+    #[serde(default = "elastic")]
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub restitution: f64,
+    /// Whether the dashpot may pull while the grains part. The restitution is the same with and without it.
+    #[serde(default)]
+    pub attraction: bool,
+    /// Fastest approach that is expected [m/s]: the time step is chosen for the stiffness at the overlap that it makes. Without it
+    /// the sum of the two largest speeds at the start and that of a fall through the domain.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub impact_speed: Option<f64>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+fn elastic() -> f64 {
+    1.0
+}
+
+/// Numbers of one pair of elastic materials; what is left out is as for all other pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "ElasticPair")]
+pub struct Pair {
+    /// The two materials, in either order.
+    pub materials: [String; 2],
+    /// Friction angle [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Speed after over speed before a head-on collision.
+    #[serde(default)]
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub restitution: Option<f64>,
+}
+
+const PATH: &str = "contact.hertz_mindlin";
+
+impl Input {
+    /// The moduli of every material; fewer where some are missing, which are findings.
+    fn moduli(scene: &SceneFacts<'_>, report: &mut dyn Report) -> Vec<Elastic> {
+        let mut elastic = Vec::new();
+        for material in scene.materials {
+            let mut need = |value: Option<f64>, field: &str, example: &str| {
+                if value.is_none() {
+                    report.error(
+                        &format!("materials.{}.{field}", material.name),
+                        "hertz_mindlin takes the stiffness of contacts from every material".into(),
+                        format!("write for example {example}, glass").into(),
+                    );
+                }
+                value
+            };
+            let modulus = need(material.young_modulus, "young_modulus", "4.8e10");
+            let ratio = need(material.poisson_ratio, "poisson_ratio", "0.2");
+            elastic.extend(
+                modulus
+                    .zip(ratio)
+                    .map(|(young_modulus, poisson_ratio)| Elastic {
+                        young_modulus,
+                        poisson_ratio,
+                    }),
+            );
+        }
+        elastic
+    }
+
+    /// Reports what of a scene the law cannot do.
+    fn check(scene: &SceneFacts<'_>, report: &mut dyn Report) {
+        if scene.grains == (Preparation::Deposition { softened: true }) {
+            report.error(
+                "grains.initial.deposition.falling_stiffness",
+                "hertz_mindlin has no spring to soften".into(),
+                "take it out, or let the grains fall with a softer young_modulus and read them from the file that they save".into(),
+            );
+        }
+        if scene.bond_at_start {
+            report.error(
+                "grains.bond_at_start",
+                "hertz_mindlin has no bonds".into(),
+                "take it out, or use contact_bond".into(),
+            );
+        }
+    }
+}
+
+impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        if scene.dimension == 2 {
+            report.error(
+                PATH,
+                "this is a law of spheres: the contact of two discs in the plane has no force of its overlap alone".into(),
+                Remedy::from("use linear, or a domain of three dimensions").set("contact", linear::example()),
+            );
+            return None;
+        }
+        let materials = Self::moduli(scene, report);
+        Self::check(scene, report);
+        if materials.is_empty() || materials.len() < scene.materials.len() {
+            return None;
+        }
+        let impact_speed = self.impact_speed.unwrap_or(scene.fastest_approach);
+        let numbers = |a: u32, b: u32, friction: f64, restitution: f64| Parameters {
+            moduli: materials[a as usize].effective(materials[b as usize]),
+            friction: coefficient(friction),
+            damping: damping(restitution, self.attraction),
+            attraction: self.attraction,
+            impact_speed,
+        };
+        let (friction, restitution) = (self.friction_angle_degrees, self.restitution);
+        let n = scene.material_count();
+        let mut base = PairTable::uniform(n, numbers(0, 0, friction, restitution));
+        for a in 0..n {
+            for b in a..n {
+                base.set(a, b, numbers(a, b, friction, restitution));
+            }
+        }
+        let parameters = pair_table(
+            (PATH, scene),
+            base,
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |[a, b], pair, _, _| {
+                numbers(
+                    a,
+                    b,
+                    pair.friction_angle_degrees.unwrap_or(friction),
+                    pair.restitution.unwrap_or(restitution),
+                )
+            },
+        );
+        Some(
+            HertzMindlin {
+                parameters,
+                materials,
+            }
+            .into(),
+        )
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
 
 /// An isotropic elastic material.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Elastic {
-    /// Young's modulus E (Pa).
+    /// Young's modulus E [Pa].
     pub young_modulus: f64,
     /// Poisson's ratio nu.
     pub poisson_ratio: f64,
 }
 
 impl Elastic {
-    /// The effective moduli E* and G* (Pa) of a contact of two materials.
+    /// The effective moduli E* and G* [Pa] of a contact of two materials.
     #[must_use]
     pub fn effective(self, other: Self) -> [f64; 2] {
         let part = |m: Self| {
@@ -56,7 +224,7 @@ impl Elastic {
         [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
     }
 
-    /// The time (s) in which Rayleigh's surface wave runs round half a sphere of this radius (m) and density (kg/m³):
+    /// The time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density [kg/m³]:
     /// `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
     #[must_use]
     pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
@@ -117,36 +285,111 @@ pub fn damping(e: f64, attraction: bool) -> f64 {
 }
 
 /// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameters {
-    /// Effective moduli E* and G* (Pa): [`Elastic::effective`].
+    /// Effective moduli E* and G* [Pa]: [`Elastic::effective`].
     pub moduli: [f64; 2],
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
     /// Dashpots as a fraction zeta of critical damping: [`damping`].
-    #[serde(default)]
     pub damping: f64,
     /// Whether the normal dashpot may pull.
-    #[serde(default)]
     pub attraction: bool,
-    /// Fastest approach (m/s) that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
+    /// Fastest approach [m/s] that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
     pub impact_speed: f64,
 }
 
 /// The law: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HertzMindlin {
     /// Per pair of materials.
     pub parameters: PairTable<Parameters>,
+    /// Every material, for Rayleigh's time; where there are none it is no limit.
+    pub materials: Vec<Elastic>,
+}
+
+impl ContactModel for HertzMindlin {
+    fn describe(&self) -> String {
+        "Hertz-Mindlin with friction".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        // E* d sqrt(overlap/d).
+        1e-2 * self.parameters.get(a, b).moduli[0] * diameter
+    }
+
+    fn growth_stiffness(&self, material: u32, _: f64) -> f64 {
+        1e-2 * self.parameters.get(material, material).moduli[0]
+    }
+
+    /// The springs of elastic spheres have no stiffness of their own: friction alone is changed.
+    fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            pair.friction = friction.unwrap_or(pair.friction);
+        }
+    }
+
+    /// Tangent stiffnesses, and the dashpots that go with them.
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        let pair = self.parameters.get(a, b);
+        let [young, shear] = pair.moduli;
+        let root = contact.radius.sqrt();
+        let expected = || deepest(contact.mass, 4.0 / 3.0 * young * root, pair.impact_speed);
+        let overlap = match (contact.overlap, contact.depth) {
+            (Some(overlap), Depth::Start) => overlap,
+            (Some(overlap), Depth::Expected) => overlap.max(expected()),
+            (None, _) => expected(),
+        };
+        let side = root * overlap.max(0.0).sqrt();
+        Springs::damped(
+            [2.0 * young * side, 8.0 * shear * side],
+            contact.bonded || pair.friction > 0.0,
+            ([pair.damping; 2], (5.0_f64 / 6.0).sqrt()),
+            contact.mass,
+        )
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let root = radius.sqrt();
+        let spring = |pair: &Parameters| {
+            // At a wall radius and mass are the grain's own: no grain makes a stiffer contact.
+            let [young, shear] = pair.moduli;
+            let overlap = deepest(mass, 4.0 / 3.0 * young * root, pair.impact_speed).sqrt();
+            let stiffness = (2.0 * young).max(8.0 * shear) * root * overlap;
+            let zeta = pair.damping;
+            // An explicit oscillator with a dashpot needs a shorter step by sqrt(1 + zeta²) - zeta.
+            2.0 * (mass / stiffness).sqrt() * ((1.0 + zeta * zeta).sqrt() - zeta)
+        };
+        let pairs = self.parameters.rows_of(material);
+        let density = mass / (4.0 / 3.0 * PI * radius.powi(3));
+        let elastic = self.materials.get(material as usize);
+        TimeLimits {
+            spring: pairs.map(spring).fold(f64::INFINITY, f64::min),
+            rayleigh: elastic.map(|elastic| elastic.rayleigh_time(radius, density)),
+        }
+    }
+
+    fn impact_speed(&self) -> Option<(f64, &'static str)> {
+        let speed = self.parameters.get(0, 0).impact_speed;
+        Some((speed, "contact.hertz_mindlin.impact_speed"))
+    }
 }
 
 /// Per pair of materials: what multiplies the roots of radius and mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// 4/3 E* (Pa).
+    /// 4/3 E* [Pa].
     normal: f64,
-    /// 8 G* (Pa).
+    /// 8 G* [Pa].
     shear: f64,
     /// sqrt(5) zeta sqrt(4/3 E*), and 2 sqrt(5/6) zeta sqrt(8 G*).
     dashpots: [f64; 2],
@@ -155,15 +398,15 @@ pub struct Row {
     impact_speed: f64,
 }
 
-/// Per pair of grains: sqrt(R*) (m^1/2), and sqrt(m* sqrt(R*)).
+/// Per pair of grains: sqrt(R*) [m^1/2], and sqrt(m* sqrt(R*)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     radius: f64,
     mass: f64,
 }
 
-/// Per pair: the normal force over overlap^(3/2) (N m^-3/2), the shear stiffness over overlap^(1/2) (N m^-3/2), the
-/// dashpots over overlap^(1/4) (N s m^-5/4), friction, and the least normal force (N).
+/// Per pair: the normal force over overlap^(3/2) [N m^-3/2], the shear stiffness over overlap^(1/2) [N m^-3/2], the
+/// dashpots over overlap^(1/4) [N s m^-5/4], friction, and the least normal force [N].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     normal: f64,
@@ -175,9 +418,9 @@ pub struct Constants {
     impact_speed: f64,
 }
 
-/// The force of the shear spring (N) on the second partner, and the root of the overlap (m^1/2) it was loaded at.
+/// The force of the shear spring [N] on the second partner, and the root of the overlap [m^1/2] it was loaded at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
     root: f64,
 }
@@ -186,7 +429,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     type Row = Row;
     type Scale = Scale;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
     fn table(&self) -> PairTable<Row> {
@@ -206,11 +449,11 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         })
     }
 
-    fn scale(_: &Row, partners: &Partners) -> Scale {
-        let radius = partners.rolling_radius.sqrt();
+    fn scale(_: &Row, pair: &PairProperties) -> Scale {
+        let radius = pair.rolling_radius.sqrt();
         Scale {
             radius,
-            mass: (partners.mass * radius).sqrt(),
+            mass: (pair.mass * radius).sqrt(),
         }
     }
 
@@ -228,25 +471,30 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        let overlap = touch.overlap.max(0.0);
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        let overlap = kinematics.overlap.max(0.0);
         let root = overlap.sqrt();
         let fourth = root.sqrt();
-        let normal = (c.normal * overlap * root - c.dashpots[0] * fourth * touch.separation_rate)
+        let normal = (c.normal * overlap * root
+            - c.dashpots[0] * fourth * kinematics.separation_rate)
             .max(c.least);
-        let mut held = S::turn(&memory.shear, &touch.normal);
-        if root < memory.root {
-            held = held * (root / memory.root);
+        let mut held = S::turn(&history.shear, &kinematics.normal);
+        if root < history.root {
+            held = held * (root / history.root);
         }
-        let spring = held - touch.slip * (c.shear * root * touch.time_step);
-        let total = spring - touch.slip * (c.dashpots[1] * fourth);
+        let spring = held - kinematics.slip * (c.shear * root * kinematics.time_step);
+        let total = spring - kinematics.slip * (c.dashpots[1] * fourth);
         let (length, limit) = (total.length(), c.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
-        *memory = Memory {
+        *history = History {
             shear: if length > limit { tangent } else { spring },
             root,
         };
-        Reply {
+        ContactForce {
             normal,
             tangent,
             moment: S::Spin::default(),
@@ -254,27 +502,12 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         }
     }
 
-    #[inline(always)]
-    fn bonded(_: &Memory<S>) -> bool {
-        false
-    }
-
-    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
-        false
-    }
-
-    fn normal_spring(c: &Constants, _: &Memory<S>, overlap: f64) -> f64 {
+    fn normal_spring(c: &Constants, _: &History<S>, overlap: f64) -> f64 {
         let overlap = overlap.max(0.0);
         c.normal * overlap * overlap.sqrt()
     }
 
-    fn unbond(_: &mut Memory<S>) {}
-
-    fn widest_opening(&self, _: [f64; 2]) -> f64 {
-        0.0
-    }
-
-    /// Tangent stiffnesses (N/m) at the overlap of an elastic impact of the expected speed:
+    /// Tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
     /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
     fn stiffness(c: &Constants) -> [f64; 2] {
         let mass = c.scale.mass * c.scale.mass / c.scale.radius;
@@ -283,21 +516,25 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         [1.5 * c.normal * root, c.shear * root]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
-        numbers.push(memory.root);
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.root);
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
-        Memory {
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
             shear: load_tangent(numbers),
             root: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
         }
     }
 }
 
-/// Overlap (m) at which an elastic head-on impact at `speed` (m/s) turns: mass m* (kg), force over overlap^(3/2)
-/// (N m^-3/2).
+impl<S: Space> Bodies<S> for HertzMindlin {
+    type Scratch = ();
+}
+
+/// Overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over overlap^(3/2)
+/// [N m^-3/2].
 #[must_use]
 pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {
     (1.25 * mass * speed * speed / normal).powf(0.4)
@@ -317,7 +554,7 @@ mod tests {
                 assert_relative_eq!(restitution(zeta, attraction), e, max_relative = 1e-9);
             }
         }
-        // Table lsd_collision of validation.md 4.1: e with attraction, zeta, e without.
+        // e with attraction, zeta, e without attraction.
         for (e, zeta, pushing) in [
             (0.9, 0.033_518_45, 0.902_026_07),
             (0.5, 0.215_453_76, 0.550_283_17),

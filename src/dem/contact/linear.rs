@@ -1,4 +1,4 @@
-//! Linear springs and dashpots with Coulomb friction (C-02).
+//! Linear springs and dashpots with Coulomb friction.
 //!
 //! ```text
 //! F_n = k_n overlap - c_n d(gap)/dt              pushing; pulling only with `attraction`
@@ -11,43 +11,219 @@
 //! it ends earlier and restitutes more. While sliding the spring holds the limit and the shear dashpot rests.
 //! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch, cut_to, load_tangent, save_tangent};
+use super::input::{coefficient, default_ratio, pair_table};
+use super::rolling::{self, Rolling};
+use super::{
+    ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Pair,
+    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
+    load_tangent, save_tangent,
+};
+use crate::error::Report;
+
+/// F_n = k_n δ, |F_s| <= F_n tan Φ; springs act in compression only.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Linear")]
+pub struct Input {
+    /// Normal stiffness k_n [N/m].
+    pub normal_stiffness: Scaled,
+    /// k_s/k_n, without unit.
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: f64,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// The same along the shear spring.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Whether the dashpot may pull while the grains part. Without it the normal force is never tensile and a
+    /// collision rebounds a little faster than the damping ratio says.
+    #[serde(default)]
+    pub attraction: bool,
+    /// Resistance to rolling; none without it.
+    #[serde(default)]
+    pub rolling: Option<rolling::Parameters>,
+    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Other numbers for certain pairs of materials.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        let path = "contact.linear";
+        let base = Parameters {
+            normal_stiffness: self.normal_stiffness,
+            stiffness_ratio: self.shear_to_normal_stiffness,
+            friction: coefficient(self.friction_angle_degrees),
+            normal_damping: self.normal_damping_ratio,
+            shear_damping: self.shear_damping_ratio,
+            attraction: self.attraction,
+        };
+        base.check(path, report);
+        let parameters = pair_table(
+            (path, scene),
+            PairTable::uniform(scene.material_count(), base),
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |_, pair, path, report| {
+                pair.check_stiffness(path, report);
+                pair.refuse_cohesion(path, report);
+                pair.refuse_strengths(path, report);
+                base.overridden(pair)
+            },
+        );
+        let law = Linear { parameters };
+        Some(match self.rolling {
+            Some(rolling) => Rolling::everywhere(law, rolling).into(),
+            None => law.into(),
+        })
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
+
+/// The law as an example in findings.
+#[must_use]
+pub fn example() -> Value {
+    json!({"linear": {"normal_stiffness": {"per_diameter": 1e8}}})
+}
 
 /// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameters {
-    /// Normal stiffness (N/m; in the plane N/m per m of depth), or per metre of diameter: see `stiffness_per_diameter`.
-    pub normal_stiffness: f64,
-    /// Whether the stiffness is the given number times the pair's mean diameter (a wall: the grain's diameter).
-    #[serde(default)]
-    pub stiffness_per_diameter: bool,
+    /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
+    pub normal_stiffness: Scaled,
     /// Shear over normal stiffness.
     pub stiffness_ratio: f64,
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
     /// Normal dashpot as a fraction of critical damping.
-    #[serde(default)]
     pub normal_damping: f64,
     /// Shear dashpot as a fraction of critical damping.
-    #[serde(default)]
     pub shear_damping: f64,
     /// Whether the dashpot may pull.
-    #[serde(default)]
     pub attraction: bool,
 }
 
+impl Parameters {
+    pub(super) const WITHOUT_FORCES: Self = Self {
+        normal_stiffness: Scaled::ZERO,
+        stiffness_ratio: 0.0,
+        friction: 0.0,
+        normal_damping: 0.0,
+        shear_damping: 0.0,
+        attraction: false,
+    };
+
+    /// Refuses a stiffness of zero.
+    pub(super) fn check(&self, path: &str, report: &mut dyn Report) {
+        let path = format!("{path}.normal_stiffness");
+        self.normal_stiffness.check_stiffness(&path, report);
+    }
+
+    /// These parameters with the numbers of a pair.
+    pub(super) fn overridden(&self, pair: &Pair) -> Self {
+        Self {
+            normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
+            stiffness_ratio: pair
+                .shear_to_normal_stiffness
+                .unwrap_or(self.stiffness_ratio),
+            friction: pair
+                .friction_angle_degrees
+                .map_or(self.friction, coefficient),
+            normal_damping: pair.normal_damping_ratio.unwrap_or(self.normal_damping),
+            shear_damping: pair.shear_damping_ratio.unwrap_or(self.shear_damping),
+            attraction: self.attraction,
+        }
+    }
+
+    /// Springs and dashpots of a contact.
+    pub(super) fn springs(&self, contact: &StaticContact) -> Springs {
+        let normal = self.normal_stiffness.at(contact.diameter);
+        Springs::damped(
+            [normal, normal * self.stiffness_ratio],
+            contact.bonded || self.friction > 0.0,
+            ([self.normal_damping, self.shear_damping], 1.0),
+            contact.mass,
+        )
+    }
+
+    /// The larger of both stiffnesses [N/m] at a mean diameter [m].
+    pub(super) fn stiffest(&self, diameter: f64) -> f64 {
+        self.normal_stiffness.at(diameter) * self.stiffness_ratio.max(1.0)
+    }
+
+    /// Other springs and friction for the preparation of grains.
+    pub(super) fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        if let Some(stiffness) = normal_stiffness {
+            self.normal_stiffness = Scaled::Absolute(stiffness);
+        }
+        self.friction = friction.unwrap_or(self.friction);
+    }
+}
+
 /// The law: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Linear {
     /// Per pair of materials.
     pub parameters: PairTable<Parameters>,
 }
 
-/// Per pair: stiffnesses (N/m), dashpots (N s/m), friction, and the least normal force (N).
+impl ContactModel for Linear {
+    fn describe(&self) -> String {
+        "linear with friction".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        self.parameters.get(a, b).normal_stiffness.at(diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            pair.prepare(normal_stiffness, friction);
+        }
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        self.parameters.get(a, b).springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = self.parameters.rows_of(material);
+        let stiffest = pairs.map(|p| p.stiffest(2.0 * radius)).fold(0.0, f64::max);
+        TimeLimits::of_spring(mass, stiffest)
+    }
+}
+
+/// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the least normal force [N].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     pub(super) normal: f64,
@@ -58,7 +234,7 @@ pub struct Constants {
     least: f64,
 }
 
-/// Per pair of materials: one of the two stiffnesses (N/m, N/m²) is zero; dashpots over the root of mass times stiffness.
+/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     normal: f64,
@@ -72,11 +248,7 @@ pub struct Row {
 
 impl Parameters {
     pub(super) fn row(&self) -> Row {
-        let (normal, per_diameter) = if self.stiffness_per_diameter {
-            (0.0, self.normal_stiffness)
-        } else {
-            (self.normal_stiffness, 0.0)
-        };
+        let [normal, per_diameter] = self.normal_stiffness.parts();
         Row {
             normal,
             per_diameter,
@@ -99,9 +271,9 @@ impl Row {
         self.normal + self.per_diameter * diameter
     }
 
-    /// The root of mass times normal stiffness (N s/m).
-    pub(super) fn scale(&self, partners: &Partners) -> f64 {
-        (partners.mass * self.normal(partners.diameter)).sqrt()
+    /// The root of mass times normal stiffness [N s/m].
+    pub(super) fn scale(&self, pair: &PairProperties) -> f64 {
+        (pair.mass * self.normal(pair.diameter)).sqrt()
     }
 
     #[inline(always)]
@@ -119,18 +291,24 @@ impl Row {
 }
 
 impl Constants {
-    /// The force of an unbonded contact; `shear` is the force of the shear spring (N).
+    /// The force of an unbonded contact; `shear` is the force of the shear spring [N].
     #[inline(always)]
-    pub(super) fn slide<S: Space>(&self, shear: &mut S::Tangent, touch: &Touch<S>) -> Reply<S> {
-        let normal = (self.normal * touch.overlap - self.normal_dashpot * touch.separation_rate)
+    pub(super) fn slide<S: Space>(
+        &self,
+        shear: &mut S::Tangent,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        let normal = (self.normal * kinematics.overlap
+            - self.normal_dashpot * kinematics.separation_rate)
             .max(self.least);
-        let spring = S::turn(shear, &touch.normal) - touch.slip * (self.shear * touch.time_step);
-        let dashpot = touch.slip * self.shear_dashpot;
+        let spring = S::turn(shear, &kinematics.normal)
+            - kinematics.slip * (self.shear * kinematics.time_step);
+        let dashpot = kinematics.slip * self.shear_dashpot;
         let total = spring - dashpot;
         let (length, limit) = (total.length(), self.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
         *shear = if length > limit { tangent } else { spring };
-        Reply {
+        ContactForce {
             normal,
             tangent,
             moment: S::Spin::default(),
@@ -143,15 +321,15 @@ impl<S: Space> ContactLaw<S> for Linear {
     type Row = Row;
     type Scale = f64;
     type Constants = Constants;
-    type Memory = Memory<S>;
+    type History = History<S>;
     const NUMBERS: usize = S::Tangent::COUNT;
 
     fn table(&self) -> PairTable<Row> {
         self.parameters.map(Parameters::row)
     }
 
-    fn scale(row: &Row, partners: &Partners) -> f64 {
-        row.scale(partners)
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        row.scale(pair)
     }
 
     #[inline(always)]
@@ -160,42 +338,35 @@ impl<S: Space> ContactLaw<S> for Linear {
     }
 
     #[inline(always)]
-    fn reply(c: &Constants, memory: &mut Memory<S>, touch: &Touch<S>) -> Reply<S> {
-        c.slide(&mut memory.shear, touch)
-    }
-
-    #[inline(always)]
-    fn bonded(_: &Memory<S>) -> bool {
-        false
-    }
-
-    fn bond(_: &Constants, _: &mut Memory<S>, _: f64) -> bool {
-        false
-    }
-
-    fn unbond(_: &mut Memory<S>) {}
-
-    fn widest_opening(&self, _: [f64; 2]) -> f64 {
-        0.0
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        c.slide(&mut history.shear, kinematics)
     }
 
     fn stiffness(c: &Constants) -> [f64; 2] {
         [c.normal, c.shear]
     }
 
-    fn save(memory: &Memory<S>, numbers: &mut Vec<f64>) {
-        save_tangent(&memory.shear, numbers);
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
     }
 
-    fn load(numbers: &[f64]) -> Memory<S> {
-        Memory {
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
             shear: load_tangent(numbers),
         }
     }
 }
 
-/// The force of the shear spring (N) on the second partner.
+/// The force of the shear spring [N] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<S: Space> {
+pub struct History<S: Space> {
     shear: S::Tangent,
+}
+
+impl<S: Space> Bodies<S> for Linear {
+    type Scratch = ();
 }

@@ -1,4 +1,4 @@
-//! Resistance to rolling on top of another law: the elastic-plastic spring-dashpot model, type C of Ai et al. (C-04).
+//! Resistance to rolling on top of another law: the elastic-plastic spring-dashpot model, type C of Ai et al..
 //!
 //! ```text
 //! M_k = cut(M_k' - k_r roll dt)          cut to length M_m = mu_r R_r max(F_n, 0)
@@ -9,27 +9,36 @@
 //! `roll` is the second partner's spin relative to the first's without its part along the normal, `R_r = r1 r2/(r1 + r2)`, and
 //! `I_r = (1/I1 + 1/I2)^-1` with the moments of inertia about the contact point. Against a wall `R_r` and `I_r` are the grain's.
 //! `M_k'` is the spring's moment of the last step, turned with the contact. Equal and opposite moments act on both
-//! partners: angular momentum is kept.
+//! pair: angular momentum is kept.
 //! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::{ContactLaw, PairTable, Partners, Reply, Touch};
+use super::{
+    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties,
+    PairTable, Scaled, Springs, StaticContact, TimeLimits,
+};
 
-/// Parameters of one pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Resistance to rolling as an elastic-plastic spring-dashpot: type C of Ai, Chen, Rotter and Ooi (2011).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "Rolling")]
 pub struct Parameters {
-    /// Coefficient of rolling friction mu_r: the tangent of the slope on which a grain just rolls.
+    /// Coefficient of rolling friction: the moment is at most this times the rolling radius times the normal force. It is the tangent
+    /// of the slope on which a grain just rolls.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
-    /// Rolling dashpot as a fraction of critical damping.
+    /// Dashpot in parallel with the rolling spring, as a fraction of critical damping.
     #[serde(default)]
-    pub damping: f64,
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub damping_ratio: f64,
 }
 
 /// A law with resistance to rolling: see the module.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rolling<L> {
     /// The law of normal and shear forces.
     pub law: L,
@@ -37,7 +46,73 @@ pub struct Rolling<L> {
     pub parameters: PairTable<Parameters>,
 }
 
-/// Per pair: the law's, lever of the limit (m), and rolling dashpot (N m s).
+impl<L: ContactModel> Rolling<L> {
+    /// A law with the same resistance to rolling for all pairs.
+    #[must_use]
+    pub fn everywhere(law: L, parameters: Parameters) -> Self {
+        Self {
+            parameters: PairTable::uniform(law.materials(), parameters),
+            law,
+        }
+    }
+}
+
+/// All but the description is that of the law: the rolling spring shortens no step.
+impl<L: ContactModel> ContactModel for Rolling<L> {
+    fn describe(&self) -> String {
+        format!("{}, resistance to rolling", self.law.describe())
+    }
+
+    fn materials(&self) -> u32 {
+        self.law.materials()
+    }
+
+    fn friction(&self, materials: [u32; 2]) -> f64 {
+        self.law.friction(materials)
+    }
+
+    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64 {
+        self.law.normal_stiffness(materials, diameter)
+    }
+
+    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
+        self.law.growth_stiffness(material, diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        self.law.prepare(normal_stiffness, friction);
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        self.law.springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        self.law.time_limits(material, radius, mass)
+    }
+
+    fn impact_speed(&self) -> Option<(f64, &'static str)> {
+        self.law.impact_speed()
+    }
+
+    fn bonds(&self) -> bool {
+        self.law.bonds()
+    }
+
+    fn bonding_gap(&self) -> f64 {
+        self.law.bonding_gap()
+    }
+
+    fn bond_opening(&self, materials: [u32; 2], diameter: f64) -> Option<BondOpening> {
+        self.law.bond_opening(materials, diameter)
+    }
+
+    fn cohesion(&self, materials: [u32; 2]) -> Scaled {
+        self.law.cohesion(materials)
+    }
+}
+
+/// Per pair: the law's, lever of the limit [m], and rolling dashpot [N m s].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale<C> {
     law: C,
@@ -45,7 +120,7 @@ pub struct Scale<C> {
     dashpot: f64,
 }
 
-/// Per pair: the law's, rolling stiffness (N m), dashpot (N m s), and lever of the limit (m).
+/// Per pair: the law's, rolling stiffness [N m], dashpot [N m s], and lever of the limit [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants<C> {
     law: C,
@@ -54,9 +129,9 @@ pub struct Constants<C> {
     lever: f64,
 }
 
-/// The law's, and the moment of the rolling spring (N m) on the second partner.
+/// The law's, and the moment of the rolling spring [N m] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Memory<M, S: Space> {
+pub struct History<M, S: Space> {
     law: M,
     moment: S::Spin,
 }
@@ -65,7 +140,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     type Row = (L::Row, Parameters);
     type Scale = Scale<L::Scale>;
     type Constants = Constants<L::Constants>;
-    type Memory = Memory<L::Memory, S>;
+    type History = History<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const ROLLS: bool = true;
 
@@ -77,15 +152,15 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         table
     }
 
-    fn scale((row, p): &Self::Row, partners: &Partners) -> Scale<L::Scale> {
-        let scale = L::scale(row, partners);
-        let law = L::constants(row, &scale, partners.diameter);
-        let lever = p.friction * partners.rolling_radius;
+    fn scale((row, p): &Self::Row, pair: &PairProperties) -> Scale<L::Scale> {
+        let scale = L::scale(row, pair);
+        let law = L::constants(row, &scale, pair.diameter);
+        let lever = p.friction * pair.rolling_radius;
         let stiffness = 2.25 * L::stiffness(&law)[0] * lever * lever;
         Scale {
             law: scale,
             lever,
-            dashpot: 2.0 * p.damping * (partners.rolling_inertia * stiffness).sqrt(),
+            dashpot: 2.0 * p.damping_ratio * (pair.rolling_inertia * stiffness).sqrt(),
         }
     }
 
@@ -101,41 +176,45 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     }
 
     #[inline(always)]
-    fn reply(c: &Self::Constants, memory: &mut Self::Memory, touch: &Touch<S>) -> Reply<S> {
-        let reply = L::reply(&c.law, &mut memory.law, touch);
-        let roll = S::rolling(&touch.roll, &touch.normal);
-        let spring =
-            S::turn_moment(&memory.moment, &touch.normal) - roll * (c.stiffness * touch.time_step);
-        let (length, limit) = (spring.length(), c.lever * reply.normal.max(0.0));
+    fn force(
+        c: &Self::Constants,
+        history: &mut Self::History,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        let force = L::force(&c.law, &mut history.law, kinematics);
+        let roll = S::rolling(&kinematics.roll, &kinematics.normal);
+        let spring = S::turn_moment(&history.moment, &kinematics.normal)
+            - roll * (c.stiffness * kinematics.time_step);
+        let (length, limit) = (spring.length(), c.lever * force.normal.max(0.0));
         let moment = if length > limit {
-            memory.moment = spring * (limit / length);
-            memory.moment
+            history.moment = spring * (limit / length);
+            history.moment
         } else {
-            memory.moment = spring;
+            history.moment = spring;
             spring - roll * c.dashpot
         };
-        Reply { moment, ..reply }
+        ContactForce { moment, ..force }
     }
 
     #[inline(always)]
-    fn bonded(memory: &Self::Memory) -> bool {
-        L::bonded(&memory.law)
+    fn bonded(history: &Self::History) -> bool {
+        L::bonded(&history.law)
     }
 
     fn bonding_gap(c: &Self::Constants) -> f64 {
         L::bonding_gap(&c.law)
     }
 
-    fn bond(c: &Self::Constants, memory: &mut Self::Memory, overlap: f64) -> bool {
-        L::bond(&c.law, &mut memory.law, overlap)
+    fn bond(c: &Self::Constants, history: &mut Self::History, overlap: f64) -> bool {
+        L::bond(&c.law, &mut history.law, overlap)
     }
 
-    fn unbond(memory: &mut Self::Memory) {
-        L::unbond(&mut memory.law);
+    fn unbond(history: &mut Self::History) {
+        L::unbond(&mut history.law);
     }
 
-    fn normal_spring(c: &Self::Constants, memory: &Self::Memory, overlap: f64) -> f64 {
-        L::normal_spring(&c.law, &memory.law, overlap)
+    fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {
+        L::normal_spring(&c.law, &history.law, overlap)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
@@ -146,21 +225,25 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         L::stiffness(&c.law)
     }
 
-    fn save(memory: &Self::Memory, numbers: &mut Vec<f64>) {
-        L::save(&memory.law, numbers);
+    fn save(history: &Self::History, numbers: &mut Vec<f64>) {
+        L::save(&history.law, numbers);
         for k in 0..S::Spin::COUNT {
-            numbers.push(memory.moment.get(k));
+            numbers.push(history.moment.get(k));
         }
     }
 
-    fn load(numbers: &[f64]) -> Self::Memory {
+    fn load(numbers: &[f64]) -> Self::History {
         let mut moment = S::Spin::default();
         for k in 0..S::Spin::COUNT {
             moment.set(k, numbers.get(L::NUMBERS + k).copied().unwrap_or(0.0));
         }
-        Memory {
+        History {
             law: L::load(numbers),
             moment,
         }
     }
+}
+
+impl<S: Space, L: ContactLaw<S> + 'static> Bodies<S> for Rolling<L> {
+    type Scratch = ();
 }

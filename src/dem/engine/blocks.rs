@@ -13,16 +13,16 @@ use rayon::prelude::*;
 use super::super::blocks::{in_space, out_of_space};
 use super::super::contact::blocks::{Blocks, Constants, Scale};
 use super::super::polyhedron::force::Approach;
-use super::super::polyhedron::{self, Geometry, Hidden, Memory, Model, Narrow, Polyhedron};
+use super::super::polyhedron::{self, Geometry, Hidden, History, Model, Narrow, Polyhedron};
 use super::super::{Contact, View, integrate};
 use super::bodies::Bodies;
 use super::*;
 use act::World;
 use pose::{Pose, boxes_meet};
 
-type BlockPair = Pair<Scale, Memory>;
+type BlockPair = Pair<Scale, History>;
 type BlockAtFacets = SurfacePair<Constants>;
-type BlockAtPlane = WallPair<Constants, Memory>;
+type BlockAtPlane = WallPair<Constants, History>;
 
 /// Poses of all entries, and buffers of the narrow phase, one for each piece of work.
 #[derive(Debug, Default)]
@@ -43,19 +43,6 @@ fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
 }
 
 impl<S: Space> Engine<S, Blocks> {
-    pub(in crate::dem) fn of_blocks(
-        law: Blocks,
-        settings: Settings<S>,
-        walls: Vec<Wall<S>>,
-    ) -> Self {
-        let mut engine = Self::new(law, settings, walls);
-        let surfaces = engine.walls.iter().map(|wall| &wall.surface);
-        engine.scratch.faces = surfaces
-            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
-            .collect();
-        engine
-    }
-
     /// Adds the actions of facets: one contact with each face, with the memory it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let mut facets = std::mem::take(&mut self.facets);
@@ -101,7 +88,7 @@ impl<S: Space> Engine<S, Blocks> {
                 };
                 let facet = face[0][0];
                 let held = facets.held(&pair).iter().find(|held| held.facet == facet);
-                let mut memory = held.map_or(Memory::default(), |held| held.memory);
+                let mut memory = held.map_or(History::default(), |held| held.memory);
                 let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut memory);
                 contact[k].force += load.force;
                 contact[k].torque += load.torque;
@@ -205,6 +192,23 @@ impl<S: Space> Bodies<S> for Blocks {
     type Scratch = Scratch;
 
     const PER_THREAD: usize = 16;
+
+    fn engine(
+        law: Self,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Result<Engine<S, Self>, Error> {
+        if S::DIMENSION != 3 {
+            let what = "a contact law of blocks in two dimensions";
+            return Err(Error::Numerical(what.into()));
+        }
+        let mut engine = Engine::new(law, settings, walls);
+        let surfaces = engine.walls.iter().map(|wall| &wall.surface);
+        engine.scratch.faces = surfaces
+            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
+            .collect();
+        Ok(engine)
+    }
 
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
         if !particles.has_blocks() {

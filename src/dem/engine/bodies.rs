@@ -1,23 +1,30 @@
-//! What the bodies of a law are. The engine's lists, ghosts and memories know of spheres; what else bodies are, a law says here:
-//! how they move, which pairs of near spheres may touch, and how forces come about. Unless it says so, they are spheres.
+//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies says here how they
+//! move, which pairs of near spheres may touch, and how forces come about. The defaults are those of spheres.
 
 use super::super::Contact;
 use super::super::blocks::SPHERE;
-use super::super::contact::cohesive_frictional::CohesiveFrictional;
-use super::super::contact::contact_bond::ContactBond;
-use super::super::contact::hertz_mindlin::HertzMindlin;
-use super::super::contact::linear::Linear;
-use super::super::contact::rolling::Rolling;
 use super::super::polyhedron::Narrow;
 use super::*;
 
 /// A law together with what its bodies are: see the module.
-pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
+pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Buffers of the forces.
-    type Scratch: std::fmt::Debug + Default;
+    type Scratch: std::fmt::Debug + Default + Send + Sync;
 
     /// Own bodies per thread from which threads pay.
     const PER_THREAD: usize = 300;
+
+    /// The engine of the law.
+    ///
+    /// # Errors
+    /// Where the law has no such dimension.
+    fn engine(
+        law: Self,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Result<Engine<S, Self>, Error> {
+        Ok(Engine::new(law, settings, walls))
+    }
 
     /// Refuses bodies that the law knows nothing of.
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
@@ -74,7 +81,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &Pair<Self::Scale, Self::Memory>,
+        pair: &Pair<Self::Scale, Self::History>,
         _: &mut Narrow,
     ) -> Option<Contact<S>> {
         engine.sphere_contact(particles, pair)
@@ -84,7 +91,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &WallPair<Self::Constants, Self::Memory>,
+        pair: &WallPair<Self::Constants, Self::History>,
         _: &mut Narrow,
     ) -> Option<Contact<S>> {
         engine.sphere_plane_contact(particles, pair)
@@ -106,15 +113,3 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> {
         engine.bond(particles)
     }
 }
-
-macro_rules! spheres {
-    ($($law:ty),*) => { $(impl<S: Space> Bodies<S> for $law { type Scratch = (); })* };
-}
-spheres!(
-    Linear,
-    CohesiveFrictional,
-    ContactBond,
-    Rolling<Linear>,
-    Rolling<ContactBond>,
-    HertzMindlin
-);

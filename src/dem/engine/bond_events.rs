@@ -94,7 +94,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
                 // A fresh memory is none, whether lists were made meanwhile or not.
                 if (one.distance < pair.radius || L::bonded(&memory))
-                    && memory != L::Memory::default()
+                    && memory != L::History::default()
                 {
                     facets.next.push(Held {
                         facet: one.facet,

@@ -61,7 +61,7 @@ impl<C, M> Default for Facets<C, M> {
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step.
     #[inline(always)]
-    pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, Memory = M>>(
+    pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         k: usize,
         walls: &[Wall<S>],

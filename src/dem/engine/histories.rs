@@ -19,11 +19,11 @@ pub(in crate::dem) struct Key {
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Moves the memories of all contacts out of the lists, by rising key, each once.
     pub(super) fn remember(&mut self) {
-        let with_memory = |pair: &&Pair<L::Scale, L::Memory>| pair.memory != L::Memory::default();
+        let with_memory = |pair: &&Pair<L::Scale, L::History>| pair.memory != L::History::default();
         self.memories
             .reserve_exact(self.pairs.iter().filter(with_memory).count());
         for pair in &self.pairs {
-            if pair.memory != L::Memory::default() {
+            if pair.memory != L::History::default() {
                 let key = key(
                     self.names[pair.first as usize],
                     self.names[pair.second as usize],
@@ -32,7 +32,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
         }
         for pair in &self.wall_pairs {
-            if pair.memory != L::Memory::default() {
+            if pair.memory != L::History::default() {
                 let id = self.names[pair.grain as usize].0;
                 self.wall_memories.push(((id, pair.wall, 0), pair.memory));
             }
@@ -40,7 +40,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         for pair in &self.facets.pairs {
             let id = self.names[pair.grain as usize].0;
             for held in self.facets.held(pair) {
-                if held.memory != L::Memory::default() {
+                if held.memory != L::History::default() {
                     self.wall_memories
                         .push(((id, pair.wall, held.facet), held.memory));
                 }
@@ -140,10 +140,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Key and memory of each contact this rank reports, in no order: with grains, then with walls.
     pub(in crate::dem) fn each_memory(
         &self,
-        mut grains: impl FnMut(Key, &L::Memory),
-        mut walls: impl FnMut(WallKey, &L::Memory),
+        mut grains: impl FnMut(Key, &L::History),
+        mut walls: impl FnMut(WallKey, &L::History),
     ) {
-        let fresh = L::Memory::default();
+        let fresh = L::History::default();
         for pair in &self.pairs {
             let (first, second) = pair.ends();
             if pair.memory != fresh && first < self.named_owned {
@@ -165,7 +165,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
 
     /// The same as lists by rising key.
     #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
-    pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::Memory)>, Vec<(WallKey, L::Memory)>) {
+    pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         self.each_memory(
             |key, memory| grains.push((key, *memory)),
@@ -179,8 +179,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
     pub(in crate::dem) fn restore(
         &mut self,
-        grains: Vec<(Key, L::Memory)>,
-        walls: Vec<(WallKey, L::Memory)>,
+        grains: Vec<(Key, L::History)>,
+        walls: Vec<(WallKey, L::History)>,
         steps: u64,
     ) {
         self.pairs.clear();

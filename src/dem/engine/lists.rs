@@ -76,7 +76,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 self.offsets.len() - 1
             });
             let offset = self.offsets[place];
-            let partners = Partners {
+            let partners = PairProperties {
                 materials: [a.material, b.material],
                 diameter: a.radius + b.radius,
                 mass: effective_mass(particles, i, j),
@@ -92,7 +92,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let held = self
                 .memories
                 .binary_search_by_key(&key, |(key, _)| *key)
-                .map_or(L::Memory::default(), |at| self.memories[at].1);
+                .map_or(L::History::default(), |at| self.memories[at].1);
             let lives = squared < reach * reach || L::bonded(&held);
             self.pairs.push(Pair {
                 first: ghosts::index(i),
@@ -102,7 +102,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 row,
                 offset: ghosts::index(place),
                 scale: L::scale(self.rows.at(row), &partners),
-                memory: if lives { held } else { L::Memory::default() },
+                memory: if lives { held } else { L::History::default() },
             });
         });
         self.list_facets(particles, gap, &search);
@@ -121,7 +121,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 let held = self
                     .wall_memories
                     .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
-                    .map_or(L::Memory::default(), |at| self.wall_memories[at].1);
+                    .map_or(L::History::default(), |at| self.wall_memories[at].1);
                 let lives = distance < body.radius || L::bonded(&held);
                 let partners = at_wall(wall.material, body);
                 self.wall_pairs.push(WallPair {
@@ -129,7 +129,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     grain: ghosts::index(k),
                     radius: body.radius,
                     constants: self.at_wall(&partners),
-                    memory: if lives { held } else { L::Memory::default() },
+                    memory: if lives { held } else { L::History::default() },
                 });
             }
         }
@@ -142,7 +142,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.activate(particles);
     }
 
-    pub(super) fn at_wall(&self, partners: &Partners) -> L::Constants {
+    pub(super) fn at_wall(&self, partners: &PairProperties) -> L::Constants {
         let [wall, grain] = partners.materials;
         L::between(self.rows.get(wall, grain), partners)
     }
@@ -170,7 +170,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             if near || L::bonded(&pair.memory) {
                 self.active.push(k);
             } else {
-                pair.memory = L::Memory::default();
+                pair.memory = L::History::default();
             }
         }
         let facets = &mut self.facets;

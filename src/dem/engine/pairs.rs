@@ -35,8 +35,8 @@ pub(super) fn rolled(body: &Body) -> f64 {
 }
 
 /// A grain at a wall.
-pub(super) fn at_wall(material: u32, body: &Body) -> Partners {
-    Partners {
+pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
+    PairProperties {
         materials: [material, body.material],
         diameter: 2.0 * body.radius,
         mass: body.mass,
@@ -48,7 +48,7 @@ pub(super) fn at_wall(material: u32, body: &Body) -> Partners {
 /// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
-    (constants, memory): (&L::Constants, &mut L::Memory),
+    (constants, memory): (&L::Constants, &mut L::History),
     (radius, distance, normal): (f64, f64, &S::Vector),
     (grain, moves): (&Motion<S>, &S::Vector),
     load: &mut Load<S>,
@@ -57,7 +57,7 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     let overlap = radius - distance;
     let arm = radius - 0.5 * overlap;
     let velocity = grain.velocity - *moves;
-    let touch = Touch {
+    let kinematics = ContactKinematics {
         overlap,
         normal: *normal,
         separation_rate: normal.scalar(&velocity),
@@ -65,19 +65,19 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
         roll: grain.spin,
         time_step: dt,
     };
-    let reply = L::reply(constants, memory, &touch);
-    load.force += *normal * reply.normal + S::embed(&reply.tangent, normal);
-    load.torque += S::tangent_moment(&reply.tangent, normal) * -arm;
+    let force = L::force(constants, memory, &kinematics);
+    load.force += *normal * force.normal + S::embed(&force.tangent, normal);
+    load.torque += S::tangent_moment(&force.tangent, normal) * -arm;
     if L::ROLLS {
-        load.torque += reply.moment;
+        load.torque += force.moment;
     }
-    reply.failure
+    force.failure
 }
 
 /// The contact of a listed grain with its plane, added to its load; a bond that failed.
 #[inline(always)]
 pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
-    pair: &mut WallPair<L::Constants, L::Memory>,
+    pair: &mut WallPair<L::Constants, L::History>,
     wall: &Wall<S>,
     motion: &[Motion<S>],
     load: &mut Load<S>,
@@ -86,7 +86,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     let grain = &motion[pair.grain as usize];
     let distance = wall.distance(&grain.position);
     if distance >= pair.radius && !L::bonded(&pair.memory) {
-        pair.memory = L::Memory::default();
+        pair.memory = L::History::default();
         return None;
     }
     let mode = act_at_wall::<S, L>(
@@ -148,7 +148,7 @@ impl<S: Space> Spans<S> {
     pub(super) fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
         &mut self,
         block: &[u32],
-        pairs: &[Pair<L::Scale, L::Memory>],
+        pairs: &[Pair<L::Scale, L::History>],
         base: usize,
         motion: &[Motion<S>],
         offsets: &[S::Vector],
@@ -183,13 +183,13 @@ impl<S: Space> Spans<S> {
 #[inline(always)]
 pub(super) fn act<S: Space, L: ContactLaw<S>>(
     rows: &PairTable<L::Row>,
-    pair: &mut Pair<L::Scale, L::Memory>,
+    pair: &mut Pair<L::Scale, L::History>,
     motion: &[Motion<S>],
     (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     dt: f64,
 ) -> Option<Action<S>> {
     if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
-        pair.memory = L::Memory::default();
+        pair.memory = L::History::default();
         return None;
     }
     let normal = *between * inverse;
@@ -199,7 +199,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);
     let velocity = second.velocity - first.velocity;
     let rolling = first.spin * first_arm + second.spin * second_arm;
-    let touch = Touch {
+    let kinematics = ContactKinematics {
         overlap,
         normal,
         separation_rate: normal.scalar(&velocity),
@@ -208,23 +208,23 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         time_step: dt,
     };
     let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
-    let reply = L::reply(&constants, &mut pair.memory, &touch);
-    let moment = S::tangent_moment(&reply.tangent, &normal);
+    let force = L::force(&constants, &mut pair.memory, &kinematics);
+    let moment = S::tangent_moment(&force.tangent, &normal);
     let mut action = Action {
-        force: normal * reply.normal + S::embed(&reply.tangent, &normal),
+        force: normal * force.normal + S::embed(&force.tangent, &normal),
         on_first: moment * -first_arm,
         on_second: moment * -second_arm,
-        failure: reply.failure,
+        failure: force.failure,
     };
     if L::ROLLS {
-        action.on_first -= reply.moment;
-        action.on_second += reply.moment;
+        action.on_first -= force.moment;
+        action.on_second += force.moment;
     }
     Some(action)
 }
 
 pub(super) fn pack_memory<S: Space, L: ContactLaw<S>>(
-    memory: &L::Memory,
+    memory: &L::History,
     numbers: &mut Vec<f64>,
     to: &mut Writer,
 ) {
@@ -238,7 +238,7 @@ pub(super) fn pack_memory<S: Space, L: ContactLaw<S>>(
 pub(super) fn unpack_memory<S: Space, L: ContactLaw<S>>(
     numbers: &mut Vec<f64>,
     from: &mut Reader<'_>,
-) -> Result<L::Memory, Error> {
+) -> Result<L::History, Error> {
     numbers.clear();
     for _ in 0..L::NUMBERS {
         numbers.push(from.float()?);

@@ -133,8 +133,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
 
 /// What one part writes: its listed pairs, its pairs with planes, and the loads of its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
-    pairs: &'a mut [Pair<L::Scale, L::Memory>],
-    planes: &'a mut [WallPair<L::Constants, L::Memory>],
+    pairs: &'a mut [Pair<L::Scale, L::History>],
+    planes: &'a mut [WallPair<L::Constants, L::History>],
     loads: &'a mut [Load<S>],
 }
 
@@ -144,7 +144,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         &self,
         from: &Cut,
         crossing: &mut Crossing<S>,
-        pairs: &mut [Pair<L::Scale, L::Memory>],
+        pairs: &mut [Pair<L::Scale, L::History>],
     ) {
         let mut spans = Spans::default();
         let places = crossing.places.chunks(BLOCK);

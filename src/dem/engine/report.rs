@@ -18,7 +18,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn sphere_contact(
         &self,
         particles: &Particles<S>,
-        pair: &Pair<L::Scale, L::Memory>,
+        pair: &Pair<L::Scale, L::History>,
     ) -> Option<Contact<S>> {
         let periodic = self.settings.region.any_periodic();
         let offset = &self.offsets[pair.offset as usize];
@@ -48,7 +48,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn sphere_plane_contact(
         &self,
         particles: &Particles<S>,
-        pair: &WallPair<L::Constants, L::Memory>,
+        pair: &WallPair<L::Constants, L::History>,
     ) -> Option<Contact<S>> {
         let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
         let distance = wall.distance(&particles.motion[grain].position);
@@ -76,7 +76,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         mut visit: impl FnMut(Contact<S>),
     ) {
         let mut narrow = Narrow::default();
-        let own = |pair: &&Pair<L::Scale, L::Memory>| (pair.first as usize) < particles.owned();
+        let own = |pair: &&Pair<L::Scale, L::History>| (pair.first as usize) < particles.owned();
         for pair in self.pairs.iter().filter(own) {
             if let Some(contact) = L::contact(self, particles, pair, &mut narrow) {
                 visit(contact);

@@ -54,11 +54,13 @@
 //! the buffers of [`Narrow`] have grown.
 
 mod facet;
-mod memory;
+mod history;
 mod overlap;
 mod sphere;
 
 use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::cut::count_f64;
 use super::linear_program::{self, Verdict};
@@ -66,7 +68,7 @@ use super::separating_axes::{gap, widest_gap};
 use super::shape::Polyhedron;
 use super::{HalfSpace, analytic_centre};
 pub use facet::Hidden;
-pub use memory::Memory;
+pub use history::History;
 
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
@@ -77,16 +79,20 @@ pub struct Placed<'a> {
     pub rotation: Matrix3<f64>,
 }
 
-/// How a contact is condensed: see the module.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How a contact of blocks is condensed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "BlockModel")]
 pub enum Model {
-    /// Boon's point and normal.
+    /// Volume and vector area of the overlap: faces that rest on faces.
+    #[default]
+    Patch,
+    /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
-        /// Rounding r (m) of the potential particles: more than an overlap, less than half a block.
+        /// Rounding of the corners [m]: more than an overlap, much less than a block.
+        #[schemars(extend("exclusiveMinimum" = 0))]
         rounding: f64,
     },
-    /// Volume and vector area of the overlap.
-    Patch,
 }
 
 /// A contact now, in the axes of space.
@@ -162,22 +168,22 @@ impl Narrow {
         second: &Placed,
         separation: &Vector3<f64>,
         model: &Model,
-        memory: &mut Memory,
+        history: &mut History,
     ) -> Option<Geometry> {
         let reach = first.shape.radius() + second.shape.radius();
         if separation.norm_squared() >= reach * reach {
-            memory.release();
+            history.release();
             return None;
         }
         let turn = first.rotation.tr_mul(&second.rotation);
         let local = first.rotation.tr_mul(separation);
         let apart = |axis: &Vector3<f64>| gap(first.shape, second.shape, &turn, &local, axis);
-        if memory.axis != Vector3::zeros() {
-            if apart(&memory.axis) > 0.0 {
-                memory.release();
+        if history.axis != Vector3::zeros() {
+            if apart(&history.axis) > 0.0 {
+                history.release();
                 return None;
             }
-            memory.axis = Vector3::zeros();
+            history.axis = Vector3::zeros();
         }
         self.planes.clear();
         self.planes.extend_from_slice(first.shape.half_spaces());
@@ -189,7 +195,7 @@ impl Narrow {
         }
         self.ways.programs += 1;
         let far = 4.0 * first.shape.radius();
-        let verdict = linear_program::solve(&self.planes, self.own, far, &mut memory.basis);
+        let verdict = linear_program::solve(&self.planes, self.own, far, &mut history.basis);
         let other = Other::Block {
             shape: second.shape,
             turn,
@@ -197,20 +203,20 @@ impl Narrow {
         };
         let found = match verdict {
             Verdict::Overlap { point, depth } if depth > 0.0 => {
-                self.condense(first.shape, &other, &point, depth, model, memory)
+                self.condense(first.shape, &other, &point, depth, model, history)
             }
             Verdict::Apart { axis, .. } => {
                 let axis = axis.try_normalize(0.0).unwrap_or_default();
                 if apart(&axis) > 0.0 {
-                    memory.axis = axis;
+                    history.axis = axis;
                     None
                 } else {
-                    self.exhaust(first.shape, &other, memory)
+                    self.exhaust(first.shape, &other, history)
                 }
             }
-            Verdict::Overlap { .. } | Verdict::Open => self.exhaust(first.shape, &other, memory),
+            Verdict::Overlap { .. } | Verdict::Open => self.exhaust(first.shape, &other, history),
         };
-        finish(found, first, memory)
+        finish(found, first, history)
     }
 
     /// A block (the first) and what fills the space behind a plane (the second): `normal` points out of that, and the block's
@@ -221,19 +227,19 @@ impl Narrow {
         normal: &Vector3<f64>,
         height: f64,
         model: &Model,
-        memory: &mut Memory,
+        history: &mut History,
     ) -> Option<Geometry> {
         let plane = HalfSpace {
             normal: block.rotation.tr_mul(normal),
             offset: -height,
         };
         if height >= block.shape.radius() {
-            memory.release();
+            history.release();
             return None;
         }
         let (lowest, below) = block.shape.support(&-plane.normal);
         if below <= height {
-            memory.release();
+            history.release();
             return None;
         }
         let other = Other::Plane(plane);
@@ -251,16 +257,16 @@ impl Narrow {
                 self.planes.push(plane);
                 self.ways.programs += 1;
                 let far = 4.0 * block.shape.radius();
-                let basis = &mut memory.basis;
+                let basis = &mut history.basis;
                 match linear_program::solve(&self.planes, self.own, far, basis) {
                     Verdict::Overlap { point, depth } if depth > 0.0 => {
-                        self.condense(block.shape, &other, &point, depth, model, memory)
+                        self.condense(block.shape, &other, &point, depth, model, history)
                     }
-                    _ => self.exhaust(block.shape, &other, memory),
+                    _ => self.exhaust(block.shape, &other, history),
                 }
             }
         };
-        finish(found, block, memory)
+        finish(found, block, history)
     }
 
     /// The contact of an overlap whose deepest point is known.
@@ -271,34 +277,34 @@ impl Narrow {
         deepest: &Vector3<f64>,
         depth: f64,
         model: &Model,
-        memory: &mut Memory,
+        history: &mut History,
     ) -> Option<Geometry> {
         match *model {
             Model::Patch => {
                 let overlap = self.overlap(first, other, deepest);
                 match self.patch(other, &overlap) {
                     Some(geometry) => Some(geometry),
-                    None => self.exhaust(first, other, memory),
+                    None => self.exhaust(first, other, history),
                 }
             }
             Model::Point { rounding } => {
                 let warm = self
                     .planes
                     .iter()
-                    .all(|plane| plane.height(&memory.point) < -0.1 * depth);
-                let start = if warm { &memory.point } else { deepest };
+                    .all(|plane| plane.height(&history.point) < -0.1 * depth);
+                let start = if warm { &history.point } else { deepest };
                 let (point, reached) = analytic_centre::find(&self.planes, start, &mut self.rows);
                 if !reached {
                     self.ways.off_centre += 1;
                 }
-                memory.point = point;
+                history.point = point;
                 let (own, others) = self.planes.split_at(self.own);
                 let one = gradient(own, &point, rounding);
                 let two = gradient(others, &point, rounding);
                 // Gradients that nearly agree: so deep inside that they say nothing.
                 let normal = match (one - two).try_normalize(1e-3) {
                     Some(normal) => normal,
-                    None => return self.exhaust(first, other, memory),
+                    None => return self.exhaust(first, other, history),
                 };
                 let depth = exit(own, &point, &normal) + exit(others, &point, &-normal);
                 let (area, second) = self.section(&point, &normal, first.radius());
@@ -318,7 +324,7 @@ impl Narrow {
         &mut self,
         first: &Polyhedron,
         other: &Other,
-        memory: &mut Memory,
+        history: &mut History,
     ) -> Option<Geometry> {
         self.ways.exhaustive += 1;
         let (axis, depth, foremost) = match other {
@@ -329,7 +335,7 @@ impl Narrow {
             } => {
                 let (axis, wide) = widest_gap(first, shape, turn, separation);
                 if wide >= 0.0 {
-                    memory.axis = axis;
+                    history.axis = axis;
                     return None;
                 }
                 let foot = shape.support(&-turn.tr_mul(&axis)).0;
@@ -380,22 +386,22 @@ impl Narrow {
         first: &Placed,
         second: &Placed,
         separation: &Vector3<f64>,
-        memory: &mut Memory,
+        history: &mut History,
     ) -> Option<Geometry> {
         let other = Other::Block {
             shape: second.shape,
             turn: first.rotation.tr_mul(&second.rotation),
             separation: first.rotation.tr_mul(separation),
         };
-        let found = self.exhaust(first.shape, &other, memory);
-        finish(found, first, memory)
+        let found = self.exhaust(first.shape, &other, history);
+        finish(found, first, history)
     }
 }
 
 /// The contact in space, and what the pair remembers of it.
-fn finish(found: Option<Geometry>, first: &Placed, memory: &mut Memory) -> Option<Geometry> {
+fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Option<Geometry> {
     if found.is_none() {
-        memory.release();
+        history.release();
     }
     found.map(|geometry| Geometry {
         arm: first.rotation * geometry.arm,

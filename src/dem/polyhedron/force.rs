@@ -25,11 +25,13 @@
 //! mass-proportional damping ([`super::Damping`]); the dashpots are for collisions.
 
 use nalgebra::Vector3;
+use serde::Serialize;
 
-use super::contact::{Geometry, Memory};
+use super::contact::{Geometry, History};
 
 /// Stiffness of a contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Stiffness {
     /// The same for every contact.
     PerContact {
@@ -48,7 +50,7 @@ pub enum Stiffness {
 }
 
 /// The law of a pair of materials.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Law {
     /// Stiffness.
     pub stiffness: Stiffness,
@@ -96,8 +98,8 @@ impl Law {
         }
     }
 
-    /// The action of a contact; its springs live in `memory`.
-    pub fn act(&self, touch: &Geometry, memory: &mut Memory, approach: &Approach) -> Action {
+    /// The action of a contact; its springs live in `history`.
+    pub fn act(&self, touch: &Geometry, history: &mut History, approach: &Approach) -> Action {
         let dt = approach.time_step;
         let n = touch.normal;
         let [spin, other] = approach.spins;
@@ -114,7 +116,7 @@ impl Law {
         let limit = self.friction * normal;
 
         let turning = 0.5 * dt * (spin + other).dot(&n);
-        let carried = carry(&memory.shear, &memory.normal, &n, turning);
+        let carried = carry(&history.shear, &history.normal, &n, turning);
         let spring = carried - slip * (shear_stiff * dt);
         let total = spring - slip * dashpots[1];
         let length = total.norm();
@@ -132,7 +134,7 @@ impl Law {
             let turning = other - spin;
             let about = turning.dot(&n);
             let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
-            twist = memory.twist - shear_stiff * spread * about * dt;
+            twist = history.twist - shear_stiff * spread * about * dt;
             let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
             twist = twist.clamp(-limit, limit);
             // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
@@ -149,9 +151,9 @@ impl Law {
             };
             moment = n * total + rocking;
         }
-        memory.normal = n;
-        memory.shear = spring;
-        memory.twist = twist;
+        history.normal = n;
+        history.shear = spring;
+        history.twist = twist;
 
         let force = n * normal + shear;
         Action {

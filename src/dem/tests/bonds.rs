@@ -10,7 +10,7 @@ use super::*;
 /// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5 m.
 pub(super) const CLAY: contact_bond::Parameters = contact_bond::Parameters {
     linear: linear::Parameters {
-        normal_stiffness: 1e6,
+        normal_stiffness: Scaled::Absolute(1e6),
         ..SPRINGS
     },
     tensile_strength: 10.0,
@@ -174,7 +174,7 @@ fn rolling_friction_slows_and_holds() {
     let body = Body::uniform::<Volume>(1, radius, 2600.0, 0);
     let stiffness = 1e6;
     let parameters = linear::Parameters {
-        normal_stiffness: stiffness,
+        normal_stiffness: Scaled::Absolute(stiffness),
         friction: 0.8,
         normal_damping: 0.3,
         shear_damping: 0.3,
@@ -189,7 +189,7 @@ fn rolling_friction_slows_and_holds() {
                 1,
                 rolling::Parameters {
                     friction: mu_r,
-                    damping: 0.3,
+                    damping_ratio: 0.3,
                 },
             ),
         });

@@ -25,6 +25,7 @@ pub(super) fn elastic(friction: f64, restitution: f64, attraction: bool) -> Law 
                 impact_speed: 1.0,
             },
         ),
+        materials: Vec::new(),
     })
 }
 

@@ -224,7 +224,7 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let body = Body::uniform::<S>(1, radius, 2600.0, 0);
     let stiffness = 1e7;
     let parameters = linear::Parameters {
-        normal_stiffness: stiffness,
+        normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
         normal_damping: 0.3,
         shear_damping: 0.3,
@@ -279,7 +279,7 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
     let body = Body::uniform::<S>(1, 0.05, 2600.0, 0);
     let stiffness = 1e7;
     let parameters = linear::Parameters {
-        normal_stiffness: stiffness,
+        normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
         normal_damping: 0.3,
         shear_damping: 0.3,
@@ -364,7 +364,7 @@ fn a_block_slides_or_stays_on_an_incline() {
                     parameters: PairTable::uniform(
                         1,
                         linear::Parameters {
-                            normal_stiffness: 1e7,
+                            normal_stiffness: Scaled::Absolute(1e7),
                             friction,
                             normal_damping: 0.3,
                             // Critical: an overshoot of the sudden load would slip.
@@ -388,6 +388,7 @@ fn a_block_slides_or_stays_on_an_incline() {
                             impact_speed: 0.1,
                         },
                     ),
+                    materials: Vec::new(),
                 }),
                 deep,
                 8.0 * moduli[1] * (0.05 * deep).sqrt(),
@@ -487,7 +488,7 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     let (radius, speed) = (2.5e-3, 3.9);
     let stiffness = 1e9;
     let parameters = linear::Parameters {
-        normal_stiffness: stiffness,
+        normal_stiffness: Scaled::Absolute(stiffness),
         stiffness_ratio: 20.0,
         friction: 0.092,
         normal_damping: pushing_damping(0.98),

@@ -166,10 +166,8 @@ fn dem(scene: Scene) -> Dem<Plane> {
     );
     if scene.bonded {
         let parameters = cohesive_frictional::Parameters {
-            normal_stiffness: 5e5,
-            stiffness_per_diameter: false,
-            cohesion: 0.8,
-            cohesion_per_diameter: false,
+            normal_stiffness: Scaled::Absolute(5e5),
+            cohesion: Scaled::Absolute(0.8),
             normal_damping: 0.05,
             shear_damping: 0.05,
             ..PAPER
@@ -177,7 +175,7 @@ fn dem(scene: Scene) -> Dem<Plane> {
         cohesive(parameters, settings(scene), walls)
     } else {
         let parameters = linear::Parameters {
-            normal_stiffness: 5e5,
+            normal_stiffness: Scaled::Absolute(5e5),
             normal_damping: 0.1,
             shear_damping: 0.1,
             ..SPRINGS
@@ -472,10 +470,8 @@ fn heap(threads: usize) -> (Table, u64) {
         settings.gravity = Vector2::new(1.0, -9.81);
         let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
         let parameters = cohesive_frictional::Parameters {
-            normal_stiffness: 5e5,
-            stiffness_per_diameter: false,
-            cohesion: 0.3,
-            cohesion_per_diameter: false,
+            normal_stiffness: Scaled::Absolute(5e5),
+            cohesion: Scaled::Absolute(0.3),
             ..PAPER
         };
         let mut dem = cohesive(parameters, settings, walls);

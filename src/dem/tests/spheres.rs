@@ -28,7 +28,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
             1,
             contact_bond::Parameters {
                 linear: linear::Parameters {
-                    normal_stiffness: 2e4,
+                    normal_stiffness: Scaled::Absolute(2e4),
                     normal_damping: 0.1,
                     shear_damping: 0.1,
                     ..SPRINGS
@@ -44,7 +44,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         1,
         rolling::Parameters {
             friction: 0.2,
-            damping: 0.1,
+            damping_ratio: 0.1,
         },
     );
     let law = match which {
@@ -71,6 +71,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
                     impact_speed: 0.3,
                 },
             ),
+            materials: Vec::new(),
         }),
     };
     let region = Region::closed(Vector3::zeros(), Vector3::new(0.03, 0.012, 0.014), 1e-3);

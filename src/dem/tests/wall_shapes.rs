@@ -34,7 +34,7 @@ fn polygon(half: f64) -> Surface {
 }
 
 const GLASS: linear::Parameters = linear::Parameters {
-    normal_stiffness: 1e5,
+    normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 0.8,
     friction: 0.3,
     normal_damping: 0.1,

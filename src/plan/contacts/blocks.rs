@@ -1,26 +1,27 @@
 //! Limits of blocks: springs over all faces, and over the least face alone.
 
 use super::{Limits, limit};
-use crate::dem::polyhedron::Polyhedron;
+use crate::dem::contact::Springs;
+use crate::dem::contact::blocks::{self, Blocks};
+use crate::dem::polyhedron::{Law, Polyhedron, Stiffness};
+use crate::number::to_u32;
 use crate::scene::Scene;
-use crate::scene::contact::{ContactTable, Law, PairParameters};
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
 /// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that
 /// swing against it.
-pub(super) fn limits(scene: &Scene, contact: &ContactTable) -> Limits {
+pub(super) fn limits(scene: &Scene, law: &Blocks) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
         let mass = scene.density(material) * solid.shape.volume();
         if mass <= 0.0 {
             continue;
         }
-        for other in 0..contact.materials {
-            let pair = contact.pair(material, other);
+        for pair in law.parameters.rows_of(to_u32(material)) {
             let block = Block {
                 shape: &solid.shape,
                 mass,
-                per_area: matches!(contact.law, Law::Blocks { per_area: true, .. }),
+                per_area: matches!(pair.stiffness, Stiffness::PerArea { .. }),
                 pair,
             };
             shortest[0] = shortest[0].min(block.one_face());
@@ -39,42 +40,23 @@ struct Block<'a> {
     shape: &'a Polyhedron,
     mass: f64,
     per_area: bool,
-    pair: &'a PairParameters,
+    pair: &'a Law,
 }
 
 impl Block<'_> {
-    fn area(&self, face: usize) -> f64 {
-        if self.per_area {
-            self.shape.face_area(face)
-        } else {
-            1.0
-        }
-    }
-
     /// Springs and dashpots of a face, normal and shear; the dashpots against a body of `mass`.
-    fn constants(&self, face: usize, mass: f64) -> [[f64; 2]; 2] {
-        let normal = self.pair.normal_stiffness.number() * self.area(face);
-        let sticks = self.pair.friction_coefficient > 0.0;
-        let shear = if sticks {
-            normal * self.pair.shear_to_normal_stiffness
-        } else {
-            0.0
-        };
-        let dashpot = |ratio: f64, stiffness: f64| 2.0 * ratio * (mass * stiffness).sqrt();
-        [
-            [normal, shear],
-            [
-                dashpot(self.pair.normal_damping_ratio, normal),
-                dashpot(self.pair.shear_damping_ratio, shear),
-            ],
-        ]
+    fn springs(&self, face: usize, mass: f64) -> Springs {
+        blocks::springs(self.pair, self.shape.face_area(face), mass)
     }
 
     fn one_face(&self) -> f64 {
         let faces = 0..self.shape.half_spaces().len();
         let steps = faces.map(|face| {
-            let [k, c] = self.constants(face, self.mass);
-            limit(k[0] / self.mass, c[0] / self.mass)
+            let found = self.springs(face, self.mass);
+            limit(
+                found.stiffness[0] / self.mass,
+                found.dashpots[0] / self.mass,
+            )
         });
         steps.fold(0.0, f64::max)
     }
@@ -83,9 +65,9 @@ impl Block<'_> {
     fn all_faces(&self) -> f64 {
         let (mut springs, mut dashpots) = (Matrix6::zeros(), Matrix6::zeros());
         for face in 0..self.shape.half_spaces().len() {
-            let [k, c] = self.constants(face, 0.5 * self.mass);
-            springs += self.resistance(face, k, false);
-            dashpots += self.resistance(face, c, true);
+            let found = self.springs(face, 0.5 * self.mass);
+            springs += self.resistance(face, found.stiffness, false);
+            dashpots += self.resistance(face, found.dashpots, true);
         }
         let mut dt = 0.0;
         let mut found = f64::INFINITY;

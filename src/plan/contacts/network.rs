@@ -1,9 +1,10 @@
 //! The contacts of spheres and discs as they stand at the start, and the largest eigenvalue of what they hold together.
 
-use super::{Constants, Depth, Meeting, bonds, constants, limit, turning};
+use super::{bonds, limit, turning};
+use crate::dem::contact::{ContactModel, Depth, Springs, StaticContact};
+use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
-use crate::scene::contact::{ContactTable, Law};
 use crate::scene::grains::GrainSource;
 use crate::scene::grid::Grid;
 use crate::scene::pairs::{self, Ball};
@@ -14,7 +15,7 @@ use std::ops::ControlFlow;
 struct Node {
     position: [f64; 3],
     radius: f64,
-    material: usize,
+    material: u32,
     /// Roots of 1/m and 1/I.
     roots: [f64; 2],
     mass: f64,
@@ -29,7 +30,7 @@ struct Spring {
     normal: [f64; 3],
     /// Distances of the point of contact from both centres (m).
     arms: [f64; 2],
-    constants: Constants,
+    constants: Springs,
 }
 
 /// All contacts of the start.
@@ -55,19 +56,16 @@ const ROUNDS: usize = 400;
 
 impl Network {
     /// The contacts of bodies, and of grains where `listed`.
-    pub(super) fn of(scene: &Scene, contact: &ContactTable, listed: bool, depth: Depth) -> Self {
+    pub(super) fn of(scene: &Scene, law: &dyn ContactModel, listed: bool, depth: Depth) -> Self {
         let mut network = Self {
             nodes: nodes(scene, listed),
             springs: Vec::new(),
-            bonded: bonds(scene, contact),
+            bonded: bonds(scene, law),
         };
         let bonded = network.bonded;
-        let reach = match contact.law {
-            Law::ContactBond { bonding_gap, .. } if bonded => bonding_gap,
-            _ => 0.0,
-        };
+        let reach = if bonded { law.bonding_gap() } else { 0.0 };
         let maker = Maker {
-            contact,
+            law,
             bonded,
             reach,
             depth,
@@ -176,8 +174,8 @@ impl Network {
                 if overlap <= -maker.reach || node.roots[0] == 0.0 {
                     continue;
                 }
-                let meeting = Meeting {
-                    materials: [node.material, wall.material],
+                let touching = StaticContact {
+                    materials: [node.material, to_u32(wall.material)],
                     diameter: 2.0 * node.radius,
                     radius: node.radius,
                     mass: node.mass,
@@ -190,7 +188,7 @@ impl Network {
                     second: None,
                     normal: wall.normal.map(|n| -n),
                     arms: [height, 0.0],
-                    constants: constants(maker.contact, &meeting),
+                    constants: maker.law.springs(&touching),
                 });
             }
         }
@@ -230,7 +228,7 @@ impl Network {
         let mut found = f64::INFINITY;
         for _ in 0..4 {
             let vector = self.highest(dt);
-            let weigh = |which: fn(&Constants) -> [f64; 2]| {
+            let weigh = |which: fn(&Springs) -> [f64; 2]| {
                 self.springs
                     .iter()
                     .map(|s| s.energy(&self.nodes, &vector, which))
@@ -248,7 +246,7 @@ impl Network {
 
     /// The eigenvector of `dt² K + 2 dt C` with the largest eigenvalue, of length 1; of K where `dt` is zero.
     fn highest(&self, dt: f64) -> Vec<Motion> {
-        let weights = |c: &Constants| {
+        let weights = |c: &Springs| {
             if dt > 0.0 {
                 [0, 1].map(|i| dt * dt * c.stiffness[i] + 2.0 * dt * c.dashpots[i])
             } else {
@@ -294,7 +292,7 @@ impl Network {
 
 /// What contacts are made of.
 struct Maker<'a> {
-    contact: &'a ContactTable,
+    law: &'a dyn ContactModel,
     bonded: bool,
     /// Gap that is bonded (m).
     reach: f64,
@@ -321,7 +319,7 @@ impl Maker<'_> {
             return None;
         }
         let inverse = |node: &Node| node.roots[0] * node.roots[0];
-        let meeting = Meeting {
+        let touching = StaticContact {
             materials: [one.material, two.material],
             diameter: one.radius + two.radius,
             radius: one.radius * two.radius / (one.radius + two.radius),
@@ -335,7 +333,7 @@ impl Maker<'_> {
             second: Some(j),
             normal: between.map(|x| x / distance),
             arms: [one, two].map(|node| node.radius - 0.5 * overlap),
-            constants: constants(self.contact, &meeting),
+            constants: self.law.springs(&touching),
         })
     }
 }
@@ -364,7 +362,7 @@ impl Spring {
     }
 
     /// Twice the energy with these springs.
-    fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Constants) -> [f64; 2]) -> f64 {
+    fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Springs) -> [f64; 2]) -> f64 {
         let (along, across) = self.stretch(nodes, vector);
         let [normal, shear] = which(&self.constants);
         normal * along * along + shear * dot(&across, &across)
@@ -437,7 +435,7 @@ fn nodes(scene: &Scene, listed: bool) -> Vec<Node> {
                 position
             },
             radius,
-            material,
+            material: to_u32(material),
             roots: [inverse.sqrt(), (inverse * turning).sqrt()],
             mass,
         }

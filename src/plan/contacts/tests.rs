@@ -40,8 +40,8 @@ fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
 }
 
 fn network(scene: &Scene) -> f64 {
-    let contact = scene.contact.as_ref().unwrap();
-    Network::of(scene, contact, true, Depth::Start).limit()
+    let law = scene.contact.as_ref().unwrap().model();
+    Network::of(scene, law, true, Depth::Start).limit()
 }
 
 /// w² = 2 k/m of two grains; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.
@@ -113,8 +113,8 @@ fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
             let scene = plan(&grains(&size, &places, friction, 0.0)).unwrap().scene;
             let found = eigenvalue(&scene, network(&scene));
             assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
-            let contact = scene.contact.as_ref().unwrap();
-            let bound = of_densest(&scene, contact, (0, 0.01), 12.0);
+            let law = scene.contact.as_ref().unwrap().model();
+            let bound = of_densest(&scene, law, (0, 0.01), 12.0);
             assert_relative_eq!(eigenvalue(&scene, bound), packing, max_relative = 1e-9);
         }
     }
@@ -184,7 +184,10 @@ fn a_cube_with_all_its_faces_in_touch() {
             slipping: one,
             sticking: all,
             ..
-        } = blocks::limits(&scene, scene.contact.as_ref().unwrap());
+        } = blocks::limits(
+            &scene,
+            scene.contact.as_ref().unwrap().model().blocks().unwrap(),
+        );
         let eigenvalue = |limit: f64| 4.0 * mass / 1e6 / (limit * limit);
         assert_relative_eq!(eigenvalue(all), expected, max_relative = 1e-9);
         assert_relative_eq!(eigenvalue(one), 1.0, max_relative = 1e-9);

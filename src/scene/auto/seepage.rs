@@ -17,7 +17,7 @@
 
 use super::step;
 use crate::darcy::Condition;
-use crate::number::real;
+use crate::number::{real, to_u32};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
@@ -254,7 +254,8 @@ fn softest(scene: &Scene) -> Option<f64> {
     let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
     let radius = grains.radii?.1;
     let mass = scene.mass(grains.material, radius);
-    let time = contact.time_limits(grains.material, radius, mass).spring;
+    let material = to_u32(grains.material);
+    let time = contact.model().time_limits(material, radius, mass).spring;
     Some(4.0 * mass / (time * time))
 }
 

@@ -2,11 +2,10 @@
 
 use super::{seepage, step};
 use crate::case::Case;
-use crate::case::contact::{
-    BlockModel, BlockStiffness, Blocks, Contact, HertzMindlin, Linear, Scaled,
-};
+use crate::case::contact::Contact;
 use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
 use crate::case::solids::Motion;
+use crate::dem::contact::{Scaled, blocks, hertz_mindlin, linear};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
@@ -70,7 +69,6 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
-    names: &[String],
     target: Option<f64>,
     findings: &mut Findings,
 ) {
@@ -82,16 +80,7 @@ pub(crate) fn choose_contact(
     let (law, text) = if move_without_law(case) {
         of_spheres(scene, case, target)
     } else if !moves && scene.polyhedra().next().is_some() {
-        let law = Blocks {
-            normal_stiffness: BlockStiffness::PerArea(1.0),
-            shear_to_normal_stiffness: 0.0,
-            friction_angle_degrees: 0.0,
-            normal_damping_ratio: 0.0,
-            shear_damping_ratio: 0.0,
-            mass_damping: 0.0,
-            model: BlockModel::default(),
-            pairs: Vec::new(),
-        };
+        let law = blocks::Input::without_use();
         (
             Contact::Blocks(law),
             String::from("nothing moves: no contact ever comes about"),
@@ -111,7 +100,7 @@ pub(crate) fn choose_contact(
         contact: Some(law),
         ..case.clone()
     };
-    scene.contact = ContactTable::resolve(&with_law, names, findings);
+    scene.contact = ContactTable::resolve(&with_law, findings);
 }
 
 /// The law of discs and spheres, and why.
@@ -119,7 +108,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     let elastic =
         |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
     if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
-        let law = Contact::HertzMindlin(HertzMindlin {
+        let law = Contact::HertzMindlin(hertz_mindlin::Input {
             friction_angle_degrees: FRICTION_DEGREES,
             restitution: RESTITUTION,
             attraction: false,
@@ -130,7 +119,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
         (law, String::from("all materials have their moduli"))
     } else {
         let (stiffness, text) = stiffness(scene, case, target);
-        let law = Contact::Linear(Linear {
+        let law = Contact::Linear(linear::Input {
             normal_stiffness: Scaled::Absolute(stiffness),
             shear_to_normal_stiffness: 0.4,
             friction_angle_degrees: FRICTION_DEGREES,

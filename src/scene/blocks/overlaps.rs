@@ -9,7 +9,7 @@ use super::super::walls::Wall;
 use super::Blocks;
 use crate::case::Case;
 use crate::case::blocks::BlockSource;
-use crate::dem::polyhedron::{Memory, Model, Narrow, Piece, Placed, Solid};
+use crate::dem::polyhedron::{History, Model, Narrow, Piece, Placed, Solid};
 use crate::number::real;
 use nalgebra::Vector3;
 
@@ -129,7 +129,7 @@ fn depth(narrow: &mut Narrow, one: &Standing, other: &Standing) -> f64 {
     let separation = other.position - one.position;
     let geometry = match (one.placed(), other.placed()) {
         (Some(a), Some(b)) => {
-            narrow.blocks(&a, &b, &separation, &Model::Patch, &mut Memory::default())
+            narrow.blocks(&a, &b, &separation, &Model::Patch, &mut History::default())
         }
         (Some(a), None) => narrow.sphere(&a, &separation, other.radius),
         (None, Some(b)) => narrow.sphere(&b, &-separation, one.radius),

@@ -1,49 +1,14 @@
-//! From the plan to state: the law of blocks, the table of shapes, the blocks.
+//! From the plan to state: the table of shapes, the blocks.
 
-use super::{motion_of, pairs};
-use crate::case::contact::BlockModel;
-use crate::dem::Law;
-use crate::dem::contact::blocks::Blocks;
+use super::motion_of;
 use crate::dem::particles::{Body, Kind, Particles};
-use crate::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
+use crate::dem::polyhedron::Polyhedron;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::number::to_u32;
 use crate::plan::Plan;
-use crate::scene::contact::{ContactTable, PairParameters};
 use decomposition::Domain;
 use std::sync::Arc;
-
-/// The law of a table of blocks.
-pub(super) fn law(
-    table: &ContactTable,
-    per_area: bool,
-    mass_damping: f64,
-    model: BlockModel,
-) -> Law {
-    let of_pair = |pair: &PairParameters| {
-        let normal = pair.normal_stiffness.number();
-        let shear = normal * pair.shear_to_normal_stiffness;
-        polyhedron::Law {
-            stiffness: if per_area {
-                Stiffness::PerArea { normal, shear }
-            } else {
-                Stiffness::PerContact { normal, shear }
-            },
-            friction: pair.friction_coefficient,
-            normal_damping: pair.normal_damping_ratio,
-            shear_damping: pair.shear_damping_ratio,
-        }
-    };
-    Law::Blocks(Blocks {
-        parameters: pairs(table, of_pair),
-        model: match model {
-            BlockModel::Patch => Model::Patch,
-            BlockModel::Point { rounding } => Model::Point { rounding },
-        },
-        mass_damping,
-    })
-}
 
 /// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added or after they
 /// were read; nothing happens in a scene without polyhedra.

@@ -46,7 +46,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockPair,
         between: &Vector3<f64>,
-        memory: &mut Memory,
+        memory: &mut History,
         narrow: &mut Narrow,
     ) -> (Option<Geometry>, bool) {
         let (i, j) = pair.ends();
@@ -75,7 +75,7 @@ impl<'a, S: Space> World<'a, S> {
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
-            pair.memory = Memory::default();
+            pair.memory = History::default();
             return None;
         }
         let (i, j) = pair.ends();
@@ -99,7 +99,7 @@ impl<'a, S: Space> World<'a, S> {
             self.rows.at(pair.row).act(&touch, &mut memory, &approach)
         });
         pair.memory = if touch.is_none() && self.rounded(pair) {
-            Memory::default()
+            History::default()
         } else {
             memory
         };
@@ -177,13 +177,13 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockAtPlane,
         wall: &Wall<S>,
-        memory: &mut Memory,
+        memory: &mut History,
         narrow: &mut Narrow,
     ) -> Option<Geometry> {
         let k = pair.grain as usize;
         let height = wall.distance(&self.view.motion[k].position);
         if height >= pair.radius {
-            *memory = Memory::default();
+            *memory = History::default();
             return None;
         }
         let placed = self.poses[k].placed(self.shape(k)?);
@@ -225,7 +225,7 @@ impl<'a, S: Space> World<'a, S> {
         wall: &Wall<S>,
         constants: &Constants,
         touch: &Geometry,
-        memory: &mut Memory,
+        memory: &mut History,
     ) -> Load<S> {
         let block = &self.view.motion[k];
         let approach = Approach {

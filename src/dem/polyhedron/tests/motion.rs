@@ -4,7 +4,7 @@ use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::{Approach, Law, Stiffness};
-use super::super::{Action, Damping, Memory, Model, Narrow, Placed, Polyhedron, RotationState};
+use super::super::{Action, Damping, History, Model, Narrow, Placed, Polyhedron, RotationState};
 
 const GRAVITY: f64 = 9.81;
 const BOON: Model = Model::Point { rounding: 2e-3 };
@@ -16,7 +16,7 @@ struct Block {
     position: Vector3<f64>,
     velocity: Vector3<f64>,
     attitude: RotationState,
-    floor: Memory,
+    floor: History,
 }
 
 impl Block {
@@ -29,7 +29,7 @@ impl Block {
             position,
             velocity: Vector3::zeros(),
             attitude: RotationState::default(),
-            floor: Memory::default(),
+            floor: History::default(),
         }
     }
 
@@ -55,7 +55,7 @@ impl Block {
 /// Blocks above the plane z = 0, where there is one.
 struct World {
     blocks: Vec<Block>,
-    pairs: Vec<(usize, usize, Memory)>,
+    pairs: Vec<(usize, usize, History)>,
     floor: bool,
     law: Law,
     model: Model,
@@ -70,7 +70,7 @@ impl World {
     fn new(blocks: Vec<Block>, law: Law, model: Model, time_step: f64) -> Self {
         let count = blocks.len();
         let pairs = (0..count)
-            .flat_map(|a| (a + 1..count).map(move |b| (a, b, Memory::default())))
+            .flat_map(|a| (a + 1..count).map(move |b| (a, b, History::default())))
             .collect();
         Self {
             loads: vec![(Vector3::zeros(), Vector3::zeros()); count],
@@ -124,7 +124,7 @@ impl World {
                 }
             }
         }
-        for (a, b, memory) in &mut self.pairs {
+        for (a, b, history) in &mut self.pairs {
             let (one, two) = (&self.blocks[*a], &self.blocks[*b]);
             let separation = two.position - one.position;
             let touch = self.narrow.blocks(
@@ -138,7 +138,7 @@ impl World {
                 },
                 &separation,
                 &self.model,
-                memory,
+                history,
             );
             if let Some(touch) = touch {
                 let approach = Approach {
@@ -152,7 +152,7 @@ impl World {
                     force,
                     on_first,
                     on_second,
-                } = self.law.act(&touch, memory, &approach);
+                } = self.law.act(&touch, history, &approach);
                 self.loads[*a].0 -= force;
                 self.loads[*a].1 += on_first;
                 self.loads[*b].0 += force;

@@ -10,7 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::super::contact::Geometry;
 use super::super::linear_program::{AFRESH, Verdict, solve};
 use super::super::separating_axes::widest_gap;
-use super::super::{Memory, Model, Narrow, Polyhedron};
+use super::super::{History, Model, Narrow, Polyhedron};
 use super::values::together;
 use super::{attitude, between, direction, placed, random_hull};
 use crate::random::Stream;
@@ -26,9 +26,9 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    fn look(&self, narrow: &mut Narrow, model: &Model, memory: &mut Memory) -> Option<Geometry> {
+    fn look(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
         let [one, two] = [0, 1].map(|k| placed(self.shapes[k], &self.orientations[k]));
-        narrow.blocks(&one, &two, &self.separation, model, memory)
+        narrow.blocks(&one, &two, &self.separation, model, history)
     }
 
     /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without the
@@ -154,8 +154,8 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         let (_, gap) = pair.oracle();
         let models = [Model::Patch, Model::Point { rounding: 1e-3 }];
         let model = models[usize::from(id % 2 == 1)];
-        let mut memory = Memory::default();
-        let touch = pair.look(&mut narrow, &model, &mut memory);
+        let mut history = History::default();
+        let touch = pair.look(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
             within += 1;
             continue;
@@ -178,7 +178,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         }
         // Warm: the same answer, and where apart without another program.
         let before = narrow.ways.programs;
-        let again = pair.look(&mut narrow, &model, &mut memory);
+        let again = pair.look(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
         if let (Some(a), Some(b)) = (again, touch) {
             assert!(
@@ -231,7 +231,7 @@ fn the_patch_has_the_overlaps_volume() {
     let mut compared = 0;
     for id in 0..1200 {
         let pair = pair(&shapes, id);
-        let Some(touch) = pair.look(&mut narrow, &Model::Patch, &mut Memory::default()) else {
+        let Some(touch) = pair.look(&mut narrow, &Model::Patch, &mut History::default()) else {
             continue;
         };
         // The half-spaces of both as one solid: another algorithm.
@@ -274,7 +274,7 @@ fn what_newton_or_the_program_leaves_open_is_still_a_contact() {
         let pair = pair(&shapes, id);
         let (_, gap) = pair.oracle();
         let [one, two] = [0, 1].map(|k| placed(pair.shapes[k], &pair.orientations[k]));
-        let touch = narrow.last_resort(&one, &two, &pair.separation, &mut Memory::default());
+        let touch = narrow.last_resort(&one, &two, &pair.separation, &mut History::default());
         assert!(
             gap.abs() < BAND || touch.is_some() == (gap < 0.0),
             "pair {id}"
@@ -294,18 +294,18 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
     for id in 0..1500 {
         let pair = pair(&shapes, id);
         for model in [Model::Patch, rounding] {
-            let Some(touch) = pair.look(&mut narrow, &model, &mut Memory::default()) else {
+            let Some(touch) = pair.look(&mut narrow, &model, &mut History::default()) else {
                 continue;
             };
             // The same bits from the same numbers, whatever was done in between.
-            let again = pair.look(&mut Narrow::default(), &model, &mut Memory::default());
+            let again = pair.look(&mut Narrow::default(), &model, &mut History::default());
             assert_eq!(again, Some(touch));
             let swapped = Pair {
                 shapes: [pair.shapes[1], pair.shapes[0]],
                 orientations: [pair.orientations[1], pair.orientations[0]],
                 separation: -pair.separation,
             };
-            let other = swapped.look(&mut narrow, &model, &mut Memory::default());
+            let other = swapped.look(&mut narrow, &model, &mut History::default());
             // Through and through the exhaustive test decides, and may have two answers as good as each other.
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
@@ -330,14 +330,14 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
 }
 
 #[test]
-fn memory_survives_as_numbers() {
+fn history_survives_as_numbers() {
     let shapes = shapes();
     let mut narrow = Narrow::default();
     for id in 0..200 {
         let pair = pair(&shapes, id);
-        let mut memory = Memory::default();
-        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut memory);
-        assert_eq!(Memory::load(&memory.save()), memory);
+        let mut history = History::default();
+        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
+        assert_eq!(History::load(&history.save()), history);
     }
 }
 
@@ -376,7 +376,7 @@ fn a_pebble_on_a_mountain() {
         pair.separation += axis * (wanted - gap);
         let (_, gap) = pair.oracle();
         for model in [Model::Patch, Model::Point { rounding: 2e-3 }] {
-            let touch = pair.look(&mut narrow, &model, &mut Memory::default());
+            let touch = pair.look(&mut narrow, &model, &mut History::default());
             assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
             if let Some(touch) = touch {
                 assert!(

@@ -7,7 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::Approach;
 use super::super::linear_program::{AFRESH, Verdict, solve};
-use super::super::{HalfSpace, Law, Memory, Model, Narrow, Polyhedron, Stiffness};
+use super::super::{HalfSpace, History, Law, Model, Narrow, Polyhedron, Stiffness};
 use super::{attitude, between, direction, placed, random_hull};
 use crate::random::Stream;
 
@@ -128,7 +128,7 @@ fn cubes_touch_where_the_table_says() {
                 &two,
                 &case.separation,
                 &published,
-                &mut Memory::default(),
+                &mut History::default(),
             )
             .unwrap();
         assert_relative_eq!(touch.arm, case.centre, epsilon = 1e-9);
@@ -140,7 +140,7 @@ fn cubes_touch_where_the_table_says() {
                 &two,
                 &case.separation,
                 &Model::Patch,
-                &mut Memory::default(),
+                &mut History::default(),
             )
             .unwrap();
         assert_relative_eq!(touch.arm, case.centroid, epsilon = 2e-9);
@@ -164,26 +164,26 @@ fn a_gap_is_a_gap() {
     let cube = Polyhedron::cuboid(Vector3::new(1.0, 1.0, 1.0)).unwrap();
     let none = UnitQuaternion::identity();
     let mut narrow = Narrow::default();
-    let mut memory = Memory::default();
-    let look = |narrow: &mut Narrow, memory: &mut Memory, x| {
+    let mut history = History::default();
+    let look = |narrow: &mut Narrow, history: &mut History, x| {
         let cube = placed(&cube, &none);
         narrow.blocks(
             &cube,
             &cube,
             &Vector3::new(x, 0.0, 0.0),
             &Model::Patch,
-            memory,
+            history,
         )
     };
-    assert!(look(&mut narrow, &mut memory, 1.01).is_none());
+    assert!(look(&mut narrow, &mut history, 1.01).is_none());
     assert_eq!(narrow.ways.programs, 1);
     // The axis is remembered: no program again, until it no longer separates.
-    assert!(look(&mut narrow, &mut memory, 1.000001).is_none());
+    assert!(look(&mut narrow, &mut history, 1.000001).is_none());
     assert_eq!(narrow.ways.programs, 1);
-    assert!(look(&mut narrow, &mut memory, 0.999999).is_some());
+    assert!(look(&mut narrow, &mut history, 0.999999).is_some());
     assert_eq!(narrow.ways.programs, 2);
     // Exactly touching is no contact.
-    assert!(look(&mut narrow, &mut memory, 1.0).is_none());
+    assert!(look(&mut narrow, &mut history, 1.0).is_none());
 }
 
 #[test]
@@ -203,14 +203,14 @@ fn thin_overlaps_have_a_centre() {
             let (x, y) = (between(&mut draw, -0.3, 0.3), between(&mut draw, -0.2, 0.2));
             let separation = turn * Vector3::new(x, y, 0.5005 - overlap);
             let (one, two) = (turn, turn * about);
-            let mut memory = Memory::default();
+            let mut history = History::default();
             let touch = narrow
                 .blocks(
                     &placed(&cube, &one),
                     &placed(&plate, &two),
                     &separation,
                     &Model::Point { rounding: 1e-4 },
-                    &mut memory,
+                    &mut history,
                 )
                 .unwrap();
             assert_relative_eq!(touch.normal, turn * Vector3::z(), epsilon = 1e-9);
@@ -236,7 +236,7 @@ fn a_block_on_a_plane_is_a_bed_of_springs() {
         for depth in [1e-3, 1e-5] {
             let height = 0.3 - depth;
             let touch = narrow
-                .plane(&block, &up, height, &Model::Patch, &mut Memory::default())
+                .plane(&block, &up, height, &Model::Patch, &mut History::default())
                 .unwrap();
             // The integral of the depth under the plane over the bottom, and over the plane.
             let (sin, cos) = (tilt.sin(), tilt.cos());
@@ -264,14 +264,14 @@ fn a_block_on_a_plane_is_a_bed_of_springs() {
                     &up,
                     height,
                     &Model::Point { rounding: 1e-2 },
-                    &mut Memory::default(),
+                    &mut History::default(),
                 )
                 .unwrap();
             assert!(point.depth > 0.0 && point.normal.z < -0.9);
         }
         assert!(
             narrow
-                .plane(&block, &up, 0.6, &Model::Patch, &mut Memory::default())
+                .plane(&block, &up, 0.6, &Model::Patch, &mut History::default())
                 .is_none()
         );
     }
@@ -347,14 +347,14 @@ fn a_block_turns_freely_about_its_edge() {
         shear_damping: 0.0,
     };
     let mut narrow = Narrow::default();
-    let mut memory = Memory::default();
+    let mut history = History::default();
     let touch = narrow
         .plane(
             &block,
             &Vector3::z(),
             below - depth,
             &Model::Patch,
-            &mut memory,
+            &mut history,
         )
         .unwrap();
     // The bottom and the side cut the plane at a right angle: the strip is between their feet.
@@ -370,8 +370,8 @@ fn a_block_turns_freely_about_its_edge() {
             time_step: 1e-6,
         };
         let [with, without] = [0.3, 0.0].map(|damping| {
-            let mut memory = Memory::default();
-            law(damping).act(&touch, &mut memory, &approach).on_first
+            let mut history = History::default();
+            law(damping).act(&touch, &mut history, &approach).on_first
         });
         with - without
     };

@@ -6,7 +6,7 @@ use super::super::linear_program::AFRESH;
 
 /// What a pair remembers: plain data, 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Memory {
+pub struct History {
     /// The axis that separated the pair when it was last looked at, in the first's frame; zero where none did.
     pub(super) axis: Vector3<f64>,
     /// The last contact point, in the first's frame.
@@ -21,7 +21,7 @@ pub struct Memory {
     pub(in crate::dem::polyhedron) twist: f64,
 }
 
-impl Default for Memory {
+impl Default for History {
     fn default() -> Self {
         Self {
             axis: Vector3::zeros(),
@@ -34,7 +34,7 @@ impl Default for Memory {
     }
 }
 
-impl Memory {
+impl History {
     /// How many numbers it is.
     pub const NUMBERS: usize = 17;
 

@@ -1,0 +1,162 @@
+//! A list of contact laws, a line each, as types: what a case may choose, what comes of it, and the way to the concrete law.
+
+use super::{ContactLaw, PairProperties};
+use crate::dem::engine::bodies::Bodies;
+use crate::dem::particles::{Body, Kind};
+use crate::dem::space::Space;
+
+/// Makes the two enums of a family of contact laws from a list.
+///
+/// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case, `parameters` implements
+/// [`ContactParameters`](super::ContactParameters), and each `law` that can come of them implements
+/// [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
+macro_rules! contact_laws {
+    (
+        $(#[$about:meta])* $vis:vis $Contact:ident,
+        $(#[$resolved:meta])* $Law:ident:
+        $( $(#[$doc:meta])* $Name:ident($parameters:ty) => $($Variant:ident($law:ty)),+; )+
+    ) => {
+        $(#[$about])*
+        #[derive(
+            Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+        )]
+        #[serde(rename_all = "snake_case")]
+        $vis enum $Contact {
+            $( $(#[$doc])* $Name($parameters), )+
+        }
+
+        impl $Contact {
+            /// The law with its parameters for every pair of materials; what is wrong goes to the report.
+            $vis fn resolve(
+                &self,
+                scene: &$crate::dem::contact::SceneFacts<'_>,
+                report: &mut dyn $crate::error::Report,
+            ) -> Option<$Law> {
+                use $crate::dem::contact::ContactParameters;
+                match self {
+                    $( Self::$Name(parameters) => parameters.resolve(scene, report), )+
+                }
+            }
+
+            /// Fraction of every force that is taken off against the motion; 0 is off.
+            #[must_use]
+            $vis fn local_damping(&self) -> f64 {
+                match self {
+                    $( Self::$Name(parameters) => {
+                        $crate::dem::contact::ContactParameters::<$Law>::local_damping(parameters)
+                    } )+
+                }
+            }
+
+            /// Whether polyhedra can have the law.
+            #[must_use]
+            $vis fn of_polyhedra(&self) -> bool {
+                match self {
+                    $( Self::$Name(parameters) => {
+                        $crate::dem::contact::ContactParameters::<$Law>::of_polyhedra(parameters)
+                    } )+
+                }
+            }
+        }
+
+        $(#[$resolved])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        #[serde(rename_all = "snake_case")]
+        $vis enum $Law {
+            $($(
+                #[doc = concat!("`", stringify!($law), "`.")]
+                $Variant($law),
+            )+)+
+        }
+
+        impl $Law {
+            /// The law as plan, preparation and outputs see it.
+            #[must_use]
+            $vis fn model(&self) -> &dyn $crate::dem::contact::ContactModel {
+                match self {
+                    $($( Self::$Variant(law) => law, )+)+
+                }
+            }
+
+            /// The same, to be changed.
+            $vis fn model_mut(&mut self) -> &mut dyn $crate::dem::contact::ContactModel {
+                match self {
+                    $($( Self::$Variant(law) => law, )+)+
+                }
+            }
+        }
+
+        impl $crate::dem::contact::family::Family for $Law {
+            fn visit<S, V>(&self, visitor: V) -> V::Output
+            where
+                S: $crate::dem::space::Space,
+                V: $crate::dem::contact::family::Visitor<S>,
+            {
+                match self {
+                    $($( Self::$Variant(law) => visitor.visit(law), )+)+
+                }
+            }
+        }
+
+        $($(
+            impl From<$law> for $Law {
+                fn from(law: $law) -> Self {
+                    Self::$Variant(law)
+                }
+            }
+        )+)+
+    };
+}
+pub(in crate::dem) use contact_laws;
+
+/// One of the resolved laws of a list.
+pub(in crate::dem) trait Family {
+    /// Calls `visitor` with the concrete law: what it does is compiled once per law.
+    fn visit<S: Space, V: Visitor<S>>(&self, visitor: V) -> V::Output;
+}
+
+/// Something to do with a law whose type is known.
+pub(in crate::dem) trait Visitor<S: Space> {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output;
+}
+
+/// `sqrt(m/k)` [s] of the stiffest contact that any of `grains` can make with bodies or walls of `materials` materials.
+pub(super) struct CriticalTimeStep<I> {
+    pub(super) grains: I,
+    pub(super) materials: u32,
+}
+
+impl<'a, S: Space, I: IntoIterator<Item = &'a Body> + Clone> Visitor<S> for CriticalTimeStep<I> {
+    type Output = f64;
+
+    fn visit<L: Bodies<S>>(self, law: &L) -> f64 {
+        let table = law.table();
+        let grains = self.grains.clone().into_iter();
+        let largest = grains.map(|body| body.radius).fold(0.0, f64::max);
+        let mut limit = f64::INFINITY;
+        for body in self
+            .grains
+            .into_iter()
+            .filter(|body| body.kind == Kind::Free)
+        {
+            for material in 0..self.materials.max(1) {
+                for diameter in [2.0 * body.radius, body.radius + largest] {
+                    let pair = PairProperties {
+                        materials: [body.material, material],
+                        diameter,
+                        mass: body.mass,
+                        rolling_radius: body.radius,
+                        rolling_inertia: body.inertia,
+                    };
+                    let row = table.get(pair.materials[0], pair.materials[1]);
+                    let [normal, shear] = <L as ContactLaw<S>>::stiffness(&L::between(row, &pair));
+                    limit = limit.min((body.mass / normal.max(shear)).sqrt());
+                }
+            }
+        }
+        limit
+    }
+}
