@@ -211,7 +211,7 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.remember(&self.populations, half);
         // Faces first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        let cover = self.cover.as_mut().map_or(CoverView::NONE, Cover::view);
+        let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
         let shared = (self.describe)(&mut self.populations, velocity, cover);
         self.run(&shared, force, 0..1);
         if planes > 1 {

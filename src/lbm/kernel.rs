@@ -5,7 +5,7 @@
 //! in ghosts and padding, whose contents the boundaries renew after every pass.
 
 use super::collision::{Collision, Site};
-use super::lanes::{Level, Memory, Stored};
+use super::lanes::{Level, Memory, Stored, prefetch};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
 use super::saturation::Solids;
@@ -265,19 +265,6 @@ fn opaque(along: &mut [isize; 2]) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = along;
-}
-
-/// Asks for a cache line; any address will do.
-#[inline(always)]
-pub(in crate::lbm) fn prefetch<S>(line: *const S) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint, which never faults.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = line;
 }
 
 /// # Safety

@@ -21,17 +21,6 @@ const ALLOWED: &[&[&str]] = &[
         "src/dem/ghosts.rs",
         "src/dem/particles.rs",
     ],
-    &[
-        "src/lbm/boundary.rs",
-        "src/lbm/collision.rs",
-        "src/lbm/kernel.rs",
-        "src/lbm/lanes.rs",
-        "src/lbm/links.rs",
-        "src/lbm/pages.rs",
-        "src/lbm/populations.rs",
-        "src/lbm/saturation.rs",
-        "src/lbm/turbulence.rs",
-    ],
 ];
 
 /// A path of a module: `["dem", "engine"]`.

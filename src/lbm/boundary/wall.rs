@@ -7,8 +7,7 @@
 //! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
 //! are still in the cache.
 
-use crate::lbm::kernel::prefetch;
-use crate::lbm::lanes::Stored;
+use crate::lbm::lanes::{Stored, prefetch};
 use crate::lbm::populations::{Link, Parity, Populations};
 use std::ops::Range;
 

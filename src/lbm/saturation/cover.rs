@@ -1,6 +1,5 @@
 //! What covers the cells of a slab: fractions, owners, and the sums of forces on the bodies.
 
-use super::pass::View;
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::Stored;
@@ -91,21 +90,21 @@ impl Sums {
 /// What covers the cells of a slab.
 #[derive(Debug)]
 pub struct Cover {
-    method: Method,
-    fluid: CoveredFluid,
+    pub(super) method: Method,
+    pub(super) fluid: CoveredFluid,
     /// Axes from slowest to fastest.
-    order: [usize; 3],
+    pub(super) order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
-    fraction: Vec<f32>,
+    pub(super) fraction: Vec<f32>,
     /// Slot of its body, or [`SHARED`] and a place in `shared`.
-    owner: Vec<u32>,
-    shared: Vec<Vec<Share>>,
+    pub(super) owner: Vec<u32>,
+    pub(super) shared: Vec<Vec<Share>>,
     /// Places in `shared` to use again.
     unused: Vec<u32>,
-    solids: Vec<Solid>,
-    sums: Vec<Sums>,
+    pub(super) solids: Vec<Solid>,
+    pub(super) sums: Vec<Sums>,
     /// From a cell to its neighbours.
-    offsets: [isize; 27],
+    pub(super) offsets: [isize; 27],
 }
 
 impl Cover {
@@ -307,21 +306,6 @@ impl Cover {
                 sums.known[k] = false;
             }
             sums.touched.clear();
-        }
-    }
-
-    /// For a pass.
-    pub(crate) fn view(&mut self) -> View {
-        View {
-            fraction: self.fraction.as_ptr(),
-            owner: self.owner.as_ptr(),
-            solids: self.solids.as_ptr(),
-            shared: self.shared.as_ptr(),
-            sums: self.sums.as_mut_ptr(),
-            operator: self.method.operator,
-            fluid: self.fluid,
-            order: self.order,
-            offsets: self.offsets,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a pass does where cells are covered.
 
-use super::cover::{DEEP, SHARED, Share, Solid, Sums, total};
+use super::cover::{Cover, DEEP, SHARED, Share, Solid, Sums, total};
 use super::{Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::{Lanes, Memory};
@@ -108,6 +108,21 @@ impl View {
         order: [0; 3],
         offsets: [0; 27],
     };
+
+    /// What the coming pass sees of a cover.
+    pub(crate) fn of(cover: &mut Cover) -> Self {
+        Self {
+            fraction: cover.fraction.as_ptr(),
+            owner: cover.owner.as_ptr(),
+            solids: cover.solids.as_ptr(),
+            shared: cover.shared.as_ptr(),
+            sums: cover.sums.as_mut_ptr(),
+            operator: cover.method.operator,
+            fluid: cover.fluid,
+            order: cover.order,
+            offsets: cover.offsets,
+        }
+    }
 
     /// Whether any of `N::WIDTH` cells is covered.
     ///

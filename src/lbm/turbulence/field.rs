@@ -6,8 +6,7 @@
 //! rounding is 1e-7 of the velocity, and a model, not the flow, depends on it.
 
 use crate::lbm::boundary::{Condition, Frame, Patch, holder};
-use crate::lbm::kernel::prefetch;
-use crate::lbm::lanes::{Lanes, Memory, Stored};
+use crate::lbm::lanes::{Lanes, Memory, Stored, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
 use crate::lbm::populations::Populations;
