@@ -210,7 +210,7 @@ impl Plan {
     }
 }
 
-/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
+/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
 /// Those of a plan that it goes on from stay.
 fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option<Clock> {
     let time = &scene.time;

@@ -114,7 +114,7 @@ macro_rules! solid_operators {
 }
 
 solid_operators! {
-    /// What a solid does to the populations of a cell.
+    /// Solid collision operator.
     SolidOperator:
     non_equilibrium_bounce_back NonEquilibriumBounceBack,
     superposition Superposition,

@@ -129,7 +129,7 @@ impl<S: Space> Deposition<S> {
                 grains.retain(|(at, _)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
-                        "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.rain.trim_above): raise it above the floor"
+                        "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.deposition.trim_above): raise it above the floor"
                     )));
                 }
                 if grains.len() == before {

@@ -224,7 +224,7 @@ pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Fi
     }
 }
 
-/// The time step from whichever of the three ways the case uses; with none of them one that holds the place of that which is
+/// The time step from whichever of the three ways the case uses; with none of them one that holds the place of that which is
 /// chosen once the speeds are known.
 fn time_step(
     lbm: &LatticeBoltzmann,

@@ -1,4 +1,4 @@
-//! A rock mass cut into blocks by sets of joints (B-30).
+//! A rock mass cut into blocks by sets of joints.
 //!
 //! The mass is a convex solid. One plane of one set after the other cuts the blocks that it crosses, each with the probability
 //! `persistence` of the set: so 3DEC defines persistence (Itasca, `block cut joint-set`), since a block must stay convex and a joint

@@ -1,4 +1,4 @@
-//! Grains that leave and grains that appear: regions that remove and regions that generate.
+//! Grains that leave and grains that appear: regions that remove and regions that generate.
 //!
 //! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is taken out; the
 //! first region that holds it counts. Named bodies stay. A generating region owes `rate x time` grains. The draws of

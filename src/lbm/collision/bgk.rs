@@ -13,7 +13,7 @@ use crate::lbm::lattice::{Lattice, unroll};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One relaxation time for all moments (Bhatnagar, Gross and Krook 1954). The position of a wall depends on tau.
+/// One relaxation time for all moments (Bhatnagar, Gross and Krook 1954). The position of walls depends on tau.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

@@ -24,13 +24,13 @@ use crate::lbm::lattice::{Lattice, VelocitySet, unroll};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Cumulants on D3Q27 (Geier et al. 2015): all moments beyond the stress go to those of a Gaussian. The most robust choice near
+/// Cumulants on D3Q27 (Geier et al. 2015): cumulants beyond the stress relax fully to equilibrium. The most robust choice near
 /// tau = 0.5. The position of walls depends weakly on tau.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// Rate of the trace of the stress, which sets the bulk viscosity (2/9)(1/bulk - 1/2); 1 damps sound best.
+    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves best.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: f64,

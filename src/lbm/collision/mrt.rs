@@ -35,50 +35,50 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Multiple relaxation times on D3Q27 (Suga et al. 2015): the shear stress relaxes at 1/tau, each other group of moments at a rate of its
-/// own. For turbulent flow.
+/// Multiple relaxation times on D3Q27 (Suga et al. 2015): the shear stress relaxes at 1/tau, every other group of moments at its
+/// own rate. For turbulent flow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// s4, of the trace of the stress: the bulk viscosity is (2/9)(1/s4 - 1/2); 1.54 without it.
+    /// Rate s4 of the trace of the stress [1]; the bulk viscosity is (2/9)(1/s4 - 1/2). Default: 1.54.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: Option<f64>,
-    /// Rate of all moments above the second that are not given; those of Suga without it. With 1 they go to their equilibrium at once,
-    /// as other codes have it by default: a third less work in a cell.
+    /// Rate of all moments above the second order that are not given [1]. Default: the rates of Suga et al. A rate of 1 relaxes them fully
+    /// in one step, as other codes do by default, and saves a third of the work.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub higher: Option<f64>,
-    /// s10, of the energy flux q; 1.5 without it.
+    /// Rate s10 of the energy flux q [1]. Default: 1.5.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub q: Option<f64>,
-    /// s13, of Psi; 1.83 without it.
+    /// Rate s13 of Psi [1]. Default: 1.83.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub psi: Option<f64>,
-    /// s16, of epsilon; 1.4 without it.
+    /// Rate s16 of epsilon [1]. Default: 1.4.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub epsilon: Option<f64>,
-    /// s17, of e cubed; 1.61 without it.
+    /// Rate s17 of e cubed [1]. Default: 1.61.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub e_cubed: Option<f64>,
-    /// s18, of XX and WW; 1.98 without it.
+    /// Rate s18 of XX and WW [1]. Default: 1.98.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xx: Option<f64>,
-    /// s20, of XY, YZ and ZX; 1.98 without it.
+    /// Rate s20 of XY, YZ and ZX [1]. Default: 1.98.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xy: Option<f64>,
-    /// s23, of the third-order tau; 1.74 without it.
+    /// Rate s23 of the third-order tau [1]. Default: 1.74.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub tau: Option<f64>,
-    /// s26, of XYZ; 1.74 without it.
+    /// Rate s26 of XYZ [1]. Default: 1.74.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xyz: Option<f64>,

@@ -12,12 +12,12 @@ use crate::lbm::lattice::{Lattice, unroll};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Two relaxation times. The position of a wall does not depend on viscosity.
+/// Two relaxation times (Ginzburg et al. 2008). The position of walls does not depend on the viscosity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// (tau+ - 1/2)(tau- - 1/2), without unit; 3/16 puts straight walls exactly half-way between nodes.
+    /// Magic parameter (tau+ - 1/2)(tau- - 1/2) [1]. With 3/16 straight walls lie exactly half-way between nodes.
     #[serde(default = "three_sixteenths")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 10))]
     pub magic: f64,

@@ -16,7 +16,7 @@ pub struct BounceBackAboutSolid;
 
 impl Model for BounceBackAboutSolid {
     fn documentation(&self) -> &'static str {
-        "Bounce-back of what departs from equilibrium at the velocity of the solid (Holdych 2003)."
+        "Bounce-back of the non-equilibrium part relative to the velocity of the solid (Holdych 2003)."
     }
 
     fn describe(&self) -> &'static str {

@@ -18,7 +18,7 @@ pub struct NonEquilibriumBounceBack;
 
 impl Model for NonEquilibriumBounceBack {
     fn documentation(&self) -> &'static str {
-        "Bounce-back of what departs from equilibrium (Noble and Torczynski 1998)."
+        "Bounce-back of the non-equilibrium part (Noble and Torczynski 1998)."
     }
 
     fn describe(&self) -> &'static str {

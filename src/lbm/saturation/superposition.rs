@@ -16,7 +16,7 @@ pub struct Superposition;
 
 impl Model for Superposition {
     fn documentation(&self) -> &'static str {
-        "Equilibrium at the velocity of the solid, the departure relaxed by the rate of the water."
+        "Equilibrium at the velocity of the solid; the non-equilibrium part relaxes at the rate of the fluid."
     }
 
     fn describe(&self) -> &'static str {

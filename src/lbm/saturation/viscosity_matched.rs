@@ -28,7 +28,7 @@ pub struct ViscosityMatched;
 
 impl Model for ViscosityMatched {
     fn documentation(&self) -> &'static str {
-        "Times of the cell that scale as those of the water, so that the drag in slow flow does not depend on the viscosity; for BGK and TRT. It uses no weighting."
+        "Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend on the viscosity. For BGK and TRT. It uses no weighting."
     }
 
     fn describe(&self) -> &'static str {

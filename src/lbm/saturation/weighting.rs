@@ -4,14 +4,14 @@ use crate::lbm::lanes::Lanes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How much a filled part ε counts.
+/// Weighting B of the solid fraction ε.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Weighting {
     /// B = ε.
     Fraction,
-    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): the position of the surface depends less on the viscosity (Noble and Torczynski 1998).
+    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): the effective surface depends less on the viscosity (Noble and Torczynski 1998).
     #[default]
     Viscous,
 }

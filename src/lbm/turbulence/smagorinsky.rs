@@ -8,12 +8,12 @@ use crate::lbm::lanes::Lanes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Smagorinsky (1963).
+/// Eddy viscosity of Smagorinsky (1963).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Smagorinsky {
-    /// C_s, without unit: 0.1 in channels to 0.18 in free turbulence.
+    /// Model constant C_s [1]: from 0.1 in channels to 0.18 in free turbulence.
     #[serde(default = "constant")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,

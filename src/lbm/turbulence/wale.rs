@@ -14,12 +14,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Wall-adapting local eddy viscosity (Nicoud and Ducros 1999): none in laminar shear and at walls. 3-D.
+/// Wall-adapting local eddy viscosity (Nicoud and Ducros 1999), which vanishes in laminar shear and at walls. 3-D only.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Wale {
-    /// C_w, without unit: 0.5 (Nicoud and Ducros) to 0.325 in channels.
+    /// Model constant C_w [1]: from 0.325 in channels to 0.5 (Nicoud and Ducros 1999).
     #[serde(default = "one_half")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,

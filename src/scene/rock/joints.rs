@@ -1,4 +1,4 @@
-//! A set of joints: parallel planes with an orientation and a distribution of their spacing (B-30).
+//! A set of joints: parallel planes with an orientation and a distribution of their spacing.
 //!
 //! Orientation as geologists measure it, with x to the east, y to the north and z up: the dip is the angle of the plane's steepest
 //! line below the horizontal, 0 … 90°, and the dip direction the bearing of that line, clockwise from north, 0 … 360°.

@@ -1,4 +1,4 @@
-//! Lists of blocks in files (B-30): read in two forms, written in one.
+//! Lists of blocks in files: read in two forms, written in one.
 //!
 //! Our own is one JSON object. Each block has an `id`, in whose order they are numbered, and either `half_spaces`, each
 //! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`; a `material` and whether it is `fixed` may follow. Lengths in m:
