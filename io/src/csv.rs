@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 /// The rows of a text, one after the other.
 #[derive(Debug)]
 pub struct Reader<'t> {
+    text: &'t str,
     rows: ::csv::Reader<&'t [u8]>,
     names: StringRecord,
     units: Option<StringRecord>,
@@ -21,12 +22,14 @@ impl<'t> Reader<'t> {
     /// A reader of a text; none where there is no line of names.
     #[must_use]
     pub fn new(text: &'t str) -> Option<Self> {
+        let text = text.trim_start_matches('\u{feff}');
         let rows = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .trim(Trim::All)
             .from_reader(text.as_bytes());
         let mut reader = Self {
+            text,
             rows,
             names: StringRecord::new(),
             units: None,
@@ -69,6 +72,7 @@ impl<'t> Reader<'t> {
     pub fn row(&mut self) -> Option<Row<'_>> {
         let there = std::mem::take(&mut self.pending) || self.advance();
         there.then_some(Row {
+            text: self.text,
             names: &self.names,
             cells: &self.row,
         })
@@ -95,6 +99,7 @@ fn uncommented(cell: &str) -> &str {
 /// A row below the names.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'r> {
+    text: &'r str,
     names: &'r StringRecord,
     cells: &'r StringRecord,
 }
@@ -103,7 +108,13 @@ impl Row<'_> {
     /// The line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
-        self.cells.position().map_or(0, ::csv::Position::line)
+        let Some(place) = self.cells.position() else {
+            return 0;
+        };
+        // The crate names the place at which it began to look: blank lines may lie between it and the row.
+        let rest = usize::try_from(place.byte()).map_or("", |at| self.text.get(at..).unwrap_or(""));
+        let blank = rest.bytes().take_while(|b| matches!(b, b'\r' | b'\n'));
+        place.line() + blank.filter(|b| *b == b'\n').map(|_| 1).sum::<u64>()
     }
 
     /// The cells.
