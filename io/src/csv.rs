@@ -3,7 +3,7 @@
 //! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below the names
 //! holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a cell does not count. Cells in quotes may hold commas.
 
-use ::csv::{QuoteStyle, ReaderBuilder, StringRecord, Terminator, Trim, WriterBuilder};
+use ::csv::{QuoteStyle, ReaderBuilder, StringRecord, Terminator, WriterBuilder};
 use serde::de::DeserializeOwned;
 
 /// The rows of a text, one after the other.
@@ -26,7 +26,6 @@ impl<'t> Reader<'t> {
         let rows = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
-            .trim(Trim::All)
             .from_reader(text.as_bytes());
         let mut reader = Self {
             text,
@@ -40,12 +39,15 @@ impl<'t> Reader<'t> {
             return None;
         }
         let above = reader.units.take();
-        let numbers = reader.row.iter().all(|cell| cell.parse::<f64>().is_ok());
+        let numbers = reader
+            .row
+            .iter()
+            .all(|cell| cell.trim().parse::<f64>().is_ok());
         if let (Some(names), true) = (above, numbers) {
             reader.names = names.iter().map(uncommented).collect();
             reader.pending = true;
         } else {
-            reader.names = reader.row.clone();
+            reader.names = reader.row.iter().map(str::trim).collect();
         }
         Some(reader)
     }
@@ -81,7 +83,7 @@ impl<'t> Reader<'t> {
     /// Goes to the next line that counts. A text in memory whose rows may differ in length cannot fail to be read.
     fn advance(&mut self) -> bool {
         while matches!(self.rows.read_record(&mut self.row), Ok(true)) {
-            let first = self.row.get(0).unwrap_or_default();
+            let first = self.row.get(0).unwrap_or_default().trim_start();
             if first.starts_with('#') {
                 self.units.get_or_insert_with(|| self.row.clone());
             } else if self.row.len() > 1 || !first.is_empty() {
@@ -93,7 +95,7 @@ impl<'t> Reader<'t> {
 }
 
 fn uncommented(cell: &str) -> &str {
-    cell.trim_start_matches('#').trim_start()
+    cell.trim().trim_start_matches('#').trim_start()
 }
 
 /// A row below the names.
@@ -119,13 +121,13 @@ impl Row<'_> {
 
     /// The cells.
     pub fn cells(&self) -> impl Iterator<Item = &str> {
-        self.cells.iter()
+        self.cells.iter().map(str::trim)
     }
 
     /// The text of a cell; none where the row is shorter.
     #[must_use]
     pub fn text(&self, column: usize) -> Option<&str> {
-        self.cells.get(column)
+        self.cells.get(column).map(str::trim)
     }
 
     /// The finite number in a column.
@@ -159,13 +161,15 @@ impl Row<'_> {
                 self.names.len()
             ));
         }
-        self.cells.deserialize(Some(self.names)).map_err(|error| {
+        let mut cells = self.cells.clone();
+        cells.trim();
+        cells.deserialize(Some(self.names)).map_err(|error| {
             let field = match error.kind() {
                 ::csv::ErrorKind::Deserialize { err, .. } => err.field(),
                 _ => None,
             };
             let column = field.and_then(|n| usize::try_from(n).ok());
-            match column.and_then(|n| Some((self.names.get(n)?, self.cells.get(n)?))) {
+            match column.and_then(|n| Some((self.names.get(n)?, self.text(n)?))) {
                 Some((name, value)) => {
                     format!("line {}: column `{name}` cannot be `{value}`", self.line())
                 }
