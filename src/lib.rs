@@ -21,6 +21,7 @@ pub mod cli;
     reason = "units stand in brackets in comments"
 )]
 pub mod coupling;
+pub mod critical_gradient;
 pub mod darcy;
 pub mod dem;
 pub mod error;

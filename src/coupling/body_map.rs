@@ -316,7 +316,7 @@ impl BodyMap {
     /// is taken from it (Aidun, Lu and Ding 1998).
     ///
     /// Call after [`Self::refresh`].
-    pub fn follow<Sp: Space, S: Stored>(
+    pub fn update_bodies<Sp: Space, S: Stored>(
         &mut self,
         particles: &Particles<Sp>,
         populations: &Populations<S>,

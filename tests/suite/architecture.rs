@@ -25,6 +25,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         "cli",
         &[
             "case",
+            "critical_gradient",
             "figures",
             "output",
             "plan",
@@ -33,6 +34,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
             "sweep",
         ],
         &["io"],
+    ),
+    (
+        "critical_gradient",
+        &["analysis", "case", "plan", "scene", "simulation"],
+        &["decomposition", "io"],
     ),
     (
         "sweep",

@@ -10,9 +10,9 @@ const INPUT_OUTPUT: i32 = 5;
 
 /// All ranks of a communicator, as [`io`] asks for them: outputs, tables and checkpoints are written through this.
 #[derive(Clone, Copy, Debug)]
-pub struct Together<'a>(pub &'a Communicator);
+pub struct RankGroup<'a>(pub &'a Communicator);
 
-impl Group for Together<'_> {
+impl Group for RankGroup<'_> {
     fn rank(&self) -> usize {
         self.0.rank()
     }
@@ -43,7 +43,7 @@ impl Group for Together<'_> {
     }
 }
 
-impl Together<'_> {
+impl RankGroup<'_> {
     /// Runs `work` on rank 0 and gives its result to every rank. Collective.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn one_rank_agrees_with_itself() {
         let communicator = Communicator::serial();
-        let group = Together(&communicator);
+        let group = RankGroup(&communicator);
         assert_eq!((group.rank(), group.size()), (0, 1));
         assert_eq!(group.offset_and_total(7), (0, 7));
         assert_eq!(group.gather(&[1, 2]), [vec![1, 2]]);
