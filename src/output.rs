@@ -317,7 +317,7 @@ impl Outputs {
                     }
                 };
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_image(when, &image, provenance, &group, mode),
@@ -331,7 +331,7 @@ impl Outputs {
                 output.buffers.read(view.particles, grid, communicator)?;
                 let mesh = output.buffers.mesh(grid.dimension);
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -346,7 +346,7 @@ impl Outputs {
                 output.buffers.read(dem, particles, grid, communicator)?;
                 let mesh = output.buffers.mesh(grid.dimension);
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -361,7 +361,7 @@ impl Outputs {
                 output.buffers.read(view.particles, scene, communicator)?;
                 let mesh = output.buffers.mesh();
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -404,7 +404,7 @@ impl Outputs {
                 time: view.time,
             };
             let (provenance, mode) = (&self.provenance, Mode::Collective);
-            group.settle(
+            group.checked(
                 output
                     .series
                     .write_image(when, &image, provenance, &group, mode),
@@ -445,12 +445,12 @@ impl<T> Output<T> {
     ) -> Result<Self, Error> {
         let (series, schedule, last) = match resumed_at {
             None => {
-                let series = group.settle(Series::create(folder, name, group))?;
+                let series = group.checked(Series::create(folder, name, group))?;
                 (series, Schedule::new(every), None)
             }
             Some(step) => {
-                let mut series = group.settle(Series::open(folder, name, group))?;
-                group.settle(series.truncate_after(step, group))?;
+                let mut series = group.checked(Series::open(folder, name, group))?;
+                group.checked(series.truncate_after(step, group))?;
                 let written = group.on_root(|| Ok(series.moments().any(|m| m.step == step)))?;
                 let last = written.then_some(step);
                 (series, Schedule::resumed(every, step, written), last)
@@ -473,7 +473,7 @@ impl<T> Output<T> {
         let Some(before) = step.checked_sub(1) else {
             return Ok(false);
         };
-        group.settle(self.series.truncate_after(before, group))?;
+        group.checked(self.series.truncate_after(before, group))?;
         self.last = None;
         Ok(true)
     }

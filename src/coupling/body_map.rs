@@ -358,11 +358,15 @@ impl BodyMap {
             self.set(k as usize);
         }
         self.again = again;
-        self.settle(populations, loads);
+        self.apply_changes(populations, loads);
     }
 
     /// Loads from covered and uncovered cells, and new links for every body near a change.
-    fn settle<S: Stored>(&mut self, populations: &Populations<S>, loads: Option<&mut [Load]>) {
+    fn apply_changes<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        loads: Option<&mut [Load]>,
+    ) {
         self.relink.clear();
         self.relink.resize(self.bodies.len(), false);
         let far = self.rules.isolated.is_some() || self.rules.interpolated;

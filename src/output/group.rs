@@ -52,7 +52,7 @@ impl RankGroup<'_> {
         &self,
         work: impl FnOnce() -> io::Result<T>,
     ) -> Result<T, Error> {
-        self.settle(on_root(self, work))
+        self.checked(on_root(self, work))
     }
 
     /// The result of a joint write as one of this program. A write that failed half-way leaves HDF5 in a state from which
@@ -60,7 +60,7 @@ impl RankGroup<'_> {
     ///
     /// # Errors
     /// [`Error::Io`] with the words of the error.
-    pub fn settle<T>(&self, result: io::Result<T>) -> Result<T, Error> {
+    pub fn checked<T>(&self, result: io::Result<T>) -> Result<T, Error> {
         result.map_err(|error| {
             if error.must_abort() {
                 log::error!("rank {}: {error}", self.0.rank());
