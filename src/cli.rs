@@ -7,12 +7,12 @@ mod reference;
 mod usage;
 
 use crate::case::{Document, examples, schema};
+use crate::critical_gradient::{self, Search};
 use crate::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
 use crate::figures::erosion_law::Published;
 use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::provenance;
-use crate::simulation::critical::Search;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
 use crate::sweep::{Sweep, Task, study};
@@ -375,7 +375,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
                 allow_unstable: stability.allow_unstable,
             };
             judged(
-                simulation::critical::command(&search, case.json).and_then(|text| print(&text)),
+                critical_gradient::command(&search, case.json).and_then(|text| print(&text)),
                 &case.case,
             )
         }

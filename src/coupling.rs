@@ -2,7 +2,7 @@
 //!
 //! A [`Flow`] is a pair of fluid and coupling, so that nonsense pairs cannot be written. In a step the water moves first
 //! and loads the grains ([`Flow::advance`]); the grains move under that load in several solid steps; then the flow
-//! follows them ([`Flow::follow`]).
+//! follows them ([`Flow::update_bodies`]).
 
 pub mod body_map;
 pub mod bounce_back;
@@ -34,7 +34,11 @@ pub trait Flow<S: Space> {
     ///
     /// # Errors
     /// Where a message failed.
-    fn follow(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error>;
+    fn update_bodies(
+        &mut self,
+        particles: &mut Particles<S>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error>;
 }
 
 /// Planes across z that are read together: the numbers of a line of the cache, where rows run along z.

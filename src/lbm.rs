@@ -18,6 +18,7 @@ pub mod lattice;
 pub mod links;
 mod pages;
 pub mod populations;
+mod prefetch;
 pub mod quanta;
 pub mod saturation;
 pub mod synthetic;

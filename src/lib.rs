@@ -1,7 +1,14 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 #![cfg_attr(
     test,
-    allow(clippy::float_cmp, reason = "tests compare bits on purpose")
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
@@ -21,6 +28,7 @@ pub mod cli;
     reason = "units stand in brackets in comments"
 )]
 pub mod coupling;
+pub mod critical_gradient;
 pub mod darcy;
 pub mod dem;
 pub mod error;

@@ -21,13 +21,13 @@ mod blocks;
 mod contacts;
 mod fluid;
 mod grains;
+pub mod group;
 pub mod info;
 mod order;
 mod planes;
 mod probes;
 mod schedule;
 mod seepage;
-pub mod together;
 pub mod view;
 
 use crate::case::geometry::Axis;
@@ -42,13 +42,13 @@ use contacts::Contacts;
 use decomposition::Domain;
 use fluid::Fields;
 use grains::Grains;
+use group::RankGroup;
 use io::{Mode, Moment, Series};
 use probes::Probe;
 use schedule::Schedule;
 use seepage::SeepageFields;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use together::Together;
 
 /// A series of files and when it is due.
 #[derive(Debug)]
@@ -96,7 +96,7 @@ impl Outputs {
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
         let written = &plan.scene.output;
-        let group = Together(domain.communicator());
+        let group = RankGroup(domain.communicator());
         let every = |interval: f64| Some(plan.clock.every(interval));
         let fluid = match &written.fluid {
             Some(output) => {
@@ -234,7 +234,7 @@ impl Outputs {
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
     pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
-        let group = Together(domain.communicator());
+        let group = RankGroup(domain.communicator());
         if let Some(output) = &mut self.fluid {
             output.drop_end(step, &group)?;
         }
@@ -282,7 +282,7 @@ impl Outputs {
         if self.probes.is_empty() && self.averages.is_none() {
             return Ok(());
         }
-        Together(domain.communicator()).on_root(|| {
+        RankGroup(domain.communicator()).on_root(|| {
             profile.map_or(Ok(()), io::Table::sync)?;
             self.probes.iter().try_for_each(Probe::sync)
         })
@@ -295,7 +295,7 @@ impl Outputs {
     ) -> Result<(), Error> {
         let grid = &view.plan.scene.grid;
         let communicator = view.domain.communicator();
-        let group = Together(communicator);
+        let group = RankGroup(communicator);
         let provenance = &self.provenance;
         let when = Moment {
             step: view.step,
@@ -317,7 +317,7 @@ impl Outputs {
                     }
                 };
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_image(when, &image, provenance, &group, mode),
@@ -331,7 +331,7 @@ impl Outputs {
                 output.buffers.read(view.particles, grid, communicator)?;
                 let mesh = output.buffers.mesh(grid.dimension);
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -346,7 +346,7 @@ impl Outputs {
                 output.buffers.read(dem, particles, grid, communicator)?;
                 let mesh = output.buffers.mesh(grid.dimension);
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -361,7 +361,7 @@ impl Outputs {
                 output.buffers.read(view.particles, scene, communicator)?;
                 let mesh = output.buffers.mesh();
                 let mode = Mode::Collective;
-                group.settle(
+                group.checked(
                     output
                         .series
                         .write_mesh(when, &mesh, provenance, &group, mode),
@@ -381,7 +381,7 @@ impl Outputs {
         let Some(output) = &mut self.averages else {
             return Ok(());
         };
-        let group = Together(view.domain.communicator());
+        let group = RankGroup(view.domain.communicator());
         let averages = view.averages.ok_or_else(averages::none)?;
         if averages.samples() > 0 && output.is_wanted(view.step, &due) {
             let fluid = probes::fluid(view)?;
@@ -404,7 +404,7 @@ impl Outputs {
                 time: view.time,
             };
             let (provenance, mode) = (&self.provenance, Mode::Collective);
-            group.settle(
+            group.checked(
                 output
                     .series
                     .write_image(when, &image, provenance, &group, mode),
@@ -440,17 +440,17 @@ impl<T> Output<T> {
         name: &str,
         every: Option<Interval>,
         buffers: T,
-        group: &Together,
+        group: &RankGroup,
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
         let (series, schedule, last) = match resumed_at {
             None => {
-                let series = group.settle(Series::create(folder, name, group))?;
+                let series = group.checked(Series::create(folder, name, group))?;
                 (series, Schedule::new(every), None)
             }
             Some(step) => {
-                let mut series = group.settle(Series::open(folder, name, group))?;
-                group.settle(series.truncate_after(step, group))?;
+                let mut series = group.checked(Series::open(folder, name, group))?;
+                group.checked(series.truncate_after(step, group))?;
                 let written = group.on_root(|| Ok(series.moments().any(|m| m.step == step)))?;
                 let last = written.then_some(step);
                 (series, Schedule::resumed(every, step, written), last)
@@ -465,7 +465,7 @@ impl<T> Output<T> {
     }
 
     /// Drops the output of `step` where it is not one of its interval; whether it did. Collective.
-    fn drop_end(&mut self, step: u64, group: &Together) -> Result<bool, Error> {
+    fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<bool, Error> {
         if self.schedule.falls_on(step) {
             return Ok(false);
         }
@@ -473,7 +473,7 @@ impl<T> Output<T> {
         let Some(before) = step.checked_sub(1) else {
             return Ok(false);
         };
-        group.settle(self.series.truncate_after(before, group))?;
+        group.checked(self.series.truncate_after(before, group))?;
         self.last = None;
         Ok(true)
     }
@@ -488,7 +488,7 @@ impl Output<AverageFields> {
     fn open_profile(
         &mut self,
         folder: &Path,
-        group: &Together,
+        group: &RankGroup,
         resumed_at: Option<u64>,
     ) -> Result<(), Error> {
         if self.buffers.profile.is_none() {

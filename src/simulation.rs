@@ -2,11 +2,10 @@
 //!
 //! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
 
-mod agreement;
+pub(crate) mod agreement;
 pub mod blocks;
 pub mod collapse;
 pub mod coupled;
-pub mod critical;
 pub mod energy;
 pub mod erosion;
 mod escape;
@@ -148,7 +147,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         }
         self.phases.done(Phase::Removal);
         if let Some(flow) = &mut now.flow {
-            flow.follow(&mut now.particles, &now.domain)?;
+            flow.update_bodies(&mut now.particles, &now.domain)?;
         }
         self.phases.done(Phase::Mapping);
         let flow = now.flow.as_ref().and_then(Water::lattice);

@@ -1,5 +1,16 @@
 //! The grains under a real `mpirun`: the same bits on 1 to 4 ranks, split along x and along y.
 
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "a test fails by panicking and prints what it measures"
+    )
+)]
+
 use std::path::PathBuf;
 use std::process::Command;
 

@@ -42,6 +42,17 @@
 //! one thread alone may call it, and the compiler keeps it so. Hand `&Slabs` to worker threads, not
 //! `&Domain`.
 
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "a test fails by panicking and prints what it measures"
+    )
+)]
+
 mod comm;
 mod exact_sum;
 mod exchange;

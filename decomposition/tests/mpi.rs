@@ -1,6 +1,17 @@
 //! The crate under a real `mpirun`, on 1 to 4 ranks, always under a timeout: the usual failure of
 //! a parallel program is to hang.
 
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "a test fails by panicking and prints what it measures"
+    )
+)]
+
 use std::process::{Command, Output};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};

@@ -19,6 +19,17 @@
 //! another name, closed, flushed to the disk and renamed. And every function that takes a [`Group`] returns the same
 //! `Ok` or the same error on every rank, so that no rank waits for one that has left.
 
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "a test fails by panicking and prints what it measures"
+    )
+)]
+
 pub mod atomic;
 pub mod checkpoint;
 pub mod csv;

@@ -316,7 +316,7 @@ impl BodyMap {
     /// is taken from it (Aidun, Lu and Ding 1998).
     ///
     /// Call after [`Self::refresh`].
-    pub fn follow<Sp: Space, S: Stored>(
+    pub fn update_bodies<Sp: Space, S: Stored>(
         &mut self,
         particles: &Particles<Sp>,
         populations: &Populations<S>,
@@ -358,11 +358,15 @@ impl BodyMap {
             self.set(k as usize);
         }
         self.again = again;
-        self.settle(populations, loads);
+        self.apply_changes(populations, loads);
     }
 
     /// Loads from covered and uncovered cells, and new links for every body near a change.
-    fn settle<S: Stored>(&mut self, populations: &Populations<S>, loads: Option<&mut [Load]>) {
+    fn apply_changes<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        loads: Option<&mut [Load]>,
+    ) {
         self.relink.clear();
         self.relink.resize(self.bodies.len(), false);
         let far = self.rules.isolated.is_some() || self.rules.interpolated;

@@ -53,7 +53,7 @@ pub struct BounceBack<Sp: Space, S: Stored> {
 }
 
 impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
-    /// Couples a fluid with the bodies that [`Flow::follow`] will show it.
+    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
     pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
         let grid = Grid {
             cells: fluid.domain_cells(),
@@ -146,7 +146,11 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         Ok(())
     }
 
-    fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(
+        &mut self,
+        particles: &mut Particles<Sp>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         particles.keep_extra();
         if particles.is_empty() && ranks.size() == 1 && self.map.links().is_empty() {
@@ -159,7 +163,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             .map_err(Error::Internal)?;
         if self.fresh {
             self.fresh = false;
-            self.map.follow(particles, self.fluid.populations(), None);
+            self.map
+                .update_bodies(particles, self.fluid.populations(), None);
             log::debug!(
                 "rank {}: {} bodies on the lattice by {} links",
                 ranks.rank(),
@@ -171,7 +176,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         self.clear_loads(particles.len());
         let mut loads = std::mem::take(&mut self.loads);
         self.map
-            .follow(particles, self.fluid.populations(), Some(&mut loads));
+            .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
         let reduced = particles.reduce_to_owners(&mut loads, ranks);
         self.loads = loads;
         reduced?;

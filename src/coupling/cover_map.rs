@@ -124,7 +124,7 @@ impl CoverMap {
     }
 
     /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units.
-    pub fn follow<Sp: Space>(
+    pub fn update_bodies<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
         cover: &mut Cover,

@@ -437,7 +437,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         }
     }
 
-    fn follow(&mut self, _: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
         Ok(())
     }
 }

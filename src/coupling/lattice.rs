@@ -15,7 +15,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// The fluid, to set its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
 
-    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::follow`].
+    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::update_bodies`].
     fn restart(&mut self);
 
     /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries summed: for

@@ -60,7 +60,7 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
 }
 
 impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
-    /// Couples a fluid with the bodies that [`Flow::follow`] will show it.
+    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
     pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
         let grid = Grid {
             cells: fluid.domain_cells(),
@@ -193,12 +193,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         Ok(())
     }
 
-    fn follow(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         particles.keep_extra();
         let (velocity, spin) = self.scales();
         if let Some(cover) = self.fluid.cover_mut() {
-            self.map.follow(particles, cover, velocity, spin);
+            self.map.update_bodies(particles, cover, velocity, spin);
         }
         if self.fresh {
             self.fresh = false;

@@ -68,11 +68,15 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
         }
     }
 
-    fn follow(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(
+        &mut self,
+        particles: &mut Particles<Sp>,
+        ranks: &dyn Ranks,
+    ) -> Result<(), Error> {
         match self {
-            Self::BounceBack(flow) => flow.follow(particles, ranks),
-            Self::Saturated(flow) => flow.follow(particles, ranks),
-            Self::Seepage(flow) => flow.follow(particles, ranks),
+            Self::BounceBack(flow) => flow.update_bodies(particles, ranks),
+            Self::Saturated(flow) => flow.update_bodies(particles, ranks),
+            Self::Seepage(flow) => flow.update_bodies(particles, ranks),
         }
     }
 }

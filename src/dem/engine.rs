@@ -216,7 +216,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let path = self.path + speed * dt * (1.0 + 1e-9);
             self.path = ranks.maximum(if fastest.bad { f64::INFINITY } else { path })?;
             if self.path == f64::INFINITY {
-                return agree(ranks, sane(particles)).and(Err(Error::Numerical(
+                return agree(ranks, all_bounded(particles)).and(Err(Error::Numerical(
                     "a grain moves too far in one step".into(),
                 )));
             }
@@ -370,7 +370,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
 }
 
 /// An error that names the first own grain whose numbers went bad.
-fn sane<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
+fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {
         let motion = &particles.motion[k];

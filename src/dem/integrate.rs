@@ -112,8 +112,8 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
         motion.position += motion.velocity * how.time_step;
         let squared = motion.velocity.scalar(&motion.velocity);
         // A comparison that a NaN fails too.
-        let sane = squared < SPEED_LIMIT;
-        bad |= !sane;
+        let bounded = squared < SPEED_LIMIT;
+        bad |= !bounded;
         speed_squared = if squared > speed_squared {
             squared
         } else {

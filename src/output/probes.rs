@@ -19,8 +19,8 @@ mod points;
 mod wall;
 
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
+use super::group::RankGroup;
 use super::schedule::Schedule;
-use super::together::Together;
 use crate::coupling::FluidView;
 use crate::dem::space::Space;
 use crate::error::Error;
@@ -86,7 +86,7 @@ impl Probe {
                 let path = folder.join(format!("probe_{}.csv", probe.name));
                 let every = Some(plan.clock.every(probe.every));
                 let mut table = None;
-                let group = Together(domain.communicator());
+                let group = RankGroup(domain.communicator());
                 let written = group.on_root(|| {
                     let (opened, written) = open(&path, &headings, resumed_at, at.rows() as u64)?;
                     table = Some(opened);
@@ -120,7 +120,7 @@ impl Probe {
         }
         let here = self.at.sample(view, &mut self.rows)?;
         self.last = Some(view.step);
-        Together(view.domain.communicator()).on_root(|| {
+        RankGroup(view.domain.communicator()).on_root(|| {
             if let (Some(table), true) = (&mut self.table, here) {
                 for row in &self.rows {
                     table.row(view.step, row)?;
@@ -131,7 +131,7 @@ impl Probe {
     }
 
     /// Drops the sample of `step` where that is none of its interval. Collective.
-    pub(crate) fn drop_end(&mut self, step: u64, group: &Together) -> Result<(), Error> {
+    pub(crate) fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<(), Error> {
         if self.last != Some(step) || self.schedule.falls_on(step) {
             return Ok(());
         }

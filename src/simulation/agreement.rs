@@ -8,7 +8,7 @@ use decomposition::Communicator;
 ///
 /// # Errors
 /// That of the work, on every rank.
-pub(super) fn on_first<T: Default>(
+pub(crate) fn on_first<T: Default>(
     communicator: &Communicator,
     work: impl FnOnce() -> Result<T, Error>,
 ) -> Result<T, Error> {

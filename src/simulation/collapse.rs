@@ -5,8 +5,10 @@
 //! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64
 //! bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
 
+mod gathered;
+
 use super::agreement::agree;
-use super::removal::{Departed, boxed, rows};
+use super::removal::Departed;
 use super::table::{Table, append};
 use super::view::View;
 use crate::analysis::erosion_law::{Row, read_rows};
@@ -20,7 +22,7 @@ use crate::analysis::ground_collapse::record::{
 };
 use crate::analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Thresholds};
 use crate::darcy::overlap::sphere_box;
-use crate::dem::space::{Components, Space};
+use crate::dem::space::Space;
 use crate::error::Error;
 use crate::figures::ground_collapse as figures;
 use crate::number::real;
@@ -28,12 +30,10 @@ use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::collapse::GroundCollapse;
 use decomposition::{Domain, ExactSum};
+use gathered::{gather, in_frame, length};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
-
-/// Id, radius, position, displacement.
-const NUMBERS: usize = 2 + 2 * 3;
 
 /// What is measured once on every rank, at the first call, while the ground is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,14 +65,6 @@ pub struct State {
     /// Grains that left since the last row.
     left: Vec<u64>,
     last_row: Option<u64>,
-}
-
-/// What rank 0 measures.
-struct Gathered {
-    /// The grains of all ranks by rising id.
-    grains: Vec<Grain>,
-    /// Ends of the bonds of loose grains.
-    bonds: Vec<[u64; 2]>,
 }
 
 /// The tables of rank 0.
@@ -372,91 +364,13 @@ impl CollapseRecorder {
         }
     }
 
-    /// Everything on rank 0; on others none.
-    fn gather<S: Space>(
-        &self,
-        view: &View<'_, S>,
-        asked: &GroundCollapse,
-        loose: f64,
-    ) -> Result<Option<Gathered>, Error> {
-        let grid = &view.plan.scene.grid;
-        let particles = view.particles;
-        let up = if asked.upright { 1.0 } else { -1.0 };
-        let mut bytes = Vec::new();
-        for k in 0..particles.owned() {
-            let body = &particles.body[k];
-            if body.id < self.first_grain {
-                continue;
-            }
-            let moved = moved(view, k);
-            let at = boxed(&particles.motion[k].position, grid);
-            let [x, y, z] = asked.axes;
-            let height = if asked.upright {
-                at[z]
-            } else {
-                grid.size[z] - at[z]
-            };
-            let numbers: [u64; NUMBERS] = [
-                body.id,
-                body.radius.to_bits(),
-                at[x].to_bits(),
-                at[y].to_bits(),
-                height.to_bits(),
-                moved[x].to_bits(),
-                moved[y].to_bits(),
-                (up * moved[z]).to_bits(),
-            ];
-            bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-        }
-        let mut bonds = Vec::new();
-        if let Some(dem) = view.dem {
-            dem.for_each_contact(particles, |contact| {
-                // A contact is reported by the rank that owns its first grain, so once.
-                if let Some(other) = contact.other
-                    && contact.bonded
-                    && length(moved(view, contact.grain)) > loose
-                {
-                    for k in [contact.grain, other] {
-                        bonds.extend(particles.body[k].id.to_le_bytes());
-                    }
-                }
-            });
-        }
-        let communicator = view.domain.communicator();
-        let grains = communicator.gather_bytes(0, &bytes);
-        let bonds = communicator.gather_bytes(0, &bonds);
-        let (Some(grains), Some(bonds)) = (grains, bonds) else {
-            return Ok(None);
-        };
-        let mut all = Vec::new();
-        for bytes in grains {
-            for [id, radius, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
-                all.push(Grain {
-                    id,
-                    at: [x, y, z].map(f64::from_bits),
-                    moved: [along, across, up].map(f64::from_bits),
-                    radius: f64::from_bits(radius),
-                });
-            }
-        }
-        all.sort_unstable_by_key(|grain| grain.id);
-        let mut joined = Vec::new();
-        for bytes in bonds {
-            joined.extend(rows::<2>(&bytes)?);
-        }
-        Ok(Some(Gathered {
-            grains: all,
-            bonds: joined,
-        }))
-    }
-
     fn write_row<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
         let (Some(asked), Some(start)) = (self.asked.clone(), self.state.start) else {
             return Ok(());
         };
         self.state.last_row = Some(view.step);
         let loose = asked.loose_diameters * start.diameter;
-        let gathered = self.gather(view, &asked, loose);
+        let gathered = gather(view, &asked, loose);
         // A garbled message is seen by rank 0 alone.
         let written = gathered.and_then(|gathered| match gathered {
             Some(all) => self.analyse(view, &asked, start, &all.grains, &all.bonds),
@@ -634,39 +548,6 @@ impl CollapseRecorder {
             stages: self.state.stages.begun() as u64,
         }
     }
-}
-
-/// How far an owned grain is from where it started [m].
-fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
-    let moved = view.particles.displacement(k);
-    moved.map_or([0.0; 3], |moved| {
-        std::array::from_fn(|axis| {
-            if axis < S::DIMENSION {
-                moved.get(axis)
-            } else {
-                0.0
-            }
-        })
-    })
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
-}
-
-/// The box of a point in the frame of the analysis.
-fn in_frame(
-    asked: &GroundCollapse,
-    domain: [f64; 3],
-    point: &crate::scene::collapse::SeepagePoint,
-) -> Point {
-    let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
-    let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));
-    if !asked.upright {
-        let height = domain[asked.axes[2]];
-        (from[2], to[2]) = (height - to[2], height - from[2]);
-    }
-    Point { from, to }
 }
 
 fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Thresholds {

@@ -131,7 +131,7 @@ impl Removal {
         time: f64,
     ) -> Result<Vec<Departed>, Error> {
         // An id that leaves now may be the highest that ever was.
-        self.settle_ids(particles, domain);
+        self.set_first_free_id(particles, domain);
         if self.removes.is_empty() {
             return Ok(Vec::new());
         }
@@ -221,7 +221,7 @@ impl Removal {
         if !self.generates {
             return Ok(0);
         }
-        self.settle_ids(particles, domain);
+        self.set_first_free_id(particles, domain);
         let mut born = 0;
         for (n, region) in plan.scene.regions.iter().enumerate() {
             let Action::Generate {
@@ -321,7 +321,7 @@ impl Removal {
     }
 
     /// The first id above all present ones, once, while all grains are still there.
-    fn settle_ids<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
+    fn set_first_free_id<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
         if self.generates && self.state.next_id.is_none() {
             let mine = particles.body[..particles.owned()]
                 .iter()

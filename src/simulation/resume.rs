@@ -15,7 +15,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::number::{real, whole};
-use crate::output::together::Together;
+use crate::output::group::RankGroup;
 use crate::plan::Plan;
 use crate::preparation::rest::SavedRest;
 use crate::provenance;
@@ -114,7 +114,7 @@ fn scales(plan: &Plan) -> Value {
 /// # Errors
 /// [`Error::Io`] where there is none, the same on all ranks.
 pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Found, Error> {
-    let group = Together(communicator);
+    let group = RankGroup(communicator);
     let found = match io::checkpoint::newest(&folder.checkpoints(), &group) {
         Err(io::Error::NoCheckpoint { path, reason }) => {
             let sample = folder.preparation();
@@ -261,7 +261,7 @@ pub(super) fn cut_tables_back(
     }
     let marks: Marks = serde_json::from_value(written.clone())
         .map_err(|e| Error::Io(format!("{}: tables: {e}", found.path.display())))?;
-    let gone = Together(communicator).on_root(|| {
+    let gone = RankGroup(communicator).on_root(|| {
         if ended {
             check(folder, &marks)
         } else {

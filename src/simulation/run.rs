@@ -109,19 +109,19 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
 
 /// Until when work of several runs may go on.
 #[derive(Clone, Debug)]
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     /// Folder in which a file STOP ends it.
-    pub(super) folder: PathBuf,
+    pub(crate) folder: PathBuf,
     /// When it began, and the wall time that it may take.
-    pub(super) begun: Instant,
-    pub(super) limit: Option<Duration>,
+    pub(crate) begun: Instant,
+    pub(crate) limit: Option<Duration>,
 }
 
 /// Runs a plan on ranks that are there already, without a word; goes on where an earlier attempt at it was stopped. Collective.
 ///
 /// # Errors
 /// As [`run`].
-pub(super) fn trial(
+pub(crate) fn trial(
     communicator: &Communicator,
     threads: usize,
     plan: Plan,
@@ -160,7 +160,7 @@ pub(super) fn trial(
 ///
 /// # Errors
 /// None of its own.
-pub(super) fn is_done(
+pub(crate) fn is_done(
     communicator: &Communicator,
     plan: &Plan,
     folder: &Path,
@@ -178,7 +178,7 @@ pub(super) fn is_done(
 ///
 /// # Errors
 /// Those of the work.
-pub(super) fn on_world<T>(
+pub(crate) fn on_world<T>(
     threads: Option<usize>,
     work: impl FnOnce(&Communicator, usize) -> Result<T, Error>,
 ) -> Result<T, Error> {

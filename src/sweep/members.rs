@@ -267,7 +267,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         .set
         .iter()
         .map(|(path, value)| (path.clone(), value.clone()));
-    let mut found = settle(&mut case, common.chain(draft.set));
+    let mut found = set_fields(&mut case, common.chain(draft.set));
     let mut labels = draft.labels;
     for (known, (field, variation)) in labels.iter_mut().zip(&study.vary.0) {
         // The name of choices is no field, though it may sound like one.
@@ -285,7 +285,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     let verdict = Verdict::of(&problems);
     let allowed = study.refused == Refused::Run;
     if verdict == Verdict::Refused && allowed {
-        found.extend(settle(
+        found.extend(set_fields(
             &mut case,
             [(LIMITS.to_owned(), "warn".into())].into_iter(),
         ));
@@ -314,7 +314,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
 }
 
 /// The formula to evaluate next: one that names no field that another is still to set; of a circle the first.
-fn first_settled(formulas: &[(String, String)]) -> Option<usize> {
+fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     let waits = |(own, formula): &(String, String)| {
         let others = formulas.iter().filter(|(path, _)| path != own);
         others.into_iter().any(|(path, _)| formula.contains(path))
@@ -324,7 +324,7 @@ fn first_settled(formulas: &[(String, String)]) -> Option<usize> {
 }
 
 /// Sets fields of a case; formulas after everything else, since they may name any number, also one that a formula sets.
-fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Vec<Problem> {
+fn set_fields(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut formulas = Vec::new();
     for (path, value) in fields {
@@ -345,7 +345,7 @@ fn settle(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Ve
         found.push(problem("set", &value, reason, "write numbers instead"));
         return found;
     }
-    while let Some(next) = first_settled(&formulas) {
+    while let Some(next) = next_formula(&formulas) {
         let (path, formula) = formulas.remove(next);
         let known = |name: &str| set::lookup(case, name).and_then(Value::as_f64);
         match expression::evaluate(&formula, &known) {
@@ -385,7 +385,7 @@ mod tests {
         let mut case = json!({"a": 1, "b": 2, "c": 3});
         let fields = [("a", "=b*10"), ("b", "=c+1"), ("c", "=7")];
         let fields = fields.map(|(path, value)| (path.to_owned(), json!(value)));
-        assert_eq!(settle(&mut case, fields.into_iter()).len(), 0);
+        assert_eq!(set_fields(&mut case, fields.into_iter()).len(), 0);
         assert_eq!(case, json!({"a": 80, "b": 8, "c": 7}));
     }
 

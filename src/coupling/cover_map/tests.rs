@@ -78,7 +78,7 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
         let (mut particles, shape) = ball_and_block(1.43);
         let exact = (4.0 / 3.0 * std::f64::consts::PI * 0.37_f64.powi(3) + shape.volume()) * 1e3;
         for _ in 0..40 {
-            map.follow(&particles, &mut cover, 1.0, 1.0);
+            map.update_bodies(&particles, &mut cover, 1.0, 1.0);
             let found = solid(&populations, &cover);
             assert!(
                 (found / exact - 1.0).abs() < 1e-6,
@@ -89,7 +89,7 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
             }
         }
         let gone = Particles::<Volume>::new();
-        map.follow(&gone, &mut cover, 1.0, 1.0);
+        map.update_bodies(&gone, &mut cover, 1.0, 1.0);
         assert!(solid(&populations, &cover) == 0.0);
     }
 }
@@ -107,7 +107,7 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
             let populations =
                 Populations::<f64>::new(Velocities::of::<D3Q19, 19>(), cells, split).unwrap();
             let (mut map, mut cover) = map_of(&populations, from);
-            map.follow(&particles, &mut cover, 1.0, 1.0);
+            map.update_bodies(&particles, &mut cover, 1.0, 1.0);
             (populations, cover)
         };
         let (lower, upper) = (slab(0, cut), slab(cut, CELLS[split] - cut));

@@ -110,10 +110,10 @@ fn advance<S: Space>(
     let speed = S::to_volume(&motion.velocity).norm() + turned / dt;
     let speed_squared = speed * speed;
     // A comparison that a NaN fails too.
-    let sane = speed_squared < SPEED_LIMIT;
+    let bounded = speed_squared < SPEED_LIMIT;
     Fastest {
-        speed_squared: if sane { speed_squared } else { 0.0 },
-        bad: !sane,
+        speed_squared: if bounded { speed_squared } else { 0.0 },
+        bad: !bounded,
     }
 }
 

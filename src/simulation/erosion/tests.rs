@@ -250,10 +250,10 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     let fluid = Fluid::<f64>::new(setup, &domain).unwrap();
     let mut flow = BounceBack::<Plane, f64>::new(fluid, units, [0.0; 3], settings);
     let mut particles = packing(1e-4);
-    flow.follow(&mut particles, &Alone).unwrap();
+    flow.update_bodies(&mut particles, &Alone).unwrap();
     for _ in 0..6000 {
         flow.advance(&mut particles, &Alone).unwrap();
-        flow.follow(&mut particles, &Alone).unwrap();
+        flow.update_bodies(&mut particles, &Alone).unwrap();
     }
     let folder = tempfile::tempdir().unwrap();
     let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, None).unwrap();

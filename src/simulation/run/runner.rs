@@ -12,7 +12,7 @@ use super::{Ended, Start};
 use crate::checkpoint::Saved;
 use crate::dem::space::Space;
 use crate::error::Error;
-use crate::output::together::Together;
+use crate::output::group::RankGroup;
 use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests};
 use decomposition::Domain;
@@ -237,7 +237,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         attributes["typical_radius"] = self.notes["typical_radius"].clone();
         attributes["notes"] = self.notes.clone();
         let names = resume::tables(&simulation.now.plan);
-        let tables = Together(simulation.now.domain.communicator()).on_root(|| {
+        let tables = RankGroup(simulation.now.domain.communicator()).on_root(|| {
             let names = names.iter().map(String::as_str);
             self.marker.mark(self.folder.path(), names)
         })?;

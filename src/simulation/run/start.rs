@@ -260,7 +260,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             particles.refresh_ghosts(&domain)?;
         }
         if let Some(flow) = &mut flow {
-            flow.follow(&mut particles, &domain)?;
+            flow.update_bodies(&mut particles, &domain)?;
         }
         let mut flow_age = 0.0;
         let mut guards = Guards::new(&plan);

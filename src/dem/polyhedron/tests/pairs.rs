@@ -310,8 +310,8 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
             }
-            let sane = touch.depth > 1e-6;
-            if let Some(other) = other.filter(|_| sane) {
+            let deep = touch.depth > 1e-6;
+            if let Some(other) = other.filter(|_| deep) {
                 assert!(
                     (other.normal + touch.normal).norm() < 1e-3,
                     "pair {id} {model:?}: {touch:?} {other:?}"

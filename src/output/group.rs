@@ -10,9 +10,9 @@ const INPUT_OUTPUT: i32 = 5;
 
 /// All ranks of a communicator, as [`io`] asks for them: outputs, tables and checkpoints are written through this.
 #[derive(Clone, Copy, Debug)]
-pub struct Together<'a>(pub &'a Communicator);
+pub struct RankGroup<'a>(pub &'a Communicator);
 
-impl Group for Together<'_> {
+impl Group for RankGroup<'_> {
     fn rank(&self) -> usize {
         self.0.rank()
     }
@@ -43,7 +43,7 @@ impl Group for Together<'_> {
     }
 }
 
-impl Together<'_> {
+impl RankGroup<'_> {
     /// Runs `work` on rank 0 and gives its result to every rank. Collective.
     ///
     /// # Errors
@@ -52,7 +52,7 @@ impl Together<'_> {
         &self,
         work: impl FnOnce() -> io::Result<T>,
     ) -> Result<T, Error> {
-        self.settle(on_root(self, work))
+        self.checked(on_root(self, work))
     }
 
     /// The result of a joint write as one of this program. A write that failed half-way leaves HDF5 in a state from which
@@ -60,7 +60,7 @@ impl Together<'_> {
     ///
     /// # Errors
     /// [`Error::Io`] with the words of the error.
-    pub fn settle<T>(&self, result: io::Result<T>) -> Result<T, Error> {
+    pub fn checked<T>(&self, result: io::Result<T>) -> Result<T, Error> {
         result.map_err(|error| {
             if error.must_abort() {
                 log::error!("rank {}: {error}", self.0.rank());
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn one_rank_agrees_with_itself() {
         let communicator = Communicator::serial();
-        let group = Together(&communicator);
+        let group = RankGroup(&communicator);
         assert_eq!((group.rank(), group.size()), (0, 1));
         assert_eq!(group.offset_and_total(7), (0, 7));
         assert_eq!(group.gather(&[1, 2]), [vec![1, 2]]);

@@ -1,16 +1,13 @@
-//! The critical hydraulic gradient of a soil (C-19): runs of one case, between which only what drives the water in differs,
-//! bisected to the smallest drive that erodes.
+//! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! A run erodes if grains still leave in its second half: what only falls out as the gates open, loose grains above an opening,
-//! is gone by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of
-//! their centres. Beside it stands Terzaghi's for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below
-//! the critical one and G_s the density of the grains over that of the water (Terzaghi 1943).
+//! The runs of one case differ only in the drive of the water, and the search halves the interval to the smallest drive that erodes. A
+//! run erodes if grains still leave in its second half: loose grains above an opening fall out as the gates open and are gone by then.
+//! The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report also
+//! gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and G_s the
+//! density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
-//! A search that was stopped goes on when it is called again: runs that are done are read, and one that was stopped is resumed.
+//! A search that was stopped continues when it is called again: finished runs are read, and a stopped one is resumed.
 
-use super::agreement;
-use super::progress::Progress;
-use super::run::{self, Bounds};
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
 use crate::darcy::Condition;
@@ -18,6 +15,9 @@ use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
 use crate::scene::observe::{Action, Region};
 use crate::scene::seepage::{Patch, Seepage};
+use crate::simulation::agreement;
+use crate::simulation::progress::Progress;
+use crate::simulation::run::{self, Bounds};
 use decomposition::Communicator;
 use serde::Serialize;
 use serde_json::Value;

@@ -1,0 +1,257 @@
+//! Whether a checkpoint can be one of a case: its manifest before anything is allocated, its grains and contacts after they are read.
+
+use super::{EARLIER, TABLES};
+use crate::dem::state::{Contacts, Table, Values};
+use crate::error::Error;
+use crate::number::to_usize;
+use crate::output::averages::SUMS;
+use io::checkpoint::Manifest;
+use io::data::Kind;
+use serde_json::{Value, json};
+
+/// What the checkpoints of a case can hold: asked of a manifest before anything is allocated for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    /// Whether the preparation is over: what is saved before holds less.
+    pub prepared: bool,
+    /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
+    pub lattice: Option<([usize; 3], usize, usize)>,
+    /// Cells of the grid in which water seeps; none without seepage.
+    pub seepage: Option<usize>,
+    /// Grains, blocks and bodies at most; none where nothing is solid.
+    pub grains: Option<u64>,
+    /// Steps of the case.
+    pub steps: u64,
+    /// Steps of the fluid before the first, at most.
+    pub warm_up: u64,
+    /// Longest edge of the domain \[m\].
+    pub length: f64,
+}
+
+/// Contacts of a grain at most, on the mean.
+const MOST_CONTACTS: u64 = 1000;
+
+impl Expected {
+    /// Whether a manifest can be that of a checkpoint of the case.
+    ///
+    /// # Errors
+    /// A sentence that says what does not fit.
+    pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
+        let attributes = &manifest.attributes;
+        let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
+        let count = |name: &str| {
+            let value = &attributes[name];
+            let number = if value.is_null() {
+                Some(0)
+            } else {
+                value.as_u64()
+            };
+            number.ok_or_else(|| format!("its `{name}` is {value}, which is no count"))
+        };
+        // A preparation counts other steps.
+        if self.prepared && manifest.step > self.steps {
+            return Err(format!(
+                "it is of step {}, and the case ends at step {}",
+                manifest.step, self.steps
+            ));
+        }
+        if let Some(([nx, ny, nz], q, bytes)) = self.lattice {
+            let cells = |numbers: usize| vec![nz, ny, nx, numbers];
+            let kind = if bytes == 4 { Kind::F32 } else { Kind::F64 };
+            known.push(("populations".to_owned(), kind, cells(q)));
+            if attributes["velocities"] == json!(true) {
+                known.push(("velocities".to_owned(), Kind::F32, cells(3)));
+            }
+            if count("averages")? > manifest.step.saturating_add(1) {
+                return Err("it holds more averages than steps".to_owned());
+            }
+            known.push((EARLIER.to_owned(), Kind::F64, cells(3)));
+            if count("averages")? > 0 || manifest.arrays.iter().any(|a| a.name == "averages") {
+                known.push(("averages".to_owned(), Kind::F64, cells(SUMS)));
+            }
+            let steps = count("fluid_steps")?;
+            if self.prepared && steps < manifest.step
+                || steps > manifest.step.saturating_add(self.warm_up)
+            {
+                return Err(format!(
+                    "its fluid has done {steps} steps at step {}",
+                    manifest.step
+                ));
+            }
+        }
+        let seepage = count("seepage")?;
+        if seepage > 0 {
+            let cells = self.seepage.unwrap_or(0);
+            if cells.checked_mul(3) != Some(to_usize(seepage)) {
+                return Err(format!(
+                    "it holds {seepage} numbers of seepage, and the case has {cells} cells of three"
+                ));
+            }
+            known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
+        }
+        self.tables(attributes, &mut known)?;
+        for array in &manifest.arrays {
+            let Some((_, kind, shape)) = known.iter().find(|(name, ..)| *name == array.name) else {
+                return Err(format!(
+                    "it holds an array {} that the case does not have",
+                    array.name
+                ));
+            };
+            if array.kind != *kind || array.shape != *shape {
+                return Err(format!(
+                    "its array {} has the shape {:?} of {:?}, and that of the case has {shape:?} of {kind:?}",
+                    array.name, array.shape, array.kind
+                ));
+            }
+        }
+        // What a preparation has saved depends on how far it was; reading it says what it lacks.
+        let lacks = |name: &str| name != EARLIER && manifest.arrays.iter().all(|a| a.name != name);
+        match known.iter().find(|(name, ..)| lacks(name)) {
+            Some((name, ..)) if self.prepared => Err(format!("it lacks the array {name}")),
+            _ => Ok(()),
+        }
+    }
+
+    /// The arrays of grains and contacts.
+    fn tables(
+        &self,
+        attributes: &Value,
+        known: &mut Vec<(String, Kind, Vec<usize>)>,
+    ) -> Result<(), String> {
+        let most = self.grains.unwrap_or(0);
+        for (n, kind) in TABLES.iter().enumerate() {
+            let rows = attributes["rows"][n].as_u64();
+            let rows = rows.ok_or_else(|| format!("it does not say how many {kind} it holds"))?;
+            let most = if n == 0 {
+                most
+            } else {
+                most.saturating_mul(MOST_CONTACTS)
+            };
+            if rows > most {
+                return Err(format!(
+                    "it holds {rows} {kind}, and the case has {most} at most"
+                ));
+            }
+            for column in attributes["columns"][n].as_array().into_iter().flatten() {
+                let (Some(name), Some(values)) = (column[0].as_str(), column[1].as_str()) else {
+                    return Err(format!("a column of its {kind} has no name"));
+                };
+                let values = match values {
+                    "real" => Kind::F64,
+                    "whole" => Kind::U64,
+                    other => return Err(format!("its {kind} have a column of {other} numbers")),
+                };
+                if rows > 0 {
+                    known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
+                }
+                if known.len() > MOST_ARRAYS {
+                    return Err(format!("it has more than {MOST_ARRAYS} columns"));
+                }
+            }
+        }
+        if !matches!(attributes["notes"], Value::Object(_) | Value::Null) {
+            return Err("its notes are no object".to_owned());
+        }
+        let radius = &attributes["typical_radius"];
+        let plausible = |r: f64| r > 0.0 && r <= self.length;
+        if self.prepared && self.grains.is_some() && !radius.as_f64().is_some_and(plausible) {
+            return Err(format!(
+                "its typical radius is {radius}, in a domain of {} m",
+                self.length
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// What grains and contacts of a case can be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    /// Edges of the domain \[m\].
+    pub size: [f64; 3],
+    /// How many materials there are.
+    pub materials: u64,
+    /// How many shapes of blocks there are.
+    pub shapes: u64,
+}
+
+/// Largest id and largest count: beyond it sums of a few of them could overflow.
+const LARGEST: u64 = 1 << 53;
+/// Lengths of the domain that a grain may be away from it: round a periodic axis it keeps its place on the line.
+const FARTHEST: f64 = 1e6;
+
+impl Bounds {
+    /// Whether grains and contacts can be those of the case. Numbers that no run could have written would lead the next
+    /// step anywhere.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the column.
+    pub fn hold(&self, grains: &Table, contacts: &Contacts) -> Result<(), Error> {
+        let wrong = |what: String| Err(Error::Io(format!("the checkpoint: {what}")));
+        let mut ids = Vec::new();
+        for (name, values) in &grains.columns {
+            let good = match values {
+                Values::Real(values) => {
+                    let axis = ["position_x", "position_y", "position_z"]
+                        .iter()
+                        .position(|column| column == name);
+                    let most = axis.map_or(f64::MAX, |a| FARTHEST * self.size[a]);
+                    let least = match name.as_str() {
+                        "radius" | "mass" => f64::MIN_POSITIVE,
+                        "inertia" => 0.0,
+                        _ => -most,
+                    };
+                    values.iter().all(|x| (least..=most).contains(x))
+                }
+                Values::Whole(values) => {
+                    let below = match name.as_str() {
+                        "id" => {
+                            ids.clone_from(values);
+                            LARGEST
+                        }
+                        "material" => self.materials.max(1),
+                        _ => u64::MAX,
+                    };
+                    let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
+                    values.iter().all(|n| *n < below || below == u64::MAX)
+                        && (name != "shape" || values.iter().all(|&s| shape(s)))
+                }
+            };
+            if !good {
+                return wrong(format!(
+                    "column {name} of the grains holds what no grain can have"
+                ));
+            }
+        }
+        ids.sort_unstable();
+        if ids.windows(2).any(|pair| pair[0] == pair[1]) {
+            return wrong("two grains have the same id".to_owned());
+        }
+        if contacts.steps > LARGEST {
+            return wrong(format!("{} solid steps", contacts.steps));
+        }
+        let walls = contacts.faces.rows() as u64;
+        for (name, values) in &contacts.walls.columns {
+            if let ("wall", Values::Whole(values)) = (name.as_str(), values)
+                && values.iter().any(|wall| *wall >= walls)
+            {
+                return wrong(format!("a contact with a wall beyond the {walls}"));
+            }
+        }
+        for (name, values) in &contacts.faces.columns {
+            let good = match values {
+                Values::Real(values) => values.iter().all(|x| x.is_finite()),
+                Values::Whole(values) => values.iter().all(|n| *n < self.materials.max(1)),
+            };
+            if !good {
+                return wrong(format!(
+                    "column {name} of the walls holds what no wall can have"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Arrays of a checkpoint at most.
+const MOST_ARRAYS: usize = 1000;

@@ -1,0 +1,126 @@
+//! The grains of all ranks in the frame of the analysis, on the first rank.
+
+use crate::analysis::ground_collapse::measure::{Grain, Point};
+use crate::dem::space::{Components, Space};
+use crate::error::Error;
+use crate::scene::collapse::{GroundCollapse, SeepagePoint};
+use crate::simulation::removal::{boxed, rows};
+use crate::simulation::view::View;
+
+/// Id, radius, position, displacement.
+const NUMBERS: usize = 2 + 2 * 3;
+
+/// What rank 0 measures.
+pub(super) struct Gathered {
+    /// The grains of all ranks by rising id.
+    pub(super) grains: Vec<Grain>,
+    /// Ends of the bonds of loose grains.
+    pub(super) bonds: Vec<[u64; 2]>,
+}
+
+/// All grains and the bonds of loose ones on rank 0; none on other ranks. Collective.
+pub(super) fn gather<S: Space>(
+    view: &View<'_, S>,
+    asked: &GroundCollapse,
+    loose: f64,
+) -> Result<Option<Gathered>, Error> {
+    let grid = &view.plan.scene.grid;
+    let particles = view.particles;
+    let up = if asked.upright { 1.0 } else { -1.0 };
+    let mut bytes = Vec::new();
+    for k in 0..particles.owned() {
+        let body = &particles.body[k];
+        if body.id < view.plan.scene.first_grain() {
+            continue;
+        }
+        let moved = moved(view, k);
+        let at = boxed(&particles.motion[k].position, grid);
+        let [x, y, z] = asked.axes;
+        let height = if asked.upright {
+            at[z]
+        } else {
+            grid.size[z] - at[z]
+        };
+        let numbers: [u64; NUMBERS] = [
+            body.id,
+            body.radius.to_bits(),
+            at[x].to_bits(),
+            at[y].to_bits(),
+            height.to_bits(),
+            moved[x].to_bits(),
+            moved[y].to_bits(),
+            (up * moved[z]).to_bits(),
+        ];
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    let mut bonds = Vec::new();
+    if let Some(dem) = view.dem {
+        dem.for_each_contact(particles, |contact| {
+            // A contact is reported by the rank that owns its first grain, so once.
+            if let Some(other) = contact.other
+                && contact.bonded
+                && length(moved(view, contact.grain)) > loose
+            {
+                for k in [contact.grain, other] {
+                    bonds.extend(particles.body[k].id.to_le_bytes());
+                }
+            }
+        });
+    }
+    let communicator = view.domain.communicator();
+    let grains = communicator.gather_bytes(0, &bytes);
+    let bonds = communicator.gather_bytes(0, &bonds);
+    let (Some(grains), Some(bonds)) = (grains, bonds) else {
+        return Ok(None);
+    };
+    let mut all = Vec::new();
+    for bytes in grains {
+        for [id, radius, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
+            all.push(Grain {
+                id,
+                at: [x, y, z].map(f64::from_bits),
+                moved: [along, across, up].map(f64::from_bits),
+                radius: f64::from_bits(radius),
+            });
+        }
+    }
+    all.sort_unstable_by_key(|grain| grain.id);
+    let mut joined = Vec::new();
+    for bytes in bonds {
+        joined.extend(rows::<2>(&bytes)?);
+    }
+    Ok(Some(Gathered {
+        grains: all,
+        bonds: joined,
+    }))
+}
+
+/// How far an owned grain is from where it started [m].
+fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
+    let moved = view.particles.displacement(k);
+    moved.map_or([0.0; 3], |moved| {
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION {
+                moved.get(axis)
+            } else {
+                0.0
+            }
+        })
+    })
+}
+
+/// Length of a vector.
+pub(super) fn length(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+/// The box of a point in the frame of the analysis.
+pub(super) fn in_frame(asked: &GroundCollapse, domain: [f64; 3], point: &SeepagePoint) -> Point {
+    let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
+    let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));
+    if !asked.upright {
+        let height = domain[asked.axes[2]];
+        (from[2], to[2]) = (height - to[2], height - from[2]);
+    }
+    Point { from, to }
+}

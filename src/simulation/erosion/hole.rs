@@ -1,0 +1,206 @@
+//! What is measured in the hole of an erosion run: sums over its cells, and the force on its faces.
+
+use super::Start;
+use crate::analysis::erosion_law::HoleFaces;
+use crate::dem::space::{Components, Space};
+use crate::number::whole;
+use crate::plan::Plan;
+use crate::scene::observe::ErosionLaw;
+use crate::simulation::removal::boxed;
+use crate::simulation::view::View;
+use decomposition::{ExactSum, Fixed};
+
+/// Grains up to this many mean diameters behind a face count for the traction.
+pub(super) const BEHIND: f64 = 2.0;
+/// Grains up to this many mean diameters in front of a face count for the traction: rough faces stick out.
+const BEFORE: f64 = 0.5;
+/// The hole of the case with its axes named.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hole {
+    pub(super) along: usize,
+    pub(super) across: usize,
+    pub(super) from: [f64; 3],
+    pub(super) to: [f64; 3],
+    /// Cells of the box along each axis: first, one past the last.
+    pub(super) cells: [[usize; 2]; 3],
+    /// Depth of the box, 1 in 2-D [m].
+    pub(super) depth: f64,
+}
+
+impl Hole {
+    pub(super) fn new(law: &ErosionLaw, plan: &Plan) -> Self {
+        let grid = &plan.scene.grid;
+        let along = law.flow_axis;
+        let across = usize::from(along == 0);
+        let cells = std::array::from_fn(|axis| {
+            if axis >= grid.dimension {
+                return [0, 1];
+            }
+            // A cell belongs to the box if its centre does.
+            let edge = |x: f64| whole((x / grid.spacing - 0.5).ceil()).min(grid.cells[axis]);
+            [edge(law.hole.from[axis]), edge(law.hole.to[axis])]
+        });
+        let third = 3 - along - across;
+        Self {
+            along,
+            across,
+            from: law.hole.from,
+            to: law.hole.to,
+            cells,
+            depth: if third < grid.dimension {
+                law.hole.to[third] - law.hole.from[third]
+            } else {
+                1.0
+            },
+        }
+    }
+
+    pub(super) fn third(&self) -> usize {
+        3 - self.along - self.across
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.to[self.along] - self.from[self.along]
+    }
+
+    pub(super) fn width(&self) -> f64 {
+        self.to[self.across] - self.from[self.across]
+    }
+
+    pub(super) fn middle(&self) -> f64 {
+        0.5 * (self.from[self.across] + self.to[self.across])
+    }
+
+    /// Whether a coordinate lies in the box along an axis, which in 2-D includes the third.
+    pub(super) fn spans(&self, axis: usize, x: f64, dimension: usize) -> bool {
+        axis >= dimension || (self.from[axis]..self.to[axis]).contains(&x)
+    }
+
+    pub(super) fn covers(&self, axis: usize, cell: usize) -> bool {
+        (self.cells[axis][0]..self.cells[axis][1]).contains(&cell)
+    }
+}
+
+/// Sums over the cells of all ranks; lattice units.
+pub(super) struct Sums {
+    /// Per row across the hole: velocity along it, solid cells, cells, and the velocity in the plane through its middle.
+    pub(super) velocity: Vec<Fixed>,
+    pub(super) solid: Vec<i64>,
+    pub(super) cells: Vec<i64>,
+    pub(super) middle: Vec<Fixed>,
+    /// Per row, in the planes just before and behind the hole: density deviation and cells of water.
+    pub(super) deviation: [Vec<Fixed>; 2],
+    pub(super) water: [Vec<i64>; 2],
+    /// Largest speed of the water.
+    pub(super) speed: f64,
+}
+
+/// One pass over the cells of this rank, then the sums of all ranks.
+pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
+    let grid = &view.plan.scene.grid;
+    let across = grid.cells[hole.across];
+    let mut sums = Sums {
+        velocity: vec![Fixed::ZERO; across],
+        solid: vec![0; across],
+        cells: vec![0; across],
+        middle: vec![Fixed::ZERO; across],
+        deviation: [vec![Fixed::ZERO; across], vec![Fixed::ZERO; across]],
+        water: [vec![0; across], vec![0; across]],
+        speed: 0.0,
+    };
+    let [first, end] = hole.cells[hole.along];
+    let middle = usize::midpoint(first, end);
+    let ends = [
+        first.saturating_sub(1),
+        end.min(grid.cells[hole.along].saturating_sub(1)),
+    ];
+    if let Some(fluid) = view.fluid {
+        let (cells, start) = (fluid.cells(), fluid.start());
+        for z in 0..cells[2] {
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    let cell = [x, y, z];
+                    let at: [usize; 3] = std::array::from_fn(|axis| cell[axis] + start[axis]);
+                    let (row, column) = (at[hole.across], at[hole.along]);
+                    let deep = hole.covers(hole.third(), at[hole.third()]);
+                    let beside = deep && hole.covers(hole.along, column);
+                    if beside {
+                        sums.cells[row] += 1;
+                    }
+                    if fluid.body_at(cell).is_some() {
+                        sums.solid[row] += i64::from(beside);
+                        continue;
+                    }
+                    let (deviation, velocity) = fluid.state(cell);
+                    let squared: f64 = velocity.iter().map(|u| u * u).sum();
+                    sums.speed = sums.speed.max(squared);
+                    for (end, _) in ends.iter().enumerate().filter(|(_, end)| **end == column) {
+                        if deep {
+                            sums.deviation[end][row].add(deviation);
+                            sums.water[end][row] += 1;
+                        }
+                    }
+                    if !beside {
+                        continue;
+                    }
+                    sums.velocity[row].add(velocity[hole.along]);
+                    if column == middle {
+                        sums.middle[row].add(velocity[hole.along]);
+                    }
+                }
+            }
+        }
+    }
+    let communicator = view.domain.communicator();
+    let [before, behind] = &mut sums.deviation;
+    for fixed in [&mut sums.velocity, &mut sums.middle, before, behind] {
+        Fixed::all_reduce(fixed, communicator);
+    }
+    let [before, behind] = &mut sums.water;
+    for counts in [&mut sums.solid, &mut sums.cells, before, behind] {
+        communicator.all_reduce_sum_i64s(counts);
+    }
+    sums.speed = communicator.all_reduce_max_f64(sums.speed).sqrt();
+    sums
+}
+
+/// Force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m], N/m.
+pub(super) fn excess_force<S: Space>(
+    view: &View<'_, S>,
+    hole: &Hole,
+    start: &Start,
+    faces: HoleFaces,
+    gradient: f64,
+) -> f64 {
+    let grid = &view.plan.scene.grid;
+    let (behind, before) = (BEHIND * start.diameter, BEFORE * start.diameter);
+    let first_grain = view.plan.scene.first_grain();
+    let (mut force, mut volume) = (ExactSum::new(), ExactSum::new());
+    for k in 0..view.particles.owned() {
+        let body = &view.particles.body[k];
+        let at = boxed(&view.particles.motion[k].position, grid);
+        let depth = depth(faces, at[hole.across]);
+        if body.id >= first_grain
+            && (-before..=behind).contains(&depth)
+            && hole.spans(hole.along, at[hole.along], grid.dimension)
+            && hole.spans(hole.third(), at[hole.third()], grid.dimension)
+        {
+            force.add(view.particles.fluid_load(k).force.get(hole.along));
+            volume.add(S::measure(body.radius));
+        }
+    }
+    let communicator = view.domain.communicator();
+    force.all_reduce(communicator);
+    volume.all_reduce(communicator);
+    let seepage = if start.packing > 0.0 {
+        gradient * volume.value() / start.packing
+    } else {
+        0.0
+    };
+    (force.value() - seepage) / hole.depth
+}
+
+/// How far a point across the hole lies behind the nearer face [m]; negative in the hole.
+pub(super) fn depth(faces: HoleFaces, at: f64) -> f64 {
+    (faces.lower - at).max(at - faces.upper)
+}
