@@ -174,7 +174,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 }
 
 contact_laws! {
-    /// The law of every contact; pairs of materials may have their own numbers.
+    /// The law of all contacts; pairs of materials may have their own parameters.
     pub Contact,
     /// A contact law with its parameters for every pair of materials.
     Law:

@@ -15,7 +15,7 @@ use serde::Serialize;
 pub struct ContactTable {
     /// The law; materials by their indices in [`super::Scene::materials`].
     pub law: Law,
-    /// Fraction of every force that is taken off against the motion; 0 off.
+    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
     pub local_damping: f64,
 }
 

@@ -27,7 +27,7 @@ use super::{
 };
 use crate::error::{Remedy, Report};
 
-/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking where faces meet.
+/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking of faces in contact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Blocks")]
@@ -46,18 +46,18 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// The same along the shear spring.
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Mass-proportional damping α of all that moves freely [1/s]: a body alone slows down as exp(-α t).
+    /// Mass-proportional damping α of all free bodies [1/s]: a body without contacts slows down as exp(-α t).
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass_damping: f64,
     /// How a contact is condensed to a point, a normal and a depth.
     #[serde(default)]
     pub model: Model,
-    /// Other numbers for certain pairs of materials.
+    /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
     pub pairs: Vec<Pair>,
 }
@@ -91,14 +91,14 @@ impl NormalStiffness {
     }
 }
 
-/// Numbers of one pair of materials of blocks; what is left out is as for all other pairs.
+/// Parameters of one pair of materials of blocks; fields that are left out keep the values of the law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "BlockPair")]
 pub struct Pair {
     /// The two materials, in either order.
     pub materials: [String; 2],
-    /// Normal stiffness, in the unit of that of the law.
+    /// Normal stiffness, in the unit of the law's normal stiffness.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub normal_stiffness: Option<f64>,

@@ -49,15 +49,15 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// The same along the shear spring.
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
-    /// Other numbers for certain pairs of materials.
+    /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
     pub pairs: Vec<Pair>,
 }

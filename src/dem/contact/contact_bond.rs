@@ -54,30 +54,30 @@ pub struct Input {
     /// Force that shears a bond off [N]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub shear_strength: f64,
-    /// `bond_at_start` bonds all whose surfaces are at most so far apart [m]; 0: only those that touch.
+    /// Largest gap between two surfaces that `bond_at_start` bonds [m]; with 0 only bodies in contact are bonded.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub bonding_gap: f64,
-    /// Whether a bond made across a gap starts without a force. Else it pulls at once with k_n times the gap, and
-    /// fails at once where that is above its strength.
+    /// Whether a bond across a gap starts without a force. Otherwise it starts with a pull of k_n times the gap, and fails at once
+    /// where that exceeds its strength.
     #[serde(default)]
     pub unstressed: bool,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// The same along the shear spring.
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Resistance to rolling; none without it.
+    /// Resistance to rolling; absent, there is none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
-    /// Other numbers for certain pairs of materials.
+    /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
     pub pairs: Vec<Pair>,
 }

@@ -38,7 +38,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Fraction of every force that is taken off against the motion; 0 is off.
+            /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
             #[must_use]
             $vis fn local_damping(&self) -> f64 {
                 match self {

@@ -52,23 +52,23 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: f64,
-    /// Speed after over speed before a head-on collision, without unit; 1 is elastic.
+    /// Coefficient of restitution: speed after a head-on collision over the speed before, without unit; 1 is elastic.
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
-    /// Whether the dashpot may pull while the grains part. The restitution is the same with and without it.
+    /// Whether the dashpot may pull while the grains separate. The restitution is the same with and without it.
     #[serde(default)]
     pub attraction: bool,
-    /// Fastest approach that is expected [m/s]: the time step is chosen for the stiffness at the overlap that it makes. Without it
-    /// the sum of the two largest speeds at the start and that of a fall through the domain.
+    /// Largest expected speed of approach [m/s]; the overlap that it causes gives the stiffness for the time step. Default: the sum of
+    /// the two largest speeds at the start and the speed of a fall through the domain.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub impact_speed: Option<f64>,
-    /// Every force on a grain less this fraction of itself against the motion (0 off), without unit.
+    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
-    /// Other numbers for certain pairs of materials.
+    /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
     pub pairs: Vec<Pair>,
 }
@@ -77,7 +77,7 @@ fn elastic() -> f64 {
     1.0
 }
 
-/// Numbers of one pair of elastic materials; what is left out is as for all other pairs.
+/// Parameters of one pair of elastic materials; fields that are left out keep the values of the law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "ElasticPair")]
@@ -88,7 +88,7 @@ pub struct Pair {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Speed after over speed before a head-on collision.
+    /// Coefficient of restitution: speed after a head-on collision over the speed before.
     #[serde(default)]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: Option<f64>,

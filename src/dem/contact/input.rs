@@ -14,7 +14,7 @@ pub trait ContactParameters<F> {
     /// be made.
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
 
-    /// Fraction of every force that is taken off against the motion; 0 is off.
+    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
     fn local_damping(&self) -> f64 {
         0.0
     }
@@ -117,8 +117,8 @@ pub(super) fn pair_table<P: Clone, O>(
     table
 }
 
-/// A quantity of a contact, fixed or proportional to the mean diameter d of the two grains (that of the grain at a
-/// wall), as in k_n/d = 150e6 N/m2.
+/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter of the
+/// grain), as in k_n/d = 150e6 N/m2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaled {
@@ -177,7 +177,7 @@ impl Default for Scaled {
     }
 }
 
-/// Numbers of one pair of materials; what is left out is as for all other pairs.
+/// Parameters of one pair of materials; fields that are left out keep the values of the law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
