@@ -18,7 +18,6 @@ pub mod lattice;
 pub mod links;
 mod pages;
 pub mod populations;
-mod prefetch;
 pub mod quanta;
 pub mod saturation;
 pub mod synthetic;

@@ -8,7 +8,6 @@ use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored, prefetch};
 use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
-use super::prefetch::prefetch;
 use super::saturation::Solids;
 use super::saturation::pass::{Covers, Place, View as CoverView};
 use super::turbulence::Eddies;
