@@ -37,7 +37,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "critical_gradient",
-        &["analysis", "case", "plan", "scene", "simulation"],
+        &["analysis", "case", "darcy", "plan", "scene", "simulation"],
         &["decomposition", "io"],
     ),
     (
