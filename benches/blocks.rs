@@ -28,7 +28,7 @@ use solver::dem::polyhedron::{
     self, HalfSpace, History, Model, Narrow, Placed, Polyhedron, ShapeError, Stiffness,
 };
 use solver::dem::{
-    Alone, Body, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, Wall,
+    Body, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, Wall, alone,
 };
 use solver::error::Error;
 use solver::random::Stream;
@@ -231,7 +231,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
             turn,
         )?;
     }
-    dem.advance_many(&mut particles, &Alone, settle)?;
+    dem.advance_many(&mut particles, &alone(), settle)?;
     if let Some(file) = file {
         save(&particles, file)?;
     }
@@ -239,7 +239,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     let (mut seconds, start) = ([0.0; 3], Instant::now());
     for time in &mut seconds {
         let began = on_processor();
-        dem.advance_many(&mut particles, &Alone, 300)?;
+        dem.advance_many(&mut particles, &alone(), 300)?;
         *time = on_processor() - began;
     }
     let elapsed = start.elapsed().as_secs_f64();

@@ -18,8 +18,8 @@ use solver::dem::contact::Scaled;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::contact::linear::{self, Linear};
 use solver::dem::{
-    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings,
-    Space, Surface, Volume, Wall,
+    Body, Components, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space,
+    Surface, Volume, Wall, alone,
 };
 use solver::error::Error;
 use solver::preparation::growth::{Packing, PackingSettings, Sizes, Stop};
@@ -43,7 +43,7 @@ fn report<S: Space>(
     particles: &mut Particles<S>,
     steps: u64,
 ) -> Result<(), Error> {
-    dem.advance_many(particles, &Alone, steps / 5)?;
+    dem.advance_many(particles, &alone(), steps / 5)?;
     let (mut best, mut cpu) = (f64::INFINITY, f64::INFINITY);
     let before = dem.statistics(particles);
     // The best of many short pieces: what the machine does when nothing else disturbs it. The mean, with all rebuilds of
@@ -52,7 +52,7 @@ fn report<S: Space>(
     let whole = Instant::now();
     for _ in 0..pieces {
         let (start, began) = (Instant::now(), on_processor());
-        dem.advance_many(particles, &Alone, steps)?;
+        dem.advance_many(particles, &alone(), steps)?;
         best = best.min(start.elapsed().as_secs_f64());
         cpu = cpu.min(on_processor() - began);
     }
@@ -117,7 +117,7 @@ fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
     let settings = Settings::new(region, 0.2 * limit, 2e-5);
     let walls = Wall::of_box(how.lower, how.upper, [true, true, false], 0);
     let mut dem = Dem::new(law, settings, walls)?;
-    dem.bond_existing_contacts(&mut particles, &Alone)?;
+    dem.bond_existing_contacts(&mut particles, &alone())?;
     // Something to carry, so that the bed is not quite still.
     for k in 0..particles.owned() {
         particles.fluid[k].force = Vector2::new(2e-7, 0.0);
@@ -367,12 +367,12 @@ fn scaling() -> Result<(), Error> {
         // Soft enough that the overlaps of the random places do nothing in a few steps.
         let settings = Settings::new(region, 1e-9, 1e-4);
         let mut dem = Dem::new(springs(1e-3, 0.0, 1.0, 1.0), settings, Vec::new())?;
-        dem.prepare(&mut particles, &Alone)?;
+        dem.prepare(&mut particles, &alone())?;
         let mut best = f64::INFINITY;
         for _ in 0..3 {
             particles.set_radius(0, particles.body[0].radius);
             let start = on_processor();
-            dem.prepare(&mut particles, &Alone)?;
+            dem.prepare(&mut particles, &alone())?;
             best = best.min(on_processor() - start);
         }
         // As long for a few grains as for many.
@@ -380,7 +380,7 @@ fn scaling() -> Result<(), Error> {
         let mut step = f64::INFINITY;
         for _ in 0..5 {
             let start = on_processor();
-            dem.advance_many(&mut particles, &Alone, steps)?;
+            dem.advance_many(&mut particles, &alone(), steps)?;
             step = step.min((on_processor() - start) / steps as f64);
         }
         let now = dem.statistics(&particles);

@@ -15,11 +15,11 @@ pub mod solid_fraction;
 pub mod water;
 
 use crate::dem::particles::Particles;
-use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
 use crate::units::LatticeUnits;
+use decomposition::Domain;
 use std::ops::Range;
 
 /// A fluid with its coupling. Collective: every rank calls each method at the same point.
@@ -28,17 +28,14 @@ pub trait Flow<S: Space> {
     ///
     /// # Errors
     /// Where a message failed.
-    fn advance(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error>;
+    fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
 
     /// Takes note of where the grains are now; `particles` hold their ghosts up to date.
     ///
     /// # Errors
     /// Where a message failed.
-    fn update_bodies(
-        &mut self,
-        particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
-    ) -> Result<(), Error>;
+    fn update_bodies(&mut self, particles: &mut Particles<S>, domain: &Domain)
+    -> Result<(), Error>;
 }
 
 /// Planes across z that are read together: the numbers of a line of the cache, where rows run along z.

@@ -26,7 +26,6 @@
 //! | `relax` | unbalanced force |
 //! | `escape` | a grain that left the box |
 //! | `state` | contacts as named columns |
-//! | `ranks` | the calls that grains make to the ranks |
 
 mod blocks;
 mod columns;
@@ -40,7 +39,6 @@ mod migration;
 mod neighbors;
 pub mod particles;
 pub mod polyhedron;
-pub mod ranks;
 mod region;
 pub mod relax;
 pub mod space;
@@ -52,7 +50,6 @@ pub mod walls;
 pub use contact::{Failure, Law, PairProperties, PairTable};
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
-pub use ranks::{Alone, Ranks};
 pub use region::Region;
 pub use relax::{Relaxation, Stillness};
 pub use space::{Components, Plane, Space, Volume};
@@ -63,6 +60,13 @@ use contact::family::Family;
 use engine::{AnyEngine, MakeEngine};
 
 use crate::error::Error;
+use decomposition::{Axis, Domain};
+
+/// A domain of one rank that owns all grains; needs no MPI.
+#[must_use]
+pub fn alone() -> Domain {
+    Domain::serial(Axis::X, 1, false)
+}
 
 /// Parameters of the step and of the lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -217,12 +221,8 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
-    pub fn advance(
-        &mut self,
-        particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
-    ) -> Result<(), Error> {
-        self.advance_many(particles, ranks, 1)
+    pub fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.advance_many(particles, domain, 1)
     }
 
     /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`]. Collective.
@@ -232,10 +232,10 @@ impl<S: Space> Dem<S> {
     pub fn advance_many(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
         steps: u64,
     ) -> Result<(), Error> {
-        self.engine.advance(particles, ranks, steps)
+        self.engine.advance(particles, domain, steps)
     }
 
     /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
@@ -243,12 +243,8 @@ impl<S: Space> Dem<S> {
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn prepare(
-        &mut self,
-        particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
-    ) -> Result<(), Error> {
-        self.engine.prepare(particles, ranks)
+    pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.engine.prepare(particles, domain)
     }
 
     /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
@@ -259,9 +255,9 @@ impl<S: Space> Dem<S> {
     pub fn bond_existing_contacts(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<u64, Error> {
-        self.prepare(particles, ranks)?;
+        self.prepare(particles, domain)?;
         Ok(self.engine.bond_all(particles))
     }
 

@@ -16,7 +16,7 @@ use solver::case::Document;
 use solver::dem::contact::blocks::Blocks;
 use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
 use solver::dem::{
-    Alone, Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Volume, Wall,
+    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Volume, Wall, alone,
 };
 use solver::plan::Plan;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -134,13 +134,14 @@ fn blocks() -> (Dem<Volume>, Particles<Volume>) {
 
 fn steps_of_blocks_allocate_nothing() {
     let (mut dem, mut particles) = blocks();
+    let domain = alone();
     // Lists find their sizes as the boxes come to rest.
-    dem.advance_many(&mut particles, &Alone, 6000).unwrap();
+    dem.advance_many(&mut particles, &domain, 6000).unwrap();
     let (mut quiet, mut contacts) = (0, 0);
     for _ in 0..1000 {
         let before = dem.statistics(&particles);
         let calls = CALLS.load(Ordering::Relaxed);
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &domain).unwrap();
         let calls = CALLS.load(Ordering::Relaxed) - calls;
         let now = dem.statistics(&particles);
         if now.rebuilds == before.rebuilds {

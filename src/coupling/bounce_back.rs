@@ -14,7 +14,6 @@ use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
-use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
@@ -23,6 +22,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Scheme, bounce};
 use crate::number::real;
 use crate::units::LatticeUnits;
+use decomposition::Domain;
 use std::marker::PhantomData;
 
 /// Choices of the coupling.
@@ -96,9 +96,9 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
-    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         self.fluid.advance();
-        if particles.is_empty() && ranks.size() == 1 {
+        if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
         self.clear_loads(particles.len());
@@ -124,7 +124,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 &mut self.loads,
             );
         }
-        particles.reduce_to_owners(&mut self.loads, ranks)?;
+        particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
         for k in 0..particles.owned() {
             let half = about_centre(self.map.motion()[k].position, &self.loads[k]);
@@ -149,11 +149,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn update_bodies(
         &mut self,
         particles: &mut Particles<Sp>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         particles.keep_extra();
-        if particles.is_empty() && ranks.size() == 1 && self.map.links().is_empty() {
+        if particles.is_empty() && domain.communicator().size() == 1 && self.map.links().is_empty()
+        {
             self.fresh = false;
             return Ok(());
         }
@@ -167,7 +168,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 .update_bodies(particles, self.fluid.populations(), None);
             log::debug!(
                 "rank {}: {} bodies on the lattice by {} links",
-                ranks.rank(),
+                domain.rank(),
                 particles.len(),
                 self.map.links().iter().map(Vec::len).sum::<usize>()
             );
@@ -177,7 +178,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let mut loads = std::mem::take(&mut self.loads);
         self.map
             .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
-        let reduced = particles.reduce_to_owners(&mut loads, ranks);
+        let reduced = particles.reduce_to_owners(&mut loads, domain);
         self.loads = loads;
         reduced?;
         for k in 0..particles.owned() {

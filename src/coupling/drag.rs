@@ -41,10 +41,9 @@ use super::Flow;
 use crate::darcy::permeability::BedOfCells;
 use crate::darcy::{Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report};
 use crate::dem::particles::{Kind, Load, Particles};
-use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use decomposition::{Communicator, ExactSum};
+use decomposition::{Communicator, Domain, ExactSum};
 use law::Law;
 use std::marker::PhantomData;
 
@@ -410,7 +409,7 @@ fn failed(error: crate::darcy::Error) -> Error {
 }
 
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
-    fn advance(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         self.seep(particles)?;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
@@ -437,7 +436,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         }
     }
 
-    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         Ok(())
     }
 }

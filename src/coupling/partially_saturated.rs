@@ -21,7 +21,6 @@ use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
-use crate::dem::ranks::Ranks;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
@@ -30,7 +29,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
 use crate::lbm::saturation::cells;
 use crate::units::LatticeUnits;
-use decomposition::Communicator;
+use decomposition::{Communicator, Domain};
 use std::marker::PhantomData;
 
 /// Choices of the coupling.
@@ -157,9 +156,9 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
-    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         self.fluid.advance();
-        if particles.is_empty() && ranks.size() == 1 {
+        if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
         self.loads.clear();
@@ -174,7 +173,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
                 }
             });
         }
-        particles.reduce_to_owners(&mut self.loads, ranks)?;
+        particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
         let (velocity, spin) = self.scales();
         for k in 0..particles.owned() {
@@ -193,7 +192,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         Ok(())
     }
 
-    fn update_bodies(&mut self, particles: &mut Particles<Sp>, _: &dyn Ranks) -> Result<(), Error> {
+    fn update_bodies(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         particles.keep_extra();
         let (velocity, spin) = self.scales();

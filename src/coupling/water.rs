@@ -6,10 +6,10 @@ use super::drag::Seepage;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
 use crate::dem::particles::Particles;
-use crate::dem::ranks::Ranks;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
+use decomposition::Domain;
 
 /// A fluid with its coupling.
 pub enum Water<Sp: Space, S: Stored> {
@@ -60,23 +60,23 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
-    fn advance(&mut self, particles: &mut Particles<Sp>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         match self {
-            Self::BounceBack(flow) => flow.advance(particles, ranks),
-            Self::Saturated(flow) => flow.advance(particles, ranks),
-            Self::Seepage(flow) => flow.advance(particles, ranks),
+            Self::BounceBack(flow) => flow.advance(particles, domain),
+            Self::Saturated(flow) => flow.advance(particles, domain),
+            Self::Seepage(flow) => flow.advance(particles, domain),
         }
     }
 
     fn update_bodies(
         &mut self,
         particles: &mut Particles<Sp>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<(), Error> {
         match self {
-            Self::BounceBack(flow) => flow.update_bodies(particles, ranks),
-            Self::Saturated(flow) => flow.update_bodies(particles, ranks),
-            Self::Seepage(flow) => flow.update_bodies(particles, ranks),
+            Self::BounceBack(flow) => flow.update_bodies(particles, domain),
+            Self::Saturated(flow) => flow.update_bodies(particles, domain),
+            Self::Seepage(flow) => flow.update_bodies(particles, domain),
         }
     }
 }

@@ -32,10 +32,9 @@ use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, Pai
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
-use super::migration::{self, pack_grains, unpack_grains};
+use super::migration::{self, agree, pack_grains, unpack_grains};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles};
-use super::ranks::{Ranks, agree};
 use super::region::Region;
 use super::space::{Components, Space};
 use super::surface::{Nearest, Surface};
@@ -44,6 +43,7 @@ use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
 pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
+use decomposition::{Domain, exchange};
 use facets::{Facets, Held, SurfacePair, memory_of};
 pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};
@@ -173,14 +173,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn prepare(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<(), Error> {
         let flag = |set: bool| if set { 1.0 } else { 0.0 };
         let listed = self.listed && particles.listed;
-        if ranks.maximum(flag(!listed))? > 0.5 {
-            self.rebuild(particles, ranks)?;
+        if largest(domain, flag(!listed)) > 0.5 {
+            self.rebuild(particles, domain)?;
         }
-        if ranks.maximum(flag(!particles.loaded))? > 0.5 {
+        if largest(domain, flag(!particles.loaded)) > 0.5 {
             L::forces(self, particles, 0.0);
         }
         particles.loaded = true;
@@ -191,10 +191,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn advance(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
         steps: u64,
     ) -> Result<(), Error> {
-        self.prepare(particles, ranks)?;
+        self.prepare(particles, domain)?;
         let kick = Kick {
             gravity: self.settings.gravity,
             time_step: self.settings.time_step,
@@ -214,16 +214,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
             // Longer than the true path by more than any rounding.
             let path = self.path + speed * dt * (1.0 + 1e-9);
-            self.path = ranks.maximum(if fastest.bad { f64::INFINITY } else { path })?;
+            self.path = largest(domain, if fastest.bad { f64::INFINITY } else { path });
             if self.path == f64::INFINITY {
-                return agree(ranks, all_bounded(particles)).and(Err(Error::Numerical(
+                return agree(domain, all_bounded(particles)).and(Err(Error::Numerical(
                     "a grain moves too far in one step".into(),
                 )));
             }
             if self.path >= 0.5 * self.settings.skin {
-                self.rebuild(particles, ranks)?;
+                self.rebuild(particles, domain)?;
             } else {
-                particles.refresh_ghosts(ranks)?;
+                particles.refresh_ghosts(domain)?;
                 L::pose(&mut self.scratch, particles, self.parallel);
                 if self.path > self.activated {
                     self.activate(particles);
@@ -238,7 +238,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 
     /// Hands grains to their owners, makes ghosts and lists.
-    fn rebuild(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn rebuild(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.rebuilds += 1;
         let region = self.settings.region;
         self.remember();
@@ -246,11 +246,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         particles.origin = region.origin();
         particles.drop_ghosts();
         agree(
-            ranks,
+            domain,
             L::check(particles).and_then(|()| migration::wrap(particles, &region)),
         )?;
-        if ranks.size() > 1 {
-            self.migrate(particles, &region, ranks)?;
+        if domain.communicator().size() > 1 {
+            self.migrate(particles, &region, domain)?;
         }
         particles.sort();
         if let Some(pair) = particles
@@ -263,7 +263,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair[0].id
             )));
         }
-        let census = migration::census(particles, ranks)?;
+        let census = migration::census(particles, domain)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
         if let Some(before) = self.total {
             let added: u64 = census.iter().map(|one| one.added).sum();
@@ -294,7 +294,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             &census,
             gap,
             self.settings.ghost_margin,
-            ranks,
+            domain,
         )?;
         L::pose(&mut self.scratch, particles, self.parallel);
         self.list(particles, gap);
@@ -304,7 +304,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         if self.rebuilds.is_power_of_two() {
             log::debug!(
                 "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
-                ranks.rank(),
+                domain.rank(),
                 self.rebuilds,
                 self.steps,
                 particles.owned(),
@@ -367,6 +367,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.wall_failures.extend(failure);
         }
     }
+}
+
+/// The largest of the values of all ranks. Collective.
+fn largest(domain: &Domain, value: f64) -> f64 {
+    domain.communicator().all_reduce_max_f64(value)
 }
 
 /// An error that names the first own grain whose numbers went bad.

@@ -10,10 +10,10 @@ use super::columns::Crosses;
 use super::message::{Reader, Writer};
 use super::migration::Census;
 use super::particles::Particles;
-use super::ranks::{Pattern, Ranks};
 use super::region::{Region, edge};
 use super::space::{Components, Space};
 use crate::error::Error;
+use decomposition::{Domain, FixedExchange, exchange};
 
 /// Which own grains are whose ghosts, and the messages that keep them up to date.
 #[derive(Default)]
@@ -24,73 +24,57 @@ pub(super) struct GhostPlan {
     pub(super) receives: Vec<(usize, Range<usize>)>,
     /// Own images through periodic faces: `(own entry, ghost entry)`.
     pub(super) images: Vec<(u32, u32)>,
-    /// The messages of a solid step, made when the first is sent.
-    step: Option<Step>,
-    back: Option<Back>,
+    /// The messages of a solid step, made when the first is sent, and their buffer.
+    step: Option<Messages>,
+    buffer: Vec<u8>,
+    /// The messages of a reduction.
+    back: Option<Messages>,
 }
 
-/// The way from owners to ghosts: messages and buffers of a solid step.
-struct Step {
-    pattern: Box<dyn Pattern>,
-    outgoing: Vec<Vec<u8>>,
-    incoming: Vec<Vec<u8>>,
+/// Tells the messages of grains from those of others.
+const TAG: u8 = 40;
+
+/// Messages of fixed lengths along a plan.
+struct Messages {
+    exchange: FixedExchange,
+    /// Numbers in a row, of messages to owners.
+    row: usize,
 }
 
-impl Step {
-    /// Messages of `bytes` for each entry.
+impl Messages {
+    /// From owners to ghosts, `bytes` for each entry.
+    fn to_ghosts(plan: &GhostPlan, bytes: usize, domain: &Domain) -> Result<Self, Error> {
+        let [owners, ghosts] = plan.lengths(bytes);
+        Self::new(&owners, &ghosts, 0, domain)
+    }
+
+    /// From ghosts to owners, rows of `row` numbers of 128 bits.
+    fn to_owners(plan: &GhostPlan, row: usize, domain: &Domain) -> Result<Self, Error> {
+        let [owners, ghosts] = plan.lengths(row * size_of::<i128>());
+        Self::new(&ghosts, &owners, row, domain)
+    }
+
     fn new(
-        bytes: usize,
-        sends: &[(usize, Vec<u32>)],
-        receives: &[(usize, Range<usize>)],
-        ranks: &dyn Ranks,
+        sends: &[(usize, usize)],
+        receives: &[(usize, usize)],
+        row: usize,
+        domain: &Domain,
     ) -> Result<Self, Error> {
-        let out: Vec<_> = sends
-            .iter()
-            .map(|(rank, entries)| (*rank, entries.len() * bytes))
-            .collect();
-        let back: Vec<_> = receives
-            .iter()
-            .map(|(rank, range)| (*rank, range.len() * bytes))
-            .collect();
-        Ok(Self {
-            pattern: ranks.pattern(&out, &back)?,
-            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
-            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
-        })
+        let exchange = FixedExchange::new(domain.communicator(), TAG, sends, receives)
+            .map_err(|error| Error::Internal(error.to_string()))?;
+        Ok(Self { exchange, row })
     }
 }
 
-/// The way back, from ghosts to owners: messages and buffers for rows of some length.
-struct Back {
-    /// Numbers in a row.
-    row: usize,
-    pattern: Box<dyn Pattern>,
-    outgoing: Vec<Vec<u8>>,
-    incoming: Vec<Vec<u8>>,
-}
-
-impl Back {
-    fn new(
-        row: usize,
-        sends: &[(usize, Vec<u32>)],
-        receives: &[(usize, Range<usize>)],
-        ranks: &dyn Ranks,
-    ) -> Result<Self, Error> {
-        let bytes = |rows: usize| rows * row * size_of::<i128>();
-        let out: Vec<_> = receives
-            .iter()
-            .map(|(rank, range)| (*rank, bytes(range.len())))
-            .collect();
-        let back: Vec<_> = sends
-            .iter()
-            .map(|(rank, entries)| (*rank, bytes(entries.len())))
-            .collect();
-        Ok(Self {
-            row,
-            pattern: ranks.pattern(&out, &back)?,
-            outgoing: out.iter().map(|&(_, n)| Vec::with_capacity(n)).collect(),
-            incoming: back.iter().map(|&(_, n)| vec![0; n]).collect(),
-        })
+impl GhostPlan {
+    /// Rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
+    fn lengths(&self, bytes: usize) -> [Vec<(usize, usize)>; 2] {
+        let owners = self.sends.iter();
+        let ghosts = self.receives.iter();
+        [
+            owners.map(|(rank, k)| (*rank, k.len() * bytes)).collect(),
+            ghosts.map(|(rank, k)| (*rank, k.len() * bytes)).collect(),
+        ]
     }
 }
 
@@ -112,7 +96,7 @@ pub(super) fn make<S: Space>(
     census: &[Census],
     range: f64,
     margin: f64,
-    ranks: &dyn Ranks,
+    domain: &Domain,
 ) -> Result<(), Error> {
     let owned = particles.owned();
     if owned >= u32::MAX as usize / 2 {
@@ -120,19 +104,19 @@ pub(super) fn make<S: Space>(
             "{owned} grains on one rank are more than the lists can number"
         )));
     }
-    let split = ranks.axis();
+    let split = domain.axis().index();
     let mut plan = GhostPlan::default();
     let mut images: Vec<(usize, [i32; 3])> = Vec::new();
     let mut shifts = Vec::new();
     let mut messages = Vec::new();
     for (target, of_target) in census.iter().enumerate() {
-        let slab = ranks.planes_of(target);
-        if slab.is_empty() || (target == ranks.rank() && !region.any_periodic()) {
+        let slab = domain.slabs().range(target);
+        if slab.is_empty() || (target == domain.rank() && !region.any_periodic()) {
             continue;
         }
         let (mut lower, mut upper) = (region.lower, region.upper);
         for axis in 0..S::DIMENSION {
-            if axis == split && ranks.size() > 1 {
+            if axis == split && domain.communicator().size() > 1 {
                 lower.set(
                     axis,
                     edge(slab.start, region.lower.get(axis), region.spacing),
@@ -144,7 +128,7 @@ pub(super) fn make<S: Space>(
                 if axis != split || slab.start == 0 {
                     lower.set(axis, f64::NEG_INFINITY);
                 }
-                if axis != split || slab.end == ranks.planes() {
+                if axis != split || slab.end == domain.slabs().planes() {
                     upper.set(axis, f64::INFINITY);
                 }
             }
@@ -157,7 +141,7 @@ pub(super) fn make<S: Space>(
                 (particles.body[k].radius + of_target.largest.max(margin) + range) * (1.0 + 1e-9);
             image_shifts(particles, k, region, (&lower, &upper), reach, &mut shifts);
             for &shift in &shifts {
-                if target == ranks.rank() {
+                if target == domain.rank() {
                     if shift != particles.shift[k] {
                         images.push((k, shift));
                     }
@@ -178,7 +162,7 @@ pub(super) fn make<S: Space>(
         plan.images.push((index(k), index(particles.len())));
         particles.push_image(k, shift);
     }
-    for (source, bytes) in ranks.exchange(messages)? {
+    for (source, bytes) in exchange(domain.communicator(), messages) {
         let start = particles.len();
         let mut reader = Reader(&bytes);
         while !reader.is_empty() {
@@ -245,37 +229,36 @@ impl<S: Space> Particles<S> {
     ///
     /// # Errors
     /// Where a message failed.
-    pub fn refresh_ghosts(&mut self, ranks: &dyn Ranks) -> Result<(), Error> {
+    pub fn refresh_ghosts(&mut self, domain: &Domain) -> Result<(), Error> {
         // Taken out while the arrays are written; a plan holds lists, so that this moves some pointers.
         let mut plan = std::mem::take(&mut self.plan);
-        let outcome = self.refresh_by(&mut plan, ranks);
+        let outcome = self.refresh_by(&mut plan, domain);
         self.plan = plan;
         outcome
     }
 
-    fn refresh_by(&mut self, plan: &mut GhostPlan, ranks: &dyn Ranks) -> Result<(), Error> {
+    fn refresh_by(&mut self, plan: &mut GhostPlan, domain: &Domain) -> Result<(), Error> {
         self.copy_step(&plan.images);
-        if ranks.size() == 1 {
+        if domain.communicator().size() == 1 {
             return Ok(());
         }
-        let step = match &mut plan.step {
-            Some(step) => step,
-            none => none.insert(Step::new(
-                self.step_bytes(),
-                &plan.sends,
-                &plan.receives,
-                ranks,
-            )?),
+        if plan.step.is_none() {
+            plan.step = Some(Messages::to_ghosts(plan, self.step_bytes(), domain)?);
+        }
+        let Some(Messages { exchange, .. }) = &mut plan.step else {
+            return Ok(());
         };
-        for ((_, entries), buffer) in plan.sends.iter().zip(&mut step.outgoing) {
-            let mut writer = Writer(std::mem::take(buffer));
+        let mut writer = Writer(std::mem::take(&mut plan.buffer));
+        for ((_, entries), message) in plan.sends.iter().zip(exchange.send_buffers_mut::<u8>()) {
             writer.0.clear();
             self.pack_step(entries, &mut writer);
-            *buffer = writer.0;
+            message.copy_from_slice(&writer.0);
         }
-        step.pattern.run(&step.outgoing, &mut step.incoming)?;
-        for ((_, range), buffer) in plan.receives.iter().zip(&step.incoming) {
-            self.unpack_step(range.clone(), &mut Reader(buffer))?;
+        plan.buffer = writer.0;
+        exchange.start();
+        exchange.finish();
+        for (n, (_, range)) in plan.receives.iter().enumerate() {
+            self.unpack_step(range.clone(), &mut Reader(exchange.received(n)))?;
         }
         Ok(())
     }
@@ -288,7 +271,7 @@ impl<S: Space> Particles<S> {
     pub fn reduce_to_owners<const N: usize>(
         &mut self,
         values: &mut [[i128; N]],
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<(), Error> {
         if values.len() != self.len() {
             return Err(Error::Internal(format!(
@@ -302,25 +285,29 @@ impl<S: Space> Particles<S> {
             let row = values[ghost as usize];
             add_row(&mut values[own as usize], &row);
         }
-        if ranks.size() == 1 {
+        if domain.communicator().size() == 1 {
             return Ok(());
         }
         if plan.back.as_ref().is_none_or(|back| back.row != N) {
-            plan.back = Some(Back::new(N, &plan.sends, &plan.receives, ranks)?);
+            plan.back = Some(Messages::to_owners(plan, N, domain)?);
         }
-        let Some(back) = &mut plan.back else {
+        let Some(Messages { exchange, .. }) = &mut plan.back else {
             return Ok(());
         };
-        for ((_, range), buffer) in plan.receives.iter().zip(&mut back.outgoing) {
-            buffer.clear();
-            for value in values[range.clone()].iter().flatten() {
-                buffer.extend_from_slice(&value.to_le_bytes());
+        for ((_, range), message) in plan.receives.iter().zip(exchange.send_buffers_mut::<u8>()) {
+            let numbers = message.as_chunks_mut::<16>().0;
+            for (bytes, value) in numbers
+                .iter_mut()
+                .zip(values[range.clone()].iter().flatten())
+            {
+                *bytes = value.to_le_bytes();
             }
         }
-        back.pattern.run(&back.outgoing, &mut back.incoming)?;
-        for ((_, entries), bytes) in plan.sends.iter().zip(&back.incoming) {
-            let rows = bytes.as_chunks::<16>().0.chunks_exact(N.max(1));
-            for (&k, row) in entries.iter().zip(rows) {
+        exchange.start();
+        exchange.finish();
+        for (n, (_, entries)) in plan.sends.iter().enumerate() {
+            let numbers = exchange.received::<u8>(n).as_chunks::<16>().0;
+            for (&k, row) in entries.iter().zip(numbers.chunks_exact(N.max(1))) {
                 for (sum, value) in values[k as usize].iter_mut().zip(row) {
                     *sum = sum.wrapping_add(i128::from_le_bytes(*value));
                 }

@@ -7,10 +7,10 @@ use super::columns::Crosses;
 use super::escape::Escape;
 use super::message::{Reader, Writer};
 use super::particles::Particles;
-use super::ranks::{Ranks, gather_all};
 use super::region::{Region, plane_of, wraps};
 use super::space::{Components, Space};
 use crate::error::Error;
+use decomposition::{Domain, exchange};
 
 /// Brings every owned grain's shift into the box and checks that none is lost.
 pub(super) fn wrap<S: Space>(
@@ -69,19 +69,15 @@ fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
 pub(super) fn owners<S: Space>(
     particles: &Particles<S>,
     region: &Region<S>,
-    ranks: &dyn Ranks,
+    domain: &Domain,
 ) -> Result<Vec<usize>, Error> {
-    let axis = ranks.axis();
-    let slabs: Vec<_> = (0..ranks.size())
-        .map(|rank| ranks.planes_of(rank))
-        .collect();
+    let (axis, slabs) = (domain.axis().index(), domain.slabs());
     (0..particles.owned())
         .map(|k| {
             let at = particles.location(k).get(axis);
-            let plane = plane_of(at, region.lower.get(axis), region.spacing, ranks.planes());
+            let plane = plane_of(at, region.lower.get(axis), region.spacing, slabs.planes());
             slabs
-                .iter()
-                .position(|slab| slab.contains(&plane))
+                .owner_of_plane(plane)
                 .ok_or_else(|| Error::Internal(format!("plane {plane} belongs to no rank")))
         })
         .collect()
@@ -100,7 +96,7 @@ pub(super) struct Census {
 /// Every rank's census, by rank. Collective.
 pub(super) fn census<S: Space>(
     particles: &Particles<S>,
-    ranks: &dyn Ranks,
+    domain: &Domain,
 ) -> Result<Vec<Census>, Error> {
     let mut mine = Writer::default();
     mine.integer(particles.owned() as u64);
@@ -113,7 +109,7 @@ pub(super) fn census<S: Space>(
     };
     mine.float(radii().fold(f64::INFINITY, f64::min));
     mine.float(radii().fold(0.0, f64::max));
-    gather_all(ranks, &mine.0)?
+    gather_all(domain, &mine.0)
         .iter()
         .map(|bytes| {
             let mut reader = Reader(bytes);
@@ -146,4 +142,29 @@ pub(super) fn unpack_grains<S: Space>(
         particles.owned += 1;
     }
     Ok(())
+}
+
+/// The bytes of every rank, by rank. Collective.
+fn gather_all(domain: &Domain, mine: &[u8]) -> Vec<Vec<u8>> {
+    let (rank, size) = (domain.rank(), domain.communicator().size());
+    let messages = (0..size)
+        .filter(|&other| other != rank)
+        .map(|other| (other, mine.to_vec()))
+        .collect();
+    let mut all = vec![Vec::new(); size];
+    all[rank] = mine.to_vec();
+    for (other, bytes) in exchange(domain.communicator(), messages) {
+        all[other] = bytes;
+    }
+    all
+}
+
+/// Returns an error on every rank where any rank has one: its own, or the lowest failing rank's. Collective.
+pub(super) fn agree(domain: &Domain, mine: Result<(), Error>) -> Result<(), Error> {
+    if domain.communicator().size() == 1 {
+        return mine;
+    }
+    let outcome = domain.communicator().agree(mine.as_ref().copied());
+    mine?;
+    outcome.map_err(|error| Error::Numerical(error.to_string()))
 }

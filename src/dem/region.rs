@@ -58,13 +58,14 @@ impl<S: Space> Region<S> {
     }
 }
 
-/// The plane a coordinate lies in, clamped to `0..planes`.
+/// The plane that contains a coordinate, clamped to `0..planes`.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "clamped; a cast of a float saturates"
+    clippy::cast_sign_loss,
+    reason = "at least 0; a cast of a float saturates"
 )]
-pub(super) fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: i64) -> i64 {
-    (((coordinate - origin) / spacing).floor() as i64).clamp(0, planes - 1)
+pub(super) fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: usize) -> usize {
+    (((coordinate - origin) / spacing).floor().max(0.0) as usize).min(planes.saturating_sub(1))
 }
 
 /// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
@@ -80,6 +81,6 @@ pub(super) fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
     clippy::cast_precision_loss,
     reason = "plane counts are far below 2^53"
 )]
-pub(super) fn edge(plane: i64, lower: f64, spacing: f64) -> f64 {
+pub(super) fn edge(plane: usize, lower: f64, spacing: f64) -> f64 {
     lower + plane as f64 * spacing
 }

@@ -4,10 +4,9 @@
 //! the measure is the same on any number of ranks.
 
 use super::particles::Particles;
-use super::ranks::Ranks;
 use super::space::{Components, Space};
 use super::{Dem, Kind};
-use crate::error::Error;
+use decomposition::Domain;
 
 /// When grains count as at rest, and how they get there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,14 +67,8 @@ pub fn unbalanced_text(share: f64) -> String {
 
 impl<S: Space> Dem<S> {
     /// Measures the unbalanced force and the speed of the grains. Collective.
-    ///
-    /// # Errors
-    /// Where a message failed.
-    pub fn stillness(
-        &self,
-        particles: &Particles<S>,
-        ranks: &dyn Ranks,
-    ) -> Result<Stillness, Error> {
+    #[must_use]
+    pub fn stillness(&self, particles: &Particles<S>, domain: &Domain) -> Stillness {
         let gravity = self.settings().gravity;
         let mut now = Stillness::default();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
@@ -88,10 +81,11 @@ impl<S: Space> Dem<S> {
         self.for_each_contact(particles, |contact| {
             now.contact = now.contact.max(contact.normal_force.abs());
         });
-        now.resultant = ranks.maximum(now.resultant)?;
-        now.contact = ranks.maximum(now.contact)?;
-        now.speed = ranks.maximum(now.speed)?;
-        Ok(now)
+        let most = |value| domain.communicator().all_reduce_max_f64(value);
+        now.resultant = most(now.resultant);
+        now.contact = most(now.contact);
+        now.speed = most(now.speed);
+        now
     }
 }
 

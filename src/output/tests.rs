@@ -5,7 +5,7 @@ use crate::dem::contact::Scaled;
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::particles::{Body, Motion, Particles};
 use crate::dem::space::Plane;
-use crate::dem::{Alone, Dem, Law, PairTable, Region, Settings, Wall};
+use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall, alone};
 use crate::lbm::boundary::Flux;
 use crate::units::LatticeUnits;
 use approx::assert_relative_eq;
@@ -115,7 +115,7 @@ fn solids() -> (Particles<Plane>, Dem<Plane>) {
         };
         particles.insert(Body::uniform::<Plane>(id, 5e-4, 2500.0, 0), motion);
     }
-    dem.prepare(&mut particles, &Alone).unwrap();
+    dem.prepare(&mut particles, &alone()).unwrap();
     particles.allocate_fluid_loads();
     particles.fluid[0].force = Vector2::new(1.0, -2.0);
     particles.fluid[0].torque = 7.0;

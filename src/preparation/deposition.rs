@@ -13,7 +13,7 @@ use super::numbering::curve_order;
 use super::supervision::{Saved, Supervision};
 use crate::dem::relax::unbalanced_text;
 use crate::dem::{
-    Alone, Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall,
+    Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall, alone,
 };
 use crate::error::Error;
 use crate::number::{floor_i64, whole};
@@ -422,7 +422,7 @@ impl<'a, S: Space> Falling<'a, S> {
         let bodies = particles.body[..particles.owned()].to_vec();
         let mut dem = deposition.dem(deposition.law(progress.stage)?, &bodies, progress.landed)?;
         dem.restore(&saved.contacts)?;
-        dem.prepare(&mut particles, &Alone)?;
+        dem.prepare(&mut particles, &alone())?;
         Ok(Self {
             deposition,
             supervision,
@@ -625,7 +625,7 @@ mod tests {
             deposition.walls.clone(),
         )
         .unwrap();
-        dem.prepare(&mut particles, &Alone).unwrap();
+        dem.prepare(&mut particles, &alone()).unwrap();
         let mut floor = 0.0;
         dem.for_each_contact(&particles, |contact| {
             if contact.wall == Some(4) {

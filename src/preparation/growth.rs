@@ -20,7 +20,7 @@ use super::supervision::{Saved, Supervision};
 use crate::dem::contact::Scaled;
 use crate::dem::contact::linear::{Linear, Parameters};
 use crate::dem::{
-    Alone, Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall,
+    Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall, alone,
 };
 use crate::error::Error;
 use crate::number::{real, to_usize};
@@ -311,7 +311,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
         let mut growth = Self::with(settings, radii, supervision, progress, saved.particles)?;
         growth.dem.restore(&saved.contacts)?;
-        growth.dem.prepare(&mut growth.particles, &Alone)?;
+        growth.dem.prepare(&mut growth.particles, &alone())?;
         if let Stage::Rest { .. } = progress.stage {
             growth.dem.set_local_damping(AT_REST);
         }
@@ -448,7 +448,7 @@ impl<'a, S: Space> Growing<'a, S> {
                 limit,
             } => {
                 let taken = taken + self.progress.batch;
-                let still = self.dem.stillness(&self.particles, &Alone)?;
+                let still = self.dem.stillness(&self.particles, &alone());
                 if taken < limit && still.unbalanced() > self.tolerance(purpose) {
                     self.progress.stage = Stage::Rest {
                         purpose,
@@ -619,7 +619,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 
     fn packing(self) -> Result<Packing<S>, Error> {
-        let still = self.dem.stillness(&self.particles, &Alone)?;
+        let still = self.dem.stillness(&self.particles, &alone());
         let report = Report {
             unbalanced: still.unbalanced(),
             ..self.look()
@@ -731,13 +731,15 @@ mod tests {
         );
         let walls = Wall::of_box(settings.lower, settings.upper, [true, true, false], 0);
         let mut dem = Dem::new(law, of_engine, walls).unwrap();
-        let bonds = dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
+        let bonds = dem
+            .bond_existing_contacts(&mut particles, &alone())
+            .unwrap();
         assert!(bonds > 300, "{bonds}");
         let until = Relaxation {
             limit: 20_000,
             ..Relaxation::default()
         };
-        let still = relax(&mut dem, &mut particles, &Alone, &until);
+        let still = relax(&mut dem, &mut particles, &alone(), &until);
         assert!(still.unbalanced() < 1e-3, "{still:?}");
         assert!(dem.take_breaks().is_empty());
         assert_eq!(dem.statistics(&particles).bonds, bonds);

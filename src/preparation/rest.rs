@@ -163,7 +163,7 @@ impl Rest {
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
             let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
             if checks {
-                let now = dem.stillness(particles, domain)?;
+                let now = dem.stillness(particles, domain);
                 if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
                     break now;
                 }

@@ -3,7 +3,7 @@
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::dem::state::Contacts;
-use crate::dem::{Alone, Dem};
+use crate::dem::{Dem, alone};
 use crate::error::Error;
 use decomposition::Communicator;
 use serde_json::Value;
@@ -142,7 +142,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     ) -> Result<(), Error> {
         let steps = self.batch.get().min(*left);
         let begun = Instant::now();
-        dem.advance_many(particles, &Alone, steps)?;
+        dem.advance_many(particles, &alone(), steps)?;
         *left -= steps;
         let took = begun.elapsed();
         if took > ASK_EVERY {

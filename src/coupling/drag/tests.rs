@@ -3,8 +3,8 @@ use crate::darcy::{
     Condition, Enclosure, MeanDiameter, Patch, PorosityMethod, Resistance,
     Settings as PressureSettings,
 };
+use crate::dem::alone;
 use crate::dem::particles::{Body, Motion};
-use crate::dem::ranks::Alone;
 use crate::dem::space::Volume;
 use nalgebra::Vector3;
 
@@ -112,7 +112,7 @@ fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
             }
         }
     }
-    seepage.advance(&mut particles, &Alone).unwrap();
+    seepage.advance(&mut particles, &alone()).unwrap();
     particles
 }
 
@@ -216,7 +216,7 @@ fn a_bed_lifts_at_terzaghis_gradient() {
         for k in 0..particles.owned() {
             again.insert(particles.body[k], particles.motion[k]);
         }
-        seepage.advance(&mut again, &Alone).unwrap();
+        seepage.advance(&mut again, &alone()).unwrap();
         seepage.balance().on_grains[2] / (volume * 2650.0 * 9.81)
     });
     assert!(patches[0] < 1.0 && patches[2] > 1.0);
@@ -279,7 +279,7 @@ fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
         };
         particles.insert(Body::uniform::<Volume>(id, radius, 2650.0, 0), motion);
     }
-    seepage.advance(&mut particles, &Alone).unwrap();
+    seepage.advance(&mut particles, &alone()).unwrap();
     let volume = Volume::measure(radius);
     // At the cap the drag is eps/(1 - eps) of the push of the pressure on the grain's volume.
     let gradient = 300.0 / 0.06;
@@ -316,7 +316,7 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     particles.insert(Body::uniform::<Volume>(0, radius, 2650.0, 0), motion);
     let (mass, volume) = (particles.body[0].mass, Volume::measure(radius));
     for _ in 0..4000 {
-        seepage.advance(&mut particles, &Alone).unwrap();
+        seepage.advance(&mut particles, &alone()).unwrap();
         let force = particles.fluid[0].force[2] - mass * 9.81;
         particles.motion[0].velocity[2] += bench.interval * force / mass;
     }
@@ -364,7 +364,7 @@ fn drag_faster_than_the_interval_does_not_blow_up() {
         particles.insert(Body::uniform::<Volume>(0, 2e-5, 1100.0, 0), motion);
         let mut most = 0.0_f64;
         for _ in 0..50 {
-            seepage.advance(&mut particles, &Alone).unwrap();
+            seepage.advance(&mut particles, &alone()).unwrap();
             let mass = particles.body[0].mass;
             let force = particles.fluid[0].force[2] - mass * 9.81;
             particles.motion[0].velocity[2] += interval * force / mass;
@@ -396,8 +396,8 @@ fn a_saved_state_goes_on_as_if_nothing_had_happened() {
     for k in 0..particles.owned() {
         again.insert(particles.body[k], particles.motion[k]);
     }
-    one.advance(&mut particles, &Alone).unwrap();
-    two.advance(&mut again, &Alone).unwrap();
+    one.advance(&mut particles, &alone()).unwrap();
+    two.advance(&mut again, &alone()).unwrap();
     assert!(particles.fluid[..particles.owned()] == again.fluid[..again.owned()]);
     assert_eq!(one.state(), two.state());
     assert!(two.restore(&[0.0; 5]).is_err());

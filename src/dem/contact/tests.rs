@@ -9,7 +9,7 @@ use serde_json::json;
 use super::family::{CriticalTimeStep, Family, contact_laws};
 use super::rolling::Rolling;
 use super::*;
-use crate::dem::{Alone, Body, Dem, Motion, Particles, Region, Settings, Volume};
+use crate::dem::{Body, Dem, Motion, Particles, Region, Settings, Volume, alone};
 use crate::error::{Remedy, Report};
 
 contact_laws! {
@@ -108,7 +108,7 @@ fn a_toy_is_described_limited_and_stepped() {
     let overlap = |particles: &Particles<Volume>| 2e-3 - 2.0 * particles.motion[1].position.x;
     let mut deepest = 0.0_f64;
     while particles.motion[1].velocity.x < 0.0 || overlap(&particles) > 0.0 {
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &alone()).unwrap();
         deepest = deepest.max(overlap(&particles));
         assert!(dem.steps() < 100_000);
     }

@@ -12,11 +12,11 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn advance(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
         steps: u64,
     ) -> Result<(), Error>;
     /// Migration, ghosts, lists and loads for grains that changed.
-    fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error>;
+    fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
     /// Bonds every contact that exists now; how many this rank reports.
     fn bond_all(&mut self, particles: &Particles<S>) -> u64;
     /// Takes every bond away.
@@ -57,14 +57,14 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     fn advance(
         &mut self,
         particles: &mut Particles<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
         steps: u64,
     ) -> Result<(), Error> {
-        self.advance(particles, ranks, steps)
+        self.advance(particles, domain, steps)
     }
 
-    fn prepare(&mut self, particles: &mut Particles<S>, ranks: &dyn Ranks) -> Result<(), Error> {
-        self.prepare(particles, ranks)
+    fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.prepare(particles, domain)
     }
 
     fn bond_all(&mut self, particles: &Particles<S>) -> u64 {

@@ -66,12 +66,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         &mut self,
         particles: &mut Particles<S>,
         region: &Region<S>,
-        ranks: &dyn Ranks,
+        domain: &Domain,
     ) -> Result<(), Error> {
-        let owners = migration::owners(particles, region, ranks)?;
+        let owners = migration::owners(particles, region, domain)?;
         let mut messages = Vec::new();
         let mut numbers = Vec::new();
-        for target in (0..ranks.size()).filter(|&target| target != ranks.rank()) {
+        for target in (0..domain.communicator().size()).filter(|&target| target != domain.rank()) {
             let leaving: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] == target).collect();
             if leaving.is_empty() {
                 continue;
@@ -105,8 +105,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
             messages.push((target, writer.0));
         }
-        particles.keep(|k| owners[k] == ranks.rank());
-        for (_, bytes) in ranks.exchange(messages)? {
+        particles.keep(|k| owners[k] == domain.rank());
+        for (_, bytes) in exchange(domain.communicator(), messages) {
             let mut reader = Reader(&bytes);
             unpack_grains(particles, &mut reader)?;
             for _ in 0..reader.integer()? {

@@ -9,9 +9,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::super::contact::blocks::Blocks;
 use super::super::polyhedron::{self, Model, Polyhedron, Stiffness};
 use super::super::state::{Contacts, Table};
-use super::same_bits::{Crew, bits};
+use super::same_bits::{bits, on_slabs};
 use super::*;
 use crate::random::Stream;
+use decomposition::Axis;
 
 const GRAVITY: f64 = 9.81;
 const DENSITY: f64 = 2600.0;
@@ -79,9 +80,9 @@ fn a_block_on_a_slope() {
         let place = Vector3::new(0.0, 0.0, 0.1 - 0.4 * sunk);
         let mut particles = resting(&[(cuboid(1.0, 1.0, 0.2), place, UnitQuaternion::identity())]);
         let mut dem = Dem::new(law(stiffness, mu, 0.3, 0.0), settings, vec![floor()]).unwrap();
-        dem.advance_many(&mut particles, &Alone, 2000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 2000).unwrap();
         let before = particles.motion[0];
-        dem.advance_many(&mut particles, &Alone, 3000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 3000).unwrap();
         let now = particles.motion[0];
         let rate = (now.velocity.x - before.velocity.x) / 0.6;
         let expected = GRAVITY * (angle.sin() - mu * angle.cos());
@@ -118,7 +119,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
         let energy = particles.kinetic_energy(0);
         let mut worst = 0.0_f64;
         for _ in 0..40 {
-            dem.advance_many(&mut particles, &Alone, steps / 40)
+            dem.advance_many(&mut particles, &alone(), steps / 40)
                 .unwrap();
             worst = worst.max((particles.kinetic_energy(0) / energy - 1.0).abs());
         }
@@ -163,7 +164,7 @@ fn a_collision_through_a_periodic_face() {
             particles.add_block(body, motion, shape, turn).unwrap();
         }
         let before = momentum(&particles);
-        dem.advance_many(&mut particles, &Alone, 8000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 8000).unwrap();
         assert!((momentum(&particles) - before).norm() < 1e-12 * before.norm());
         assert!(particles.motion[1].velocity.x > 0.1, "no collision");
         (0..2)
@@ -203,9 +204,9 @@ fn a_stack_of_ten_stands() {
     let mut settings = Settings::new(about_origin(20.0), 1e-4, 0.02);
     settings.gravity = Vector3::z() * -GRAVITY;
     let mut dem = Dem::new(law(1e9, 0.5, 0.1, 20.0), settings, vec![floor()]).unwrap();
-    dem.advance_many(&mut particles, &Alone, 10_000).unwrap();
+    dem.advance_many(&mut particles, &alone(), 10_000).unwrap();
     let before = particles.motion.clone();
-    dem.advance_many(&mut particles, &Alone, 10_000).unwrap();
+    dem.advance_many(&mut particles, &alone(), 10_000).unwrap();
     for (now, before) in particles.motion.iter().zip(&before) {
         assert!(now.velocity.norm() < 1e-6, "{}", now.velocity.norm());
         assert!((now.position - before.position).norm() < 1e-5);
@@ -250,7 +251,7 @@ fn spheres_and_blocks_meet_either_way_round() {
         let settings = Settings::new(about_origin(2.0), 1e-5, 0.02);
         let mut dem = Dem::new(law(1e9, 0.4, 0.05, 0.0), settings, vec![]).unwrap();
         let before = momentum(&particles);
-        dem.advance_many(&mut particles, &Alone, 12_000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 12_000).unwrap();
         assert!((momentum(&particles) - before).norm() < 1e-12 * before.norm());
         let block = (0..2).find(|&k| particles.polyhedron(k).is_some()).unwrap();
         (particles.motion[block], particles.motion[1 - block])
@@ -301,7 +302,7 @@ fn a_flat_mesh_is_a_plane() {
         let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
         settings.gravity = Vector3::z() * -GRAVITY;
         let mut dem = Dem::new(law(1e8, 0.3, 0.2, 0.0), settings, vec![wall]).unwrap();
-        dem.advance_many(&mut particles, &Alone, 6000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 6000).unwrap();
         let mut contacts = Vec::new();
         dem.for_each_contact(&particles, |contact| contacts.push(contact));
         (
@@ -340,7 +341,7 @@ fn a_block_overhangs_the_edge_of_a_box() {
         settings.gravity = Vector3::z() * -GRAVITY;
         let walls = vec![Wall::of_surface(Arc::new(ledge), 0)];
         let mut dem = Dem::new(law(1e9, 0.5, 0.3, 20.0), settings, walls).unwrap();
-        dem.advance_many(&mut particles, &Alone, 8000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 8000).unwrap();
         let now = particles.motion[0];
         if rests {
             assert!(now.velocity.norm() < 1e-6, "{}", now.velocity.norm());
@@ -381,10 +382,10 @@ fn what_blocks_cannot_do_is_refused() {
     particles.set_shapes([shape].into()).unwrap();
     particles.add_block(body, still, 0, turn).unwrap();
     let mut spheres = linear(SPRINGS, settings, vec![]);
-    assert!(refusal(spheres.prepare(&mut particles, &Alone)).contains("law of spheres"));
+    assert!(refusal(spheres.prepare(&mut particles, &alone())).contains("law of spheres"));
     let mut restored = Particles::<Volume>::from_table(&particles.table()).unwrap();
     let mut dem = Dem::new(law(1e8, 0.5, 0.0, 0.0), settings, vec![]).unwrap();
-    assert!(refusal(dem.prepare(&mut restored, &Alone)).contains("table of 0"));
+    assert!(refusal(dem.prepare(&mut restored, &alone())).contains("table of 0"));
     assert!(
         Particles::<Plane>::new()
             .set_shapes(Arc::default())
@@ -540,52 +541,47 @@ impl Saved {
 /// `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
 fn run(
     pile: Pile,
-    (axis, bounds, threads): (usize, &[i64], usize),
+    (axis, bounds, threads): (Axis, &[usize], usize),
     from: Option<&Saved>,
     (steps, batch): (u64, u64),
 ) -> Saved {
     let size = bounds.len() - 1;
-    let go = |crew: Crew| {
+    let parts = on_slabs(axis, bounds, |domain| {
+        // The thread of the rank is one of its pool: a domain stays on its thread.
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .use_current_thread()
+            .build()
+            .unwrap();
+        let rank = domain.rank();
         let mut dem = pile.dem();
         let mut particles = Particles::new();
         match from {
             Some(saved) => {
                 dem.restore(&saved.contacts).unwrap();
-                let rows = saved.grains.filter(|row| row % size == crew.rank);
+                let rows = saved.grains.filter(|row| row % size == rank);
                 particles = Particles::from_table(&rows).unwrap();
                 particles.set_shapes(shapes()).unwrap();
             }
             None => fill(&mut particles, |id| {
-                usize::try_from(id).unwrap() % size == crew.rank
+                usize::try_from(id).unwrap() % size == rank
             }),
         }
-        dem.prepare(&mut particles, &crew).unwrap();
+        dem.prepare(&mut particles, &domain).unwrap();
         let ids = |particles: &Particles<Volume>| -> Vec<u64> {
             let own = particles.body[..particles.owned()].iter();
             own.map(|body| body.id).collect()
         };
         let before = ids(&particles);
         for _ in 0..steps / batch {
-            dem.advance_many(&mut particles, &crew, batch).unwrap();
+            dem.advance_many(&mut particles, &domain, batch).unwrap();
         }
+        drop(pool);
         Saved {
             migrated: before != ids(&particles),
             grains: particles.table(),
             contacts: dem.contacts(),
         }
-    };
-    let parts: Vec<Saved> = std::thread::scope(|scope| {
-        let crews = Crew::muster(axis, bounds).into_iter();
-        let ranks: Vec<_> = crews
-            .map(|crew| {
-                let pool = rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .build()
-                    .unwrap();
-                scope.spawn(move || pool.install(|| go(crew)))
-            })
-            .collect();
-        ranks.into_iter().map(|rank| rank.join().unwrap()).collect()
     });
     let mut whole = Saved::default();
     for part in parts {
@@ -607,7 +603,7 @@ const PERIODIC: Pile = Pile {
     periodic: true,
     skin: 4e-3,
 };
-const ONE: (usize, &[i64], usize) = (0, &[0, 24], 1);
+const ONE: (Axis, &[usize], usize) = (Axis::X, &[0, 24], 1);
 
 #[test]
 fn ranks_and_threads_do_not_show_in_a_pile() {
@@ -615,13 +611,13 @@ fn ranks_and_threads_do_not_show_in_a_pile() {
         let one = run(pile, ONE, None, (STEPS, STEPS));
         let rows = [one.contacts.grains.rows(), one.contacts.walls.rows()];
         assert!(rows[0] > 100 && rows[1] > 5, "{rows:?}");
-        let splits: [(usize, &[i64], usize); 5] = [
-            (0, &[0, 24], 2),
-            (0, &[0, 12, 24], 2),
-            (1, &[0, 7, 14, 24], 1),
-            (2, &[0, 5, 9, 40], 1),
+        let splits: [(Axis, &[usize], usize); 5] = [
+            (Axis::X, &[0, 24], 2),
+            (Axis::X, &[0, 12, 24], 2),
+            (Axis::Y, &[0, 7, 14, 24], 1),
+            (Axis::Z, &[0, 5, 9, 40], 1),
             // An empty slab in between, and slabs thinner than the giant.
-            (0, &[0, 10, 10, 14, 24], 2),
+            (Axis::X, &[0, 10, 10, 14, 24], 2),
         ];
         // Box walls change nothing in how slabs are cut: the closed pile meets the thin and the empty ones.
         let first = if pile.periodic { 0 } else { 2 };
@@ -643,13 +639,13 @@ fn skins_calls_and_restarts_do_not_show_in_a_pile() {
             "skin {skin}"
         );
     }
-    let split = (0, &[0, 9, 24][..], 2);
+    let split = (Axis::X, &[0, 9, 24][..], 2);
     for (pile, one) in [
         (PERIODIC, one),
         (CLOSED, run(CLOSED, ONE, None, (STEPS, STEPS)).bits()),
     ] {
         let a = run(pile, split, None, (800, 40));
-        let b = run(pile, (2, &[0, 5, 9, 40], 1), Some(&a), (800, 800));
+        let b = run(pile, (Axis::Z, &[0, 5, 9, 40], 1), Some(&a), (800, 800));
         let c = run(pile, ONE, Some(&b), (800, 800));
         assert_eq!(c.contacts.steps, STEPS);
         assert!(one == c.bits());

@@ -59,7 +59,9 @@ fn pair(
         ..Motion::default()
     };
     particles.insert(heavy, motion);
-    let bonds = dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
+    let bonds = dem
+        .bond_existing_contacts(&mut particles, &alone())
+        .unwrap();
     (dem, particles, bonds)
 }
 
@@ -72,7 +74,7 @@ fn a_bond_pulls_up_to_its_tensile_strength() {
     let mut opened = None;
     let mut most = 0.0_f64;
     for _ in 0..600 {
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &alone()).unwrap();
         let gap = particles.motion[1].position[0] - DIAMETER;
         let pull = -particles.contact[1].force[0];
         if let Some(broken) = dem.take_breaks().pop() {
@@ -103,7 +105,7 @@ fn a_bond_does_not_slip_and_fails_in_shear() {
     particles.motion[1].velocity = Vector3::new(0.0, step, 0.0);
     let (mut most, mut failed) = (0.0_f64, None);
     for n in 1..=700_u32 {
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &alone()).unwrap();
         let normal = particles.motion[1].position.normalize();
         let force = particles.contact[1].force;
         let shear = (force - normal * force.dot(&normal)).norm();
@@ -144,7 +146,7 @@ fn bonds_form_across_the_bonding_gap() {
         };
         let (mut dem, mut particles, made) = pair(parameters, -gap);
         assert_eq!(made, bonds);
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &alone()).unwrap();
         assert_relative_eq!(-particles.contact[1].force[0], pull, epsilon = 1e-9);
         let mut reported = Vec::new();
         dem.for_each_contact(&particles, |contact| reported.push(contact.normal_force));
@@ -157,7 +159,7 @@ fn bonds_form_across_the_bonding_gap() {
             particles.motion[1].velocity = Vector3::new(1e-8, 0.0, 0.0);
             let mut steps = 0.0;
             while dem.take_breaks().is_empty() {
-                dem.advance(&mut particles, &Alone).unwrap();
+                dem.advance(&mut particles, &alone()).unwrap();
                 steps += 1.0;
                 assert!(steps < 2000.0);
             }
@@ -210,7 +212,7 @@ fn rolling_friction_slows_and_holds() {
         };
         particles.insert(body, motion);
         while dem.time() < time {
-            dem.advance_many(&mut particles, &Alone, 50).unwrap();
+            dem.advance_many(&mut particles, &alone(), 50).unwrap();
         }
         (particles.motion[0], dem.time())
     };

@@ -204,7 +204,7 @@ fn columns_of_discs_and_contacts_keep_names_order_and_hash() {
     let mut settings = Settings::new(region, 1e-5, 0.02);
     settings.gravity = Vector2::new(0.0, -9.81);
     let mut dem = linear(SPRINGS, settings, walls);
-    dem.advance_many(&mut particles, &Alone, 20).unwrap();
+    dem.advance_many(&mut particles, &alone(), 20).unwrap();
     let (table, contacts) = (particles.table(), dem.contacts());
     assert_eq!(
         names(&table).join(" "),

@@ -59,7 +59,7 @@ fn restitution_does_not_depend_on_the_speed() {
             let id = u64::from(k) + 1;
             particles.insert(Body { id, ..body }, motion);
         }
-        dem.advance_many(&mut particles, &Alone, 40_000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
         let leaving = particles.motion[1].velocity[0] - particles.motion[0].velocity[0];
         assert_relative_eq!(leaving / speed, e, max_relative = 2e-3);
     }
@@ -103,7 +103,7 @@ fn collisions_keep_angular_momentum() {
             (sum, scale, energy)
         };
         let (before, scale, energy) = total(&particles);
-        dem.advance_many(&mut particles, &Alone, 4000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 4000).unwrap();
         let apart = particles.motion[1].position - particles.motion[0].position;
         assert!(apart.norm() > 2.7e-3, "they must have parted");
         let (after, _, left) = total(&particles);
@@ -129,7 +129,7 @@ fn equal_and_opposite_spins_roll_off_each_other() {
         };
         particles.insert(Body::uniform::<Volume>(id, 0.1, 2700.0, 0), motion);
     }
-    dem.advance_many(&mut particles, &Alone, 3000).unwrap();
+    dem.advance_many(&mut particles, &alone(), 3000).unwrap();
     for (motion, sign) in particles.motion.iter().zip([-1.0, 1.0]) {
         assert_relative_eq!(motion.velocity[0], 0.1 * sign, max_relative = 2e-3);
         assert_relative_eq!(motion.spin[2], 10.0 * sign, max_relative = 1e-12);
@@ -164,19 +164,19 @@ fn a_shrinking_contact_lets_go_of_shear() {
     particles.insert(heavy, motion);
     let shear = |particles: &Particles<Volume>| particles.contact[1].force[1].abs();
     particles.motion[1].velocity = Vector3::new(0.0, 1e-9, 0.0);
-    dem.advance_many(&mut particles, &Alone, 10).unwrap();
+    dem.advance_many(&mut particles, &alone(), 10).unwrap();
     // 8 G* sqrt(R* overlap) of the way.
     let [_, g] = GLASS.effective(GLASS);
     let stiffness = 8.0 * g * (0.5e-3_f64 * 1e-6).sqrt();
     assert_relative_eq!(shear(&particles), stiffness * 1e-8, max_relative = 1e-3);
     let loaded = shear(&particles);
     particles.motion[1].velocity = Vector3::new(7.5e-8, 0.0, 0.0);
-    dem.advance_many(&mut particles, &Alone, 10).unwrap();
+    dem.advance_many(&mut particles, &alone(), 10).unwrap();
     // A quarter of the overlap, half the radius of the contact.
     assert_relative_eq!(shear(&particles), 0.5 * loaded, max_relative = 1e-3);
     // Pressed in again it does not come back by itself.
     particles.motion[1].velocity = Vector3::new(-7.5e-8, 0.0, 0.0);
-    dem.advance_many(&mut particles, &Alone, 10).unwrap();
+    dem.advance_many(&mut particles, &alone(), 10).unwrap();
     assert_relative_eq!(shear(&particles), 0.5 * loaded, max_relative = 1e-3);
 }
 

@@ -42,7 +42,7 @@ fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     }
     let (mut steps, mut depth) = (0.0, 0.0_f64);
     loop {
-        dem.advance(&mut particles, &Alone).unwrap();
+        dem.advance(&mut particles, &alone()).unwrap();
         let overlap = 3e-3 - (particles.motion[1].position - particles.motion[0].position).length();
         depth = depth.max(overlap);
         if overlap <= 0.0 {
@@ -110,7 +110,7 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
         };
         let steps = (t / 1e-7).round();
         while (dem.steps() as f64) < steps {
-            dem.advance(&mut particles, &Alone).unwrap();
+            dem.advance(&mut particles, &alone()).unwrap();
         }
         let [a, b] = [&particles.motion[0], &particles.motion[1]];
         let force = particles.contact[0].force;
@@ -208,7 +208,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
         for row in rows(table) {
             let [t, _, z, vx, wy] = row[..] else { panic!() };
             let due = whole(t / 1e-6);
-            dem.advance_many(&mut particles, &Alone, due - dem.steps())
+            dem.advance_many(&mut particles, &alone(), due - dem.steps())
                 .unwrap();
             let motion = &particles.motion[0];
             assert_relative_eq!(motion.velocity[0], vx, epsilon = 2e-4);
@@ -251,14 +251,14 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     // It rolls once mu g t (1 + 1/shape) = v0, at v0 / (1 + shape).
     let rolls = 1.0 / (mu * g * (1.0 + 1.0 / shape));
     let steps = |t: f64| whole(t / settings.time_step);
-    dem.advance_many(&mut particles, &Alone, steps(0.9 * rolls))
+    dem.advance_many(&mut particles, &alone(), steps(0.9 * rolls))
         .unwrap();
     assert_relative_eq!(
         particles.motion[0].velocity.get(0),
         1.0 - mu * g * 0.9 * rolls,
         max_relative = 2e-3
     );
-    dem.advance_many(&mut particles, &Alone, steps(0.4 * rolls))
+    dem.advance_many(&mut particles, &alone(), steps(0.4 * rolls))
         .unwrap();
     let speed = particles.motion[0].velocity.get(0);
     assert_relative_eq!(speed, 1.0 / (1.0 + shape), max_relative = 5e-3);
@@ -306,7 +306,7 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
         .position
         .set(1, 0.05 - body.mass * 9.81 * cos / stiffness);
     particles.insert(body, motion);
-    dem.advance_many(&mut particles, &Alone, whole(0.3 / settings.time_step))
+    dem.advance_many(&mut particles, &alone(), whole(0.3 / settings.time_step))
         .unwrap();
     particles.motion[0].velocity.get(0) / dem.time()
 }
@@ -406,9 +406,9 @@ fn a_block_slides_or_stays_on_an_incline() {
             };
             particles.insert(body, motion);
             // The spring takes a moment to reach the limit of friction.
-            dem.advance_many(&mut particles, &Alone, 2000).unwrap();
+            dem.advance_many(&mut particles, &alone(), 2000).unwrap();
             let before = particles.motion[0];
-            dem.advance_many(&mut particles, &Alone, 18_000).unwrap();
+            dem.advance_many(&mut particles, &alone(), 18_000).unwrap();
             let motion = &particles.motion[0];
             if acceleration > 0.0 {
                 let gain = motion.velocity[0] - before.velocity[0];
@@ -473,7 +473,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
             spin: Vector3::new(0.0, spin, 0.0),
         };
         particles.insert(body, motion);
-        dem.advance_many(&mut particles, &Alone, 8000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 8000).unwrap();
         let motion = &particles.motion[0];
         assert_relative_eq!(motion.velocity[2], 0.1, max_relative = 2e-3);
         // The overlap shortens the lever arm by a thousandth; the spring needs a moment to reach the limit.
@@ -516,7 +516,7 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
             ..Motion::default()
         };
         particles.insert(body, motion);
-        dem.advance_many(&mut particles, &Alone, 4500).unwrap();
+        dem.advance_many(&mut particles, &alone(), 4500).unwrap();
         let motion = &particles.motion[0];
         assert_relative_eq!(motion.velocity[2], 0.98 * speed * cos, max_relative = 2e-3);
         let restitution = motion.velocity[0] / (speed * sin);
@@ -564,7 +564,8 @@ fn compare_cohesive(
         },
     );
     assert_eq!(
-        dem.bond_existing_contacts(&mut particles, &Alone).unwrap(),
+        dem.bond_existing_contacts(&mut particles, &alone())
+            .unwrap(),
         1
     );
     let (mut normal_error, mut shear_error) = (0.0_f64, 0.0_f64);
@@ -573,7 +574,7 @@ fn compare_cohesive(
             panic!()
         };
         let steps = whole(step) - dem.steps();
-        dem.advance_many(&mut particles, &Alone, steps).unwrap();
+        dem.advance_many(&mut particles, &alone(), steps).unwrap();
         let force = particles.contact[1].force;
         let line = (particles.motion[1].position - particles.motion[0].position).normalize();
         // YADE's normal force is one step late and may fail one step later: leave out the step between.
@@ -664,27 +665,28 @@ fn cohesion_is_lost_for_good() {
         ..Motion::default()
     };
     particles.insert(moved, motion);
-    dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
+    dem.bond_existing_contacts(&mut particles, &alone())
+        .unwrap();
     // Pull to half the strength, then shear until it fails.
     particles.motion[1].velocity = Vector2::new(0.5 * 3.373e-9 / 50.0, 0.0);
-    dem.advance_many(&mut particles, &Alone, 50).unwrap();
+    dem.advance_many(&mut particles, &alone(), 50).unwrap();
     assert_relative_eq!(
         particles.contact[1].force[0],
         -0.5 * 0.506 * d,
         max_relative = 1e-3
     );
     particles.motion[1].velocity = Vector2::new(0.0, 1e-10);
-    dem.advance_many(&mut particles, &Alone, 100).unwrap();
+    dem.advance_many(&mut particles, &alone(), 100).unwrap();
     let broken = dem.take_breaks();
     assert_eq!(broken.len(), 1);
     assert_eq!(broken[0].mode, Failure::Shear);
     assert_eq!(particles.contact[1].force, Vector2::zeros());
     // Press together again: friction only, and pulling finds nothing.
     particles.motion[1].velocity = Vector2::new(-1e-10, 0.0);
-    dem.advance_many(&mut particles, &Alone, 100).unwrap();
+    dem.advance_many(&mut particles, &alone(), 100).unwrap();
     assert!(particles.contact[1].force[0] > 1e-4);
     particles.motion[1].velocity = Vector2::new(1e-10, 0.0);
-    dem.advance_many(&mut particles, &Alone, 200).unwrap();
+    dem.advance_many(&mut particles, &alone(), 200).unwrap();
     assert_eq!(particles.contact[1].force, Vector2::zeros());
     assert_eq!(dem.statistics(&particles).bonds, 0);
 }
@@ -703,7 +705,7 @@ fn a_lost_grain_is_named() {
     };
     particles.insert(Body::uniform::<Plane>(42, 1e-3, 2600.0, 0), motion);
     let error = dem
-        .advance_many(&mut particles, &Alone, 10_000)
+        .advance_many(&mut particles, &alone(), 10_000)
         .unwrap_err()
         .to_string();
     assert!(
@@ -721,7 +723,10 @@ fn a_lost_grain_is_named() {
         Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3),
         Vec::new(),
     );
-    let error = dem.advance(&mut particles, &Alone).unwrap_err().to_string();
+    let error = dem
+        .advance(&mut particles, &alone())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("grain 43 has no finite motion"), "{error}");
 }
 

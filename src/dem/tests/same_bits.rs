@@ -1,139 +1,26 @@
 //! The same bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
 //!
-//! Ranks are threads here, with messages through channels; the crate `decomposition` carries the same calls over MPI.
+//! Ranks are threads here ([`decomposition::on_threads`]).
 
 use std::collections::BTreeMap;
-use std::ops::Range;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
 
+use decomposition::{Axis, Domain, Slabs, on_threads};
 use nalgebra::Vector2;
 
-use super::super::ranks::Pattern;
 use super::super::state::{Contacts, Table};
 use super::*;
 use crate::random::Stream;
 
-type Mail = Vec<u8>;
-
-/// One rank among threads.
-pub(super) struct Crew {
-    pub(super) rank: usize,
-    axis: usize,
-    bounds: Vec<i64>,
-    to: Vec<Sender<Mail>>,
-    from: Vec<Arc<Mutex<Receiver<Mail>>>>,
-}
-
-impl Crew {
-    /// Slabs given by their bounds, along `axis`.
-    pub(super) fn muster(axis: usize, bounds: &[i64]) -> Vec<Self> {
-        let size = bounds.len() - 1;
-        let mut to: Vec<Vec<Sender<Mail>>> = vec![Vec::new(); size];
-        let mut from: Vec<Vec<Arc<Mutex<Receiver<Mail>>>>> = vec![Vec::new(); size];
-        for sender in &mut to {
-            for receiver in &mut from {
-                let (a, b) = channel();
-                sender.push(a);
-                receiver.push(Arc::new(Mutex::new(b)));
-            }
-        }
-        to.into_iter()
-            .zip(from)
-            .enumerate()
-            .map(|(rank, (to, from))| Self {
-                rank,
-                axis,
-                bounds: bounds.to_vec(),
-                to,
-                from,
-            })
-            .collect()
-    }
-
-    /// Everybody sends to everybody, nothing if need be.
-    fn all_to_all(&self, mut out: Vec<Mail>) -> Vec<Mail> {
-        for (target, mail) in out.iter_mut().enumerate() {
-            self.to[target].send(std::mem::take(mail)).unwrap();
-        }
-        self.from
-            .iter()
-            .map(|from| from.lock().unwrap().recv().unwrap())
-            .collect()
-    }
-}
-
-impl Ranks for Crew {
-    fn rank(&self) -> usize {
-        self.rank
-    }
-    fn size(&self) -> usize {
-        self.to.len()
-    }
-    fn axis(&self) -> usize {
-        self.axis
-    }
-    fn planes(&self) -> i64 {
-        self.bounds[self.size()]
-    }
-    fn planes_of(&self, rank: usize) -> Range<i64> {
-        self.bounds[rank]..self.bounds[rank + 1]
-    }
-    fn maximum(&self, value: f64) -> Result<f64, Error> {
-        let all = self.all_to_all(vec![value.to_le_bytes().to_vec(); self.size()]);
-        Ok(all
-            .iter()
-            .map(|bytes| f64::from_le_bytes(bytes[..].try_into().unwrap()))
-            .fold(f64::NEG_INFINITY, f64::max))
-    }
-    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Result<Vec<(usize, Vec<u8>)>, Error> {
-        let mut out = vec![Vec::new(); self.size()];
-        for (target, mut bytes) in messages {
-            // One byte in front tells an empty message from none.
-            bytes.insert(0, 1);
-            out[target] = bytes;
-        }
-        let arrived = self.all_to_all(out).into_iter().enumerate();
-        Ok(arrived
-            .filter(|(_, b)| !b.is_empty())
-            .map(|(rank, b)| (rank, b[1..].to_vec()))
-            .collect())
-    }
-    fn pattern(
-        &self,
-        sends: &[(usize, usize)],
-        receives: &[(usize, usize)],
-    ) -> Result<Box<dyn Pattern>, Error> {
-        Ok(Box::new(Wires {
-            to: sends
-                .iter()
-                .map(|(rank, _)| self.to[*rank].clone())
-                .collect(),
-            from: receives
-                .iter()
-                .map(|(rank, _)| self.from[*rank].clone())
-                .collect(),
-        }))
-    }
-}
-
-struct Wires {
-    to: Vec<Sender<Mail>>,
-    from: Vec<Arc<Mutex<Receiver<Mail>>>>,
-}
-
-impl Pattern for Wires {
-    fn run(&mut self, sends: &[Vec<u8>], receives: &mut [Vec<u8>]) -> Result<(), Error> {
-        for (to, bytes) in self.to.iter().zip(sends) {
-            to.send(bytes.clone()).unwrap();
-        }
-        for (from, bytes) in self.from.iter().zip(receives) {
-            let mail = from.lock().unwrap().recv().unwrap();
-            assert_eq!(mail.len(), bytes.len());
-            *bytes = mail;
-        }
-        Ok(())
-    }
+/// Runs `work` on ranks whose slabs have these bounds along an axis; the results by rank.
+pub(super) fn on_slabs<T: Send>(
+    axis: Axis,
+    bounds: &[usize],
+    work: impl Fn(Domain) -> T + Sync,
+) -> Vec<T> {
+    on_threads(bounds.len() - 1, |communicator| {
+        let slabs = Slabs::from_bounds(axis, bounds.to_vec(), false).unwrap();
+        work(Domain::new(communicator, slabs).unwrap())
+    })
 }
 
 /// A scene that has everything: a periodic axis, a giant, a wall, a driven grain, gravity, bonds and shear.
@@ -298,65 +185,49 @@ impl Saved {
 /// `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
 fn run(
     scene: Scene,
-    axis: usize,
-    bounds: &[i64],
+    axis: Axis,
+    bounds: &[usize],
     from: Option<&Saved>,
     steps: u64,
     batch: u64,
 ) -> Saved {
     let size = bounds.len() - 1;
-    let parts: Vec<Saved> = std::thread::scope(|scope| {
-        let threads: Vec<_> = Crew::muster(axis, bounds)
-            .into_iter()
-            .map(|crew| {
-                scope.spawn(move || {
-                    let mut dem = dem(scene);
-                    let mut particles = match from {
-                        Some(saved) => {
-                            dem.restore(&saved.contacts).unwrap();
-                            Particles::from_table(
-                                &saved.grains.filter(|row| row % size == crew.rank),
-                            )
-                            .unwrap()
-                        }
-                        None => {
-                            let mut particles = Particles::new();
-                            for (body, motion) in grains() {
-                                if usize::try_from(body.id).unwrap() % size == crew.rank {
-                                    particles.insert(body, motion);
-                                }
-                            }
-                            particles
-                        }
-                    };
-                    if from.is_none() && scene.bonded {
-                        dem.bond_existing_contacts(&mut particles, &crew).unwrap();
+    let parts = on_slabs(axis, bounds, |domain| {
+        let rank = domain.rank();
+        let mut dem = dem(scene);
+        let mut particles = match from {
+            Some(saved) => {
+                dem.restore(&saved.contacts).unwrap();
+                Particles::from_table(&saved.grains.filter(|row| row % size == rank)).unwrap()
+            }
+            None => {
+                let mut particles = Particles::new();
+                for (body, motion) in grains() {
+                    if usize::try_from(body.id).unwrap() % size == rank {
+                        particles.insert(body, motion);
                     }
-                    dem.prepare(&mut particles, &crew).unwrap();
-                    let before: Vec<u64> = particles.body[..particles.owned()]
-                        .iter()
-                        .map(|b| b.id)
-                        .collect();
-                    for _ in 0..steps / batch {
-                        dem.advance_many(&mut particles, &crew, batch).unwrap();
-                    }
-                    let after: Vec<u64> = particles.body[..particles.owned()]
-                        .iter()
-                        .map(|b| b.id)
-                        .collect();
-                    Saved {
-                        grains: particles.table(),
-                        contacts: dem.contacts(),
-                        breaks: dem.take_breaks(),
-                        migrated: before != after,
-                    }
-                })
-            })
-            .collect();
-        threads
-            .into_iter()
-            .map(|thread| thread.join().unwrap())
-            .collect()
+                }
+                particles
+            }
+        };
+        if from.is_none() && scene.bonded {
+            dem.bond_existing_contacts(&mut particles, &domain).unwrap();
+        }
+        dem.prepare(&mut particles, &domain).unwrap();
+        let ids = |particles: &Particles<Plane>| -> Vec<u64> {
+            let own = particles.body[..particles.owned()].iter();
+            own.map(|body| body.id).collect()
+        };
+        let before = ids(&particles);
+        for _ in 0..steps / batch {
+            dem.advance_many(&mut particles, &domain, batch).unwrap();
+        }
+        Saved {
+            grains: particles.table(),
+            contacts: dem.contacts(),
+            breaks: dem.take_breaks(),
+            migrated: before != ids(&particles),
+        }
     });
     let mut whole = Saved::default();
     for part in parts {
@@ -394,14 +265,14 @@ const SCENES: [Scene; 4] = [
     },
 ];
 
-fn alone(scene: Scene) -> Saved {
-    run(scene, 0, &[0, 40], None, STEPS, STEPS)
+fn on_one_rank(scene: Scene) -> Saved {
+    run(scene, Axis::X, &[0, 40], None, STEPS, STEPS)
 }
 
 #[test]
 fn ranks_do_not_show() {
     for scene in SCENES {
-        let one = alone(scene);
+        let one = on_one_rank(scene);
         assert!(
             one.contacts.grains.rows() > 50,
             "the scene must have contacts with a history"
@@ -412,19 +283,22 @@ fn ranks_do_not_show() {
             !one.breaks.is_empty(),
             "bonds must break where there are any"
         );
-        let splits: [(usize, &[i64]); 6] = [
-            (0, &[0, 20, 40]),
-            (1, &[0, 12, 30]),
-            (0, &[0, 10, 22, 40]),
+        let splits: [(Axis, &[usize]); 6] = [
+            (Axis::X, &[0, 20, 40]),
+            (Axis::Y, &[0, 12, 30]),
+            (Axis::X, &[0, 10, 22, 40]),
             // An empty slab in between, and slabs thinner than the giant.
-            (0, &[0, 18, 18, 21, 40]),
-            (1, &[0, 7, 9, 30]),
-            (0, &[0, 5, 10, 15, 20, 25, 30, 40]),
+            (Axis::X, &[0, 18, 18, 21, 40]),
+            (Axis::Y, &[0, 7, 9, 30]),
+            (Axis::X, &[0, 5, 10, 15, 20, 25, 30, 40]),
         ];
         for (axis, bounds) in splits {
             let many = run(scene, axis, bounds, None, STEPS, STEPS);
             assert!(many.migrated, "grains must change ranks");
-            assert!(one.state() == many.state(), "axis {axis} bounds {bounds:?}");
+            assert!(
+                one.state() == many.state(),
+                "axis {axis:?} bounds {bounds:?}"
+            );
         }
     }
 }
@@ -432,23 +306,26 @@ fn ranks_do_not_show() {
 #[test]
 fn skins_and_calls_do_not_show() {
     for scene in SCENES {
-        let one = alone(scene).state();
+        let one = on_one_rank(scene).state();
         for skin in [2e-5, 1e-3] {
-            assert!(one == alone(Scene { skin, ..scene }).state(), "skin {skin}");
+            assert!(
+                one == on_one_rank(Scene { skin, ..scene }).state(),
+                "skin {skin}"
+            );
         }
-        assert!(one == run(scene, 0, &[0, 40], None, STEPS, 1).state());
-        assert!(one == run(scene, 0, &[0, 14, 40], None, STEPS, 60).state());
+        assert!(one == run(scene, Axis::X, &[0, 40], None, STEPS, 1).state());
+        assert!(one == run(scene, Axis::X, &[0, 14, 40], None, STEPS, 60).state());
     }
 }
 
 #[test]
 fn restarts_on_other_ranks_do_not_show() {
     for scene in SCENES {
-        let one = alone(scene);
-        let a = run(scene, 0, &[0, 40], None, 300, 300);
-        let b = run(scene, 0, &[0, 21, 40], Some(&a), 300, 300);
-        let c = run(scene, 1, &[0, 9, 15, 30], Some(&b), 300, 300);
-        let mut d = run(scene, 0, &[0, 40], Some(&c), 300, 300);
+        let one = on_one_rank(scene);
+        let a = run(scene, Axis::X, &[0, 40], None, 300, 300);
+        let b = run(scene, Axis::X, &[0, 21, 40], Some(&a), 300, 300);
+        let c = run(scene, Axis::Y, &[0, 9, 15, 30], Some(&b), 300, 300);
+        let mut d = run(scene, Axis::X, &[0, 40], Some(&c), 300, 300);
         for earlier in [a, b, c] {
             d.breaks.extend(earlier.breaks);
         }
@@ -494,8 +371,9 @@ fn heap(threads: usize) -> (Table, u64) {
                 },
             );
         }
-        dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
-        dem.advance_many(&mut particles, &Alone, 200).unwrap();
+        dem.bond_existing_contacts(&mut particles, &alone())
+            .unwrap();
+        dem.advance_many(&mut particles, &alone(), 200).unwrap();
         (particles.table(), dem.take_breaks().len() as u64)
     })
 }
@@ -513,43 +391,32 @@ fn threads_do_not_show() {
 #[test]
 fn ghost_entries_are_summed_at_the_owner() {
     let scene = SCENES[1];
-    let sums = |bounds: &[i64]| {
-        let mut all: Vec<(u64, i128)> = std::thread::scope(|scope| {
-            let threads: Vec<_> = Crew::muster(0, bounds)
-                .into_iter()
-                .map(|crew| {
-                    scope.spawn(move || {
-                        let mut particles = Particles::new();
-                        if crew.rank == 0 {
-                            for (body, motion) in grains() {
-                                particles.insert(body, motion);
-                            }
-                        }
-                        dem(scene).prepare(&mut particles, &crew).unwrap();
-                        // Each rank counts for every image the planes of its own that the body covers.
-                        let slab = crew.planes_of(crew.rank);
-                        let mut values: Vec<[i128; 2]> = (0..particles.len())
-                            .map(|k| {
-                                let (x, r) = (particles.location(k)[0], particles.body[k].radius);
-                                let covered = slab
-                                    .clone()
-                                    .filter(|&plane| ((plane as f64 + 0.5) * 1e-3 - x).abs() < r)
-                                    .count();
-                                [i128::try_from(covered).unwrap(), -1]
-                            })
-                            .collect();
-                        particles.reduce_to_owners(&mut values, &crew).unwrap();
-                        (0..particles.owned())
-                            .map(|k| (particles.body[k].id, values[k][0]))
-                            .collect::<Vec<_>>()
-                    })
+    let sums = |bounds: &[usize]| {
+        let parts = on_slabs(Axis::X, bounds, |domain| {
+            let mut particles = Particles::new();
+            if domain.rank() == 0 {
+                for (body, motion) in grains() {
+                    particles.insert(body, motion);
+                }
+            }
+            dem(scene).prepare(&mut particles, &domain).unwrap();
+            // Each rank counts for every image the planes of its own that the body covers.
+            let mut values: Vec<[i128; 2]> = (0..particles.len())
+                .map(|k| {
+                    let (x, r) = (particles.location(k)[0], particles.body[k].radius);
+                    let covered = domain
+                        .range()
+                        .filter(|&plane| ((plane as f64 + 0.5) * 1e-3 - x).abs() < r)
+                        .count();
+                    [i128::try_from(covered).unwrap(), -1]
                 })
                 .collect();
-            threads
-                .into_iter()
-                .flat_map(|thread| thread.join().unwrap())
-                .collect()
+            particles.reduce_to_owners(&mut values, &domain).unwrap();
+            (0..particles.owned())
+                .map(|k| (particles.body[k].id, values[k][0]))
+                .collect::<Vec<_>>()
         });
+        let mut all: Vec<(u64, i128)> = parts.into_iter().flatten().collect();
         all.sort_unstable();
         all
     };

@@ -8,9 +8,10 @@ use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::super::contact::rolling::{self, Rolling};
 use super::super::state::{Contacts, Table};
-use super::same_bits::{Crew, bits};
+use super::same_bits::{bits, on_slabs};
 use super::*;
 use crate::random::Stream;
+use decomposition::Axis;
 
 #[derive(Clone, Copy, Debug)]
 enum Which {
@@ -162,48 +163,38 @@ impl Saved {
 fn run(
     which: Which,
     skin: f64,
-    axis: usize,
-    bounds: &[i64],
+    axis: Axis,
+    bounds: &[usize],
     from: Option<&Saved>,
     steps: u64,
 ) -> Saved {
     let size = bounds.len() - 1;
-    let parts: Vec<Saved> = std::thread::scope(|scope| {
-        let threads: Vec<_> = Crew::muster(axis, bounds)
-            .into_iter()
-            .map(|crew| {
-                scope.spawn(move || {
-                    let mut dem = dem(which, skin, 4e-6);
-                    let mut particles = Particles::new();
-                    if let Some(saved) = from {
-                        dem.restore(&saved.contacts).unwrap();
-                        let mine = saved.grains.filter(|row| row % size == crew.rank);
-                        particles = Particles::from_table(&mine).unwrap();
-                    } else {
-                        for (body, motion) in grains() {
-                            if usize::try_from(body.id).unwrap() % size == crew.rank {
-                                particles.insert(body, motion);
-                            }
-                        }
-                        dem.bond_existing_contacts(&mut particles, &crew).unwrap();
-                    }
-                    dem.advance_many(&mut particles, &crew, steps).unwrap();
-                    let breaks = dem.take_breaks();
-                    Saved {
-                        grains: particles.table(),
-                        contacts: dem.contacts(),
-                        breaks: breaks
-                            .iter()
-                            .map(|b| (b.step, b.grain, b.other, b.wall, b.mode))
-                            .collect(),
-                    }
-                })
-            })
-            .collect();
-        threads
-            .into_iter()
-            .map(|thread| thread.join().unwrap())
-            .collect()
+    let parts = on_slabs(axis, bounds, |domain| {
+        let rank = domain.rank();
+        let mut dem = dem(which, skin, 4e-6);
+        let mut particles = Particles::new();
+        if let Some(saved) = from {
+            dem.restore(&saved.contacts).unwrap();
+            let mine = saved.grains.filter(|row| row % size == rank);
+            particles = Particles::from_table(&mine).unwrap();
+        } else {
+            for (body, motion) in grains() {
+                if usize::try_from(body.id).unwrap() % size == rank {
+                    particles.insert(body, motion);
+                }
+            }
+            dem.bond_existing_contacts(&mut particles, &domain).unwrap();
+        }
+        dem.advance_many(&mut particles, &domain, steps).unwrap();
+        let breaks = dem.take_breaks();
+        Saved {
+            grains: particles.table(),
+            contacts: dem.contacts(),
+            breaks: breaks
+                .iter()
+                .map(|b| (b.step, b.grain, b.other, b.wall, b.mode))
+                .collect(),
+        }
     });
     let mut whole = Saved::default();
     for part in parts {
@@ -226,7 +217,7 @@ fn ranks_skins_and_restarts_do_not_show() {
         Which::RollingBonds,
         Which::Elastic,
     ] {
-        let one = run(which, 2e-4, 0, &[0, 30], None, STEPS);
+        let one = run(which, 2e-4, Axis::X, &[0, 30], None, STEPS);
         assert!(
             one.contacts.grains.rows() > 50,
             "{which:?}: {} contacts with a history",
@@ -252,23 +243,26 @@ fn ranks_skins_and_restarts_do_not_show() {
             assert!(one.breaks.iter().any(|b| b.4 == Failure::Tension));
         }
         for (axis, bounds) in [
-            (0, &[0, 14, 30][..]),
-            (1, &[0, 5, 12]),
-            (2, &[0, 3, 6, 14]),
-            (0, &[0, 8, 14, 15, 30]),
+            (Axis::X, &[0, 14, 30][..]),
+            (Axis::Y, &[0, 5, 12]),
+            (Axis::Z, &[0, 3, 6, 14]),
+            (Axis::X, &[0, 8, 14, 15, 30]),
         ] {
             let many = run(which, 2e-4, axis, bounds, None, STEPS);
-            assert!(one.same(&many), "{which:?}: axis {axis} bounds {bounds:?}");
+            assert!(
+                one.same(&many),
+                "{which:?}: axis {axis:?} bounds {bounds:?}"
+            );
         }
         for skin in [3e-5, 6e-4] {
             assert!(
-                one.same(&run(which, skin, 0, &[0, 30], None, STEPS)),
+                one.same(&run(which, skin, Axis::X, &[0, 30], None, STEPS)),
                 "{which:?}: skin {skin}"
             );
         }
-        let mut a = run(which, 2e-4, 0, &[0, 30], None, STEPS / 3);
-        let b = run(which, 2e-4, 2, &[0, 4, 14], Some(&a), STEPS / 3);
-        let mut c = run(which, 2e-4, 0, &[0, 11, 20, 30], Some(&b), STEPS / 3);
+        let mut a = run(which, 2e-4, Axis::X, &[0, 30], None, STEPS / 3);
+        let b = run(which, 2e-4, Axis::Z, &[0, 4, 14], Some(&a), STEPS / 3);
+        let mut c = run(which, 2e-4, Axis::X, &[0, 11, 20, 30], Some(&b), STEPS / 3);
         c.breaks.append(&mut a.breaks);
         c.breaks.extend(b.breaks);
         assert!(one.same(&c), "{which:?}: restarts");
@@ -315,8 +309,9 @@ fn threads_do_not_show() {
                     },
                 );
             }
-            dem.bond_existing_contacts(&mut particles, &Alone).unwrap();
-            dem.advance_many(&mut particles, &Alone, 100).unwrap();
+            dem.bond_existing_contacts(&mut particles, &alone())
+                .unwrap();
+            dem.advance_many(&mut particles, &alone(), 100).unwrap();
             (particles.table(), dem.contacts(), dem.take_breaks().len())
         })
     };

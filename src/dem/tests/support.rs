@@ -6,7 +6,7 @@ use super::*;
 pub(crate) fn relax<S: Space>(
     dem: &mut Dem<S>,
     particles: &mut Particles<S>,
-    ranks: &dyn Ranks,
+    domain: &Domain,
     until: &Relaxation,
 ) -> Stillness {
     let damping = dem.settings().local_damping;
@@ -14,9 +14,9 @@ pub(crate) fn relax<S: Space>(
     let mut steps = 0;
     let still = loop {
         let batch = until.look_every.max(1).min(until.limit - steps);
-        dem.advance_many(particles, ranks, batch).unwrap();
+        dem.advance_many(particles, domain, batch).unwrap();
         steps += batch;
-        let now = dem.stillness(particles, ranks).unwrap();
+        let now = dem.stillness(particles, domain);
         if steps >= until.limit || now.unbalanced() <= until.tolerance {
             break now;
         }

@@ -57,7 +57,7 @@ fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Vo
         spin: Vector3::new(3.0, -20.0, 8.0),
     };
     particles.insert(body, motion);
-    dem.advance_many(&mut particles, &Alone, 1500).unwrap();
+    dem.advance_many(&mut particles, &alone(), 1500).unwrap();
     assert!(
         particles.motion[0].position[2] > 0.01,
         "it must have left again"
@@ -119,7 +119,7 @@ fn a_grain_slides_over_interior_edges() {
         particles.insert(body, motion);
         let mut lowest_friction = f64::INFINITY;
         for _ in 0..400 {
-            dem.advance_many(&mut particles, &Alone, 40).unwrap();
+            dem.advance_many(&mut particles, &alone(), 40).unwrap();
             if dem.time() < 0.045 {
                 let force = particles.contact[0].force;
                 lowest_friction = lowest_friction.min(force.xy().norm() / force[2]);
@@ -169,7 +169,7 @@ fn a_concave_corner_holds_with_its_faces_alone() {
         ..Motion::default()
     };
     particles.insert(body, motion);
-    dem.advance_many(&mut particles, &Alone, 40_000).unwrap();
+    dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
     let mut forces = Vec::new();
     dem.for_each_contact(&particles, |contact| {
         assert_eq!(contact.wall, Some(0));
@@ -196,7 +196,7 @@ fn a_moving_mesh_hits_like_a_moving_plane() {
             ..Motion::default()
         };
         particles.insert(body, motion);
-        dem.advance_many(&mut particles, &Alone, 3000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 3000).unwrap();
         particles.motion[0]
     };
     let expected = hit(Wall::new(Vector3::zeros(), Vector3::z(), 0));
@@ -252,7 +252,7 @@ fn collisions_keep_angular_momentum() {
             (sum, scale)
         };
         let (before, scale) = total(&particles);
-        dem.advance_many(&mut particles, &Alone, 6000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 6000).unwrap();
         assert_eq!(dem.statistics(&particles).contacts, 0);
         let change = particles.motion[0].velocity - motions[0].velocity;
         assert!(change.norm() > 0.1, "they must have met");

@@ -7,7 +7,7 @@ use crate::coupling::body_map::Rules;
 use crate::coupling::bounce_back::{BounceBack, Settings};
 use crate::coupling::{Flow as _, FluidView};
 use crate::dem::space::Plane;
-use crate::dem::{Alone, Body, Kind, Motion, Particles};
+use crate::dem::{Body, Kind, Motion, Particles, alone};
 use crate::lbm::boundary::{Condition as FaceCondition, Flux, Patch, Ramp};
 use crate::lbm::collision::{Operator, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
@@ -250,10 +250,10 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     let fluid = Fluid::<f64>::new(setup, &domain).unwrap();
     let mut flow = BounceBack::<Plane, f64>::new(fluid, units, [0.0; 3], settings);
     let mut particles = packing(1e-4);
-    flow.update_bodies(&mut particles, &Alone).unwrap();
+    flow.update_bodies(&mut particles, &alone()).unwrap();
     for _ in 0..6000 {
-        flow.advance(&mut particles, &Alone).unwrap();
-        flow.update_bodies(&mut particles, &Alone).unwrap();
+        flow.advance(&mut particles, &alone()).unwrap();
+        flow.update_bodies(&mut particles, &alone()).unwrap();
     }
     let folder = tempfile::tempdir().unwrap();
     let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, None).unwrap();
