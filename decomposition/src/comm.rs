@@ -1,9 +1,9 @@
-//! Starting MPI, and the collective calls the rest of the program needs.
+//! Start of MPI, and the collective calls.
 //!
-//! Every collective call must be made by all ranks in the same order. Sums are of integers, so that
-//! they do not depend on the order in which the ranks are joined; floats are only compared.
-//! MPI's own error handler stays "errors are fatal": with errors returned instead, Open MPI 4.1
-//! delivers a truncated message without a word.
+//! All ranks must make every collective call in the same order. Sums are sums of integers: they do not
+//! depend on the order of the ranks. Floats are only compared. The error handler of MPI stays "errors
+//! are fatal": when errors are returned instead, Open MPI 4.1 delivers a truncated message without
+//! reporting it.
 
 use crate::threads::Post;
 use crate::waiting::{Wait, timed};

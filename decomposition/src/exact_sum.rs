@@ -1,13 +1,12 @@
-//! Sums that do not depend on the order of their terms, so that neither the number of ranks nor
-//! that of threads can show in a result.
+//! Sums that do not depend on the order of their terms, and therefore not on the number of ranks and
+//! threads.
 //!
-//! Two ways, by need:
-//! - [`ExactSum`] adds any floats without rounding in an integer of 2240 bits and rounds once, at
-//!   the end (Kulisch, Computer Arithmetic and Validity, 2nd ed., 2013, chapter 8; digits of 32
-//!   bits in words of 64 as in Neal, arXiv:1505.05571, so that carries can wait). For residuals, dot
-//!   products, budgets.
+//! - [`ExactSum`] adds any floats without rounding in an integer of 2240 bits and rounds once, at the
+//!   end (U. Kulisch, Computer Arithmetic and Validity, 2nd ed., 2013, chapter 8). Digits of 32 bits
+//!   stand in words of 64, so that carries can be deferred (R. M. Neal, arXiv:1505.05571). It serves
+//!   residuals, dot products and budgets.
 //! - [`Fixed`] adds numbers of known size, below 2 in magnitude, in steps of 2^-62: one multiplication
-//!   and one integer addition for each term. For the loads that many cells give to one grain.
+//!   and one integer addition for each term. It serves the loads of many cells on one grain.
 
 use crate::comm::Communicator;
 

@@ -1,8 +1,8 @@
-//! Messages between any ranks: once with sizes unknown to the receiver, or again and again with
-//! fixed sizes.
+//! Messages between any ranks: once, with sizes unknown to the receiver, or repeatedly, with fixed
+//! sizes.
 //!
-//! [`exchange()`] serves migration and the rebuilding of ghost lists; [`FixedExchange`] carries the
-//! motion of the ghosts in every solid step until the next rebuild.
+//! [`exchange()`] serves migration and the making of ghosts. [`FixedExchange`] carries the motion of
+//! the ghosts in every solid step until ghosts are made again.
 
 use crate::comm::Communicator;
 use crate::persistent::{Message, PatternError, Persistent};

@@ -1,9 +1,8 @@
 //! Exchange of the faces of a slab with its lower and its upper neighbour.
 //!
-//! Place in the step: fill the send buffers from the outermost planes, `start`, compute the planes
-//! that need no neighbour, `finish`, read what came and compute the faces. The bytes are the
-//! caller's: only the populations that leave on a side need to be packed (3 of the 9 of D2Q9, 9 of
-//! the 27 of D3Q27).
+//! In a step: fill the send buffers from the outermost planes, `start`, compute the planes that need no
+//! neighbour, `finish`, read what arrived and compute the faces. The caller packs the bytes. Only the
+//! populations that leave on a side are needed (3 of the 9 of D2Q9, 9 of the 27 of D3Q27).
 //!
 //! ```text
 //!   lower neighbour        this slab         upper neighbour

@@ -4,22 +4,22 @@
 //!            rank 0        rank 1     rank 2 (empty)   rank 3
 //!        |0 1 2 3 4 5 6|7 8 9 10 11|              |12 13 14 15|     planes along one axis
 //!               upper ->|<- lower                  |                 neighbours skip empty slabs
-//!        ^------------------------ periodic -------------------^     and may wrap round
+//!        ^------------------------ periodic -------------------^     and may wrap around
 //! ```
 //!
-//! What this crate promises:
+//! The crate guarantees:
 //!
-//! - **One owner.** A plane, and with it a particle, belongs to exactly one rank, decided on
-//!   integers: [`Slabs::plane_of`] and [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
+//! - **One owner.** A plane, and each particle in it, belongs to exactly one rank. Integers decide:
+//!   [`Slabs::plane_of`] and [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
 //! - **The same bits on any number of ranks and threads.** [`ExactSum`] and [`Fixed`] add without
-//!   rounding, so the order cannot show; [`StateHash`] proves it for a whole state.
-//! - **No hang.** Errors are agreed before anyone leaves ([`Communicator::agree`]), a panic ends
-//!   the whole job with exit code 101 ([`World::start`]), and every exchange posts its receives
-//!   before its sends.
-//! - **No allocation in the step.** [`HaloExchange`] and [`FixedExchange`] own their buffers and
-//!   their persistent requests; the caller fills, starts, computes, finishes, reads.
-//! - **No MPI needed for one rank.** [`Communicator::serial`] and [`Domain::serial`] take the same
-//!   calls and start nothing.
+//!   rounding; their results do not depend on the order. [`StateHash`] compares whole states.
+//! - **No deadlock on errors.** Ranks agree on errors before any of them leaves
+//!   ([`Communicator::agree`]). A panic ends the whole job with exit code 101 ([`World::start`]).
+//!   Every exchange posts its receives before its sends.
+//! - **No allocation in the step.** [`HaloExchange`] and [`FixedExchange`] own their buffers and their
+//!   persistent requests. The caller fills, starts, computes, finishes and reads.
+//! - **No MPI for one rank.** [`Communicator::serial`] and [`Domain::serial`] accept the same calls and
+//!   do not start MPI. [`on_threads`] runs several ranks as threads, for tests.
 //!
 //! ```
 //! use decomposition::{Axis, Domain, HaloBytes, HaloExchange};
@@ -30,7 +30,7 @@
 //! if let Some(lower) = lower { lower.copy_from_slice(&[1.0, 2.0]); } // my first plane
 //! if let Some(upper) = upper { upper.copy_from_slice(&[3.0, 4.0]); } // my last plane
 //! halo.start();
-//! // ... the planes that need no neighbour ...
+//! // ... compute the planes that need no neighbour ...
 //! halo.finish();
 //! let (from_lower, from_upper) = halo.received::<f64>();
 //! assert_eq!(from_lower, Some([3.0, 4.0].as_slice()));
@@ -38,9 +38,8 @@
 //! # Ok::<(), decomposition::Disagreement>(())
 //! ```
 //!
-//! A [`Communicator`], and all that holds one, is neither `Send` nor `Sync`: MPI is started so that
-//! one thread alone may call it, and the compiler keeps it so. Hand `&Slabs` to worker threads, not
-//! `&Domain`.
+//! A [`Communicator`], and everything that holds one, is neither `Send` nor `Sync`: only one thread of a
+//! rank may call MPI, and the compiler enforces it. Pass `&Slabs` to worker threads, not `&Domain`.
 
 #![cfg_attr(
     test,

@@ -1,9 +1,9 @@
-//! Messages of a fixed size that are sent again and again: owned buffers and persistent requests.
+//! Messages of fixed size that are sent repeatedly: owned buffers and persistent requests.
 //!
-//! The ground under [`crate::HaloExchange`] and [`crate::FixedExchange`]. Requests are made once
-//! (`MPI_Send_init`, `MPI_Recv_init`; MPI 3.1, section 3.9) and started all together, receives
-//! first. A message to the own rank is a copy. While messages are under way the buffers belong to
-//! MPI; whoever reaches for one waits first, so that no order of calls can race with the network.
+//! [`crate::HaloExchange`] and [`crate::FixedExchange`] are built on this. Requests are made once
+//! (`MPI_Send_init`, `MPI_Recv_init`; MPI 3.1, section 3.9) and started together, receives first. A
+//! message to the own rank is a copy. While messages are under way the buffers belong to MPI. Every
+//! access to a buffer waits first: no order of calls can race with the network.
 
 use crate::comm::{Communicator, Direction, count};
 use crate::waiting::{Wait, timed};

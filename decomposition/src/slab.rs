@@ -1,8 +1,8 @@
-//! Who owns which planes: a split of the domain along one axis into one slab for each rank.
+//! Ownership of planes: the domain is split along one axis into one slab for each rank.
 //!
-//! Ownership is decided once, on integers: a position belongs to the plane of half-open cells
-//! `[i, i+1)` it lies in, the plane to the rank whose range holds it. No rank ever compares a
-//! position with a slab's face in floating point, so no particle has two owners or none.
+//! Integers decide ownership. A position belongs to the plane of the half-open cell `[i, i+1)` that
+//! contains it, and the plane to the rank whose range contains it. No rank compares a position with the
+//! face of a slab in floating point: every particle has exactly one owner.
 
 use crate::comm::Communicator;
 use std::ops::Range;

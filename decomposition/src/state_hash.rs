@@ -1,9 +1,9 @@
-//! One number that tells whether two global states are the same bit for bit, whatever the split.
+//! A hash that compares two global states bit by bit, independent of the split.
 //!
-//! Every entry (field, global index, bits) goes through a mixer, and the results are added modulo
-//! 2^128: addition has no order, so any ranks and threads and any partition give the same sum. The
-//! mixer is a Feistel network (Luby and Rackoff, SIAM J Comput 17, 373 (1988)) on (index, bits) with
-//! keys from the field: a permutation, so within a field no two entries collide.
+//! Every entry (field, global index, bits) passes a mixer, and the results are added modulo 2^128.
+//! Addition has no order: any ranks, threads and partitions give the same sum. The mixer is a Feistel
+//! network (M. Luby, C. Rackoff, SIAM J. Comput. 17 (1988) 373) on (index, bits) with keys from the
+//! field. It is a permutation: no two entries of a field collide.
 
 use crate::comm::Communicator;
 

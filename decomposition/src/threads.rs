@@ -1,6 +1,6 @@
-//! Ranks as threads of one process: tests of code for several ranks run without MPI.
+//! Ranks as threads of one process: tests of several ranks run without MPI.
 //!
-//! Every pair of ranks has a channel. Messages carry a tag; those with the same tag arrive in the order of sending.
+//! Every pair of ranks has a channel. Messages carry a tag. Messages with the same tag arrive in the order of sending.
 
 use crate::comm::Communicator;
 use std::cell::RefCell;

@@ -1,7 +1,7 @@
-//! How long this process has stood in calls of MPI that wait for other ranks.
+//! Time that this process has spent in MPI calls that wait for other ranks.
 //!
-//! A clock is read before and after each blocking call, some tens of nanoseconds beside a call of microseconds, and not at all where
-//! a rank is alone. The sums are of the process: MPI runs once in it. Waits inside of HDF5's own calls of MPI are not seen.
+//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds, and
+//! nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all: `.part`, flush to the disk, rename, flush the folder.
+//! Files that appear whole or not at all: write to `.part`, flush to the disk, rename, flush the folder.
 
 use std::ffi::CString;
 use std::fs::{self, File, OpenOptions};

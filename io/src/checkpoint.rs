@@ -1,13 +1,18 @@
-//! Checkpoints: the whole state as named arrays, found again only if every bit is as it was written.
+//! Checkpoints: the whole state as named arrays, accepted again only if every bit is as written.
 //!
-//! Order of a write: space is checked; all ranks write `checkpoint_<step>.h5` under its `.part` name; every step's
-//! result is agreed; the file is closed, and each block is read back and compared with what was in memory; rank 0
-//! hashes the file, renames it, and only then writes the manifest `checkpoint_<step>.json`. A checkpoint is what a
-//! manifest names: the rename of the manifest is the one moment at which it comes to be. Older ones are removed last.
+//! Order of a write:
 //!
-//! A manifest holds the file's size and BLAKE3 hash, each block's place and CRC-32, the caller's attributes (case hash,
-//! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an
-//! older one, the newest is the one written last, not the one with the highest step.
+//! 1. The free space is checked.
+//! 2. All ranks write `checkpoint_<step>.h5` under its `.part` name. The ranks agree on the result of every step.
+//! 3. The file is closed; each block is read back and compared with memory.
+//! 4. Rank 0 hashes the file and renames it.
+//! 5. Rank 0 writes the manifest `checkpoint_<step>.json`. The rename of the manifest is the one moment at which the
+//!    checkpoint comes into existence.
+//! 6. Older checkpoints are removed.
+//!
+//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the caller (case hash,
+//! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an older
+//! checkpoint the newest is the one written last, not the one with the highest step.
 
 use std::collections::BTreeSet;
 use std::fs;

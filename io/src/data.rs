@@ -1,4 +1,4 @@
-//! Borrowed numbers with their type, as the caller has them.
+//! Borrowed numbers with their type.
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
-//! Reading files back: what is in them, and any box of any dataset.
+//! Reading files back: their contents, and any box of any dataset.
 //!
-//! Serves `info`, initial states from a file, and the tests. Every rank reads for itself.
+//! The module serves `info`, initial states from a file, and tests. Every rank reads for itself.
 
 use std::ffi::c_void;
 use std::path::Path;

@@ -1,12 +1,12 @@
-//! One HDF5 file written by many ranks: each holds a box of every dataset.
+//! One HDF5 file written by many ranks. Each rank holds a box of every dataset.
 //!
-//! [`Mode::Collective`] uses HDF5's MPI driver with collective transfers; [`Mode::Gather`] sends everything to rank 0
-//! piece by piece, which writes with the serial driver: the way out where a parallel file system or an MPI-IO layer
-//! misbehaves. Both give the same datasets, byte for byte.
+//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece by piece to
+//! rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer misbehaves. Both
+//! give the same datasets, byte for byte.
 //!
-//! A file is built as [`Content`], data first, and written by [`write()`] in one sequence of agreed steps: space, create,
-//! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to
-//! something in it lives, and `Drop` hides that; handles are therefore dropped early and `close` is explicit.
+//! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create, groups, datasets,
+//! flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an object in it is open, and
+//! `Drop` hides this. Handles are therefore dropped early and `close` is explicit.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;

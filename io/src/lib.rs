@@ -1,23 +1,49 @@
 //! HDF5, XDMF, series, atomic files and manifests: names and bytes, no physics, no MPI calls.
 //!
-//! | question | file |
+//! | task | module |
 //! |---|---|
-//! | who writes together, and how do they agree? | [`group`] |
-//! | how does a small file appear whole or not at all? | [`atomic`] |
-//! | how do many ranks fill one HDF5 file? | [`hdf`] |
-//! | how is a lattice written? | [`image`] |
-//! | how are grains, contacts and blocks written? | [`mesh`] |
-//! | how does ParaView find the steps? | [`series`] |
-//! | how is the whole state kept and found again? | [`checkpoint`] |
-//! | how is a table read and written as text? | [`csv`] |
-//! | how are numbers over time kept? | [`table`] |
-//! | how does a restart know its tables again? | [`marks`] |
-//! | how are files read back? | [`fields`] |
-//! | how is a file read that others wrote? | [`plain`] |
+//! | ranks that write together, and their agreement | [`group`] |
+//! | small files that appear whole or not at all | [`atomic`] |
+//! | one HDF5 file, filled by many ranks | [`hdf`] |
+//! | output of a lattice | [`image`] |
+//! | output of grains, contacts and blocks | [`mesh`] |
+//! | the index by which ParaView finds the steps | [`series`] |
+//! | checkpoints of the whole state | [`checkpoint`] |
+//! | tables as text | [`csv`] |
+//! | numbers over time | [`table`] |
+//! | tables as a checkpoint knows them, for restarts | [`marks`] |
+//! | reading files back | [`fields`] |
+//! | reading files of unknown origin | [`plain`] |
 //!
-//! Two promises hold everywhere. A file whose name does not end in `.part` is complete: it was written under
-//! another name, closed, flushed to the disk and renamed. And every function that takes a [`Group`] returns the same
-//! `Ok` or the same error on every rank, so that no rank waits for one that has left.
+//! The crate guarantees:
+//!
+//! - **Complete files.** A file whose name does not end in `.part` is complete: it was written under
+//!   another name, closed, flushed to the disk and renamed.
+//! - **Agreement.** Every function that takes a [`Group`] returns the same `Ok` or the same error on every
+//!   rank. No rank waits for one that has left.
+//!
+//! A checkpoint by one process without MPI, written and read back:
+//!
+//! ```
+//! use io::{Alone, Array, Mode, Reader, checkpoint, newest};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let radii = [0.5, 0.25, 0.125];
+//! let arrays = [Array {
+//!     name: "grains_radius",
+//!     shape: vec![3],
+//!     start: vec![0],
+//!     count: vec![3],
+//!     data: radii.as_slice().into(),
+//! }];
+//! let attributes = serde_json::json!({ "case": "three grains" });
+//! checkpoint::write(folder.path(), 100, 0.5, &arrays, &attributes, &Alone, Mode::Gather, 2)?;
+//!
+//! let reader = Reader::open(&newest(folder.path(), &Alone)?)?;
+//! assert_eq!(reader.attributes()["case"], "three grains");
+//! assert_eq!(reader.read_all::<f64>("grains_radius")?, radii);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![cfg_attr(
     test,

@@ -1,7 +1,7 @@
-//! Tables as a checkpoint knows them: how long each was, and a hash of its bytes.
+//! The tables of a run as a checkpoint records them: length and hash of each.
 //!
-//! A run that goes on from a checkpoint cuts its tables back to it. The hash shows whether what is left is still what was
-//! written: a table that was changed since is told, instead of being continued.
+//! A run that continues from a checkpoint cuts its tables back to the recorded length. The hash shows whether the remaining bytes are
+//! those that were written. A table that was changed meanwhile is reported and not continued.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;

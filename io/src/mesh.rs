@@ -1,8 +1,8 @@
-//! Grains, contacts and blocks, one file per output: static VTKHDF PolyData.
+//! Grains, contacts and blocks in one file for each output: static VTKHDF PolyData.
 //!
-//! Layout: Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds, polygons
-//! are the faces of blocks. Each rank brings its own points and cells with its own indices from 0; in the file they lie
-//! in order of rank. Nothing at all, on some ranks or on all, is a normal case.
+//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds, polygons
+//! are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file they stand in the
+//! order of the ranks. Any rank, or all of them, may have none.
 
 use std::path::Path;
 

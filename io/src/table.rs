@@ -1,7 +1,7 @@
-//! Numbers over time as CSV: one row at a time, each complete on the disk's cache before the next step.
+//! Numbers over time as CSV. Each row is written completely before the next step.
 //!
-//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`), which readers
-//! that know comments skip. Numbers are written with the fewest digits that read back to the same bits.
+//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know comments skip
+//! it. Numbers have the fewest digits that read back to the same bits.
 
 use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
