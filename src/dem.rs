@@ -15,7 +15,8 @@
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
 //! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
-//! | `region`, `migration`, `ghosts` | the box; which rank owns a grain; which ranks see it |
+//! | `region`, `migration` | the box; which rank owns a grain |
+//! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
@@ -32,6 +33,7 @@ mod columns;
 pub mod contact;
 mod engine;
 pub mod escape;
+mod ghost_plan;
 mod ghosts;
 mod integrate;
 mod message;

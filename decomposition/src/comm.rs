@@ -5,7 +5,7 @@
 //! are fatal": when errors are returned instead, Open MPI 4.1 delivers a truncated message without
 //! reporting it.
 
-use crate::threads::Post;
+use crate::post::Post;
 use crate::waiting::{Wait, timed};
 use mpi::Threading;
 use mpi::environment::{self, Universe};

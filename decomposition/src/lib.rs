@@ -57,6 +57,7 @@ mod exact_sum;
 mod exchange;
 mod halo;
 mod persistent;
+mod post;
 mod slab;
 mod state_hash;
 mod threads;

@@ -10,14 +10,11 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::columns::{Entry, joined};
 use super::message::{Reader, Writer};
-use super::particles::{Body, Kind, Motion, Particles, View};
+use super::particles::{Body, Kind, Motion, Particles, SPHERE, View};
 use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
 use super::table::{Columns, Table};
 use crate::error::Error;
-
-/// The number of the shape of what is no block.
-pub(super) const SPHERE: u32 = u32::MAX;
 
 /// Numbers in the state of a rotation.
 const NUMBERS: usize = 7;
@@ -153,7 +150,7 @@ impl<S: Space> Particles<S> {
             )));
         };
         body.radius = solid.radius();
-        let inertia = moments(&body, solid);
+        let inertia = body.moments(solid);
         let rotation = RotationState::new(orientation, &in_space(&motion.spin), &inertia);
         self.insert(body, motion);
         let last = self.owned - 1;
@@ -203,7 +200,7 @@ impl<S: Space> Particles<S> {
         let Some((shape, rotation)) = self.polyhedron(k) else {
             return;
         };
-        let inertia = moments(&self.body[k], shape);
+        let inertia = self.body[k].moments(shape);
         let spin = in_space(&self.motion[k].spin);
         self.rotation[k] = RotationState::new(rotation.orientation, &spin, &inertia);
     }
@@ -227,10 +224,4 @@ fn shape_of<'a>(
 ) -> Option<(&'a Polyhedron, &'a RotationState)> {
     let solid = shapes.get(*shape.get(k)? as usize)?;
     Some((solid, &rotation[k]))
-}
-
-/// Principal moments (kg m²) of a block of this mass.
-#[inline]
-pub(super) fn moments(body: &Body, shape: &Polyhedron) -> Vector3<f64> {
-    shape.inertia(body.mass / shape.volume())
 }

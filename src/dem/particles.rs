@@ -10,9 +10,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::blocks::{SPHERE, moments};
+use nalgebra::Vector3;
+
 use super::columns::{Array, Crosses, Entry, Optional, Saved, entry, grain_arrays, joined};
-use super::ghosts::GhostPlan;
+use super::ghost_plan::GhostPlan;
 use super::message::{Reader, Writer};
 use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
@@ -106,6 +107,12 @@ impl Body {
             kind: Kind::Free,
         }
     }
+
+    /// Principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
+    #[inline]
+    pub(super) fn moments(&self, shape: &Polyhedron) -> Vector3<f64> {
+        shape.inertia(self.mass / shape.volume())
+    }
 }
 
 entry! {
@@ -131,6 +138,9 @@ entry! {
         pub torque: S::Spin,
     }
 }
+
+/// The number of the shape of a sphere.
+pub(super) const SPHERE: u32 = u32::MAX;
 
 /// How many numbers [`Particles::extra`] holds per grain.
 pub const EXTRA: usize = 12;
@@ -455,7 +465,7 @@ impl<S: Space> Particles<S> {
         let twice = body.mass * motion.velocity.scalar(&motion.velocity);
         match self.polyhedron(k) {
             None => 0.5 * (twice + body.inertia * motion.spin.scalar(&motion.spin)),
-            Some((shape, rotation)) => 0.5 * twice + rotation.energy(&moments(body, shape)),
+            Some((shape, rotation)) => 0.5 * twice + rotation.energy(&body.moments(shape)),
         }
     }
 }

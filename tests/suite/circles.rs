@@ -17,15 +17,6 @@ const ALLOWED: &[&[&str]] = &[
         "src/coupling/drag/kozeny_carman.rs",
         "src/coupling/drag/law.rs",
     ],
-    // A communicator is one of MPI or of threads, and threads hand out communicators.
-    &["decomposition/src/comm.rs", "decomposition/src/threads.rs"],
-    // Particles own the store of blocks and the plan of ghosts, which pack particles.
-    &[
-        "src/dem/blocks.rs",
-        "src/dem/ghosts.rs",
-        "src/dem/migration.rs",
-        "src/dem/particles.rs",
-    ],
 ];
 
 /// A path of a module: `["dem", "engine"]`.

@@ -2,7 +2,7 @@
 //! move, which pairs of near spheres may touch, and how forces come about. The defaults are those of spheres.
 
 use super::super::Contact;
-use super::super::blocks::SPHERE;
+use super::super::particles::SPHERE;
 use super::super::polyhedron::Narrow;
 use super::*;
 

@@ -11,7 +11,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::super::blocks::{in_space, moments, out_of_space};
+use super::super::blocks::{in_space, out_of_space};
 use super::super::particles::{Body, Kind, Load, Motion, Particles};
 use super::super::polyhedron::{Damping, Polyhedron, RotationState};
 use super::super::space::Space;
@@ -58,7 +58,7 @@ fn kick<S: Space>(
         None => how.damping.kick(&spin, &(moment * (1.0 / by.body.inertia))),
         Some(shape) => {
             rotation.kick(&moment, &how.damping);
-            rotation.spin(&moments(by.body, shape))
+            rotation.spin(&by.body.moments(shape))
         }
     };
     motion.spin = out_of_space(&spin);
@@ -72,7 +72,7 @@ fn turn<S: Space>(
     dt: f64,
 ) -> f64 {
     let before = rotation.orientation;
-    let inertia = moments(body, shape);
+    let inertia = body.moments(shape);
     match body.kind {
         Kind::Free => {
             rotation.drift(&inertia, dt);
