@@ -30,6 +30,10 @@ pub mod cli;
 pub mod coupling;
 pub mod critical_gradient;
 pub mod darcy;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units stand in brackets in comments"
+)]
 pub mod dem;
 pub mod error;
 mod family;

@@ -91,7 +91,7 @@ pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
 }
 
 impl Body {
-    /// A free block of uniform density (kg/m³). `inertia` is the mean of the three principal moments, for those who want one
+    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who want one
     /// number; the engine uses all three.
     #[must_use]
     pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
@@ -129,7 +129,7 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds a block of shape number `shape` to this rank, wherever it is, as [`Self::insert`] a grain. `motion.position` is its
+    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is its
     /// centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space. `body.radius` is
     /// set to the shape's; see [`Body::of_block`] for the rest.
     ///
@@ -172,7 +172,7 @@ impl<S: Space> Particles<S> {
         self.shape.is_allocated()
     }
 
-    /// Volume of entry `k` (m³; in the plane m² per m of depth).
+    /// Volume of entry `k` [m³; m² per m of depth in two dimensions].
     #[must_use]
     pub fn volume(&self, k: usize) -> f64 {
         self.polyhedron(k).map_or_else(

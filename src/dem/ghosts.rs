@@ -14,8 +14,8 @@ use super::space::{Components, Space};
 use crate::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Makes the ghosts of every rank. `range` is what the gap between two surfaces may be for the pair to be listed, `margin` how
-/// far beyond a slab a body is wanted for other reasons than contacts. Call without ghosts. Collective.
+/// Makes the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a slab within which
+/// grains are ghosts for reasons other than contacts [m]. Call without ghosts. Collective.
 pub(super) fn make<S: Space>(
     particles: &mut Particles<S>,
     region: &Region<S>,
@@ -62,7 +62,7 @@ pub(super) fn make<S: Space>(
         let mut writer = Writer::default();
         let mut entries = Vec::new();
         for k in 0..owned {
-            // A little more than needed, so that rounding on the way never decides.
+            // A little more than needed: rounding must not decide.
             let reach =
                 (particles.body[k].radius + of_target.largest.max(margin) + range) * (1.0 + 1e-9);
             image_shifts(particles, k, region, (&lower, &upper), reach, &mut shifts);
@@ -156,7 +156,7 @@ impl<S: Space> Particles<S> {
     /// # Errors
     /// Where a message failed.
     pub fn refresh_ghosts(&mut self, domain: &Domain) -> Result<(), Error> {
-        // Taken out while the arrays are written; a plan holds lists, so that this moves some pointers.
+        // The plan is taken out while the arrays change; moving it moves some pointers.
         let mut plan = std::mem::take(&mut self.plan);
         let outcome = self.refresh_by(&mut plan, domain);
         self.plan = plan;
@@ -189,8 +189,8 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds every ghost's entry of `values` to its grain's entry at the owner, whole numbers without rounding, so that the
-    /// sum does not depend on the order. `values` has one row per entry; the rows of ghosts keep their values. Collective.
+    /// Adds the row of every ghost to the row of its grain at the owner. The numbers are integers: the sum does not depend on
+    /// the order. `values` has one row for each entry; the rows of ghosts keep their values. Collective.
     ///
     /// # Errors
     /// Where `values` has another length than the entries, or a message failed.

@@ -12,7 +12,7 @@ use super::space::{Components, Space};
 use crate::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Brings every owned grain's shift into the box and checks that none is lost.
+/// Moves the shift of every owned grain into the box and checks that none is lost.
 pub(super) fn wrap<S: Space>(
     particles: &mut Particles<S>,
     region: &Region<S>,
@@ -83,7 +83,7 @@ pub(super) fn owners<S: Space>(
         .collect()
 }
 
-/// What all ranks know of each other when lists are made.
+/// Counts and radii of the grains of a rank, known to all ranks when lists are made.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Census {
     pub(super) owned: u64,

@@ -20,7 +20,7 @@ use super::space::{Components, Space};
 use super::table::{Columns, Table, Values};
 use crate::error::Error;
 
-/// Who moves a grain.
+/// What moves a grain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Kind {
     /// Forces move it.
@@ -80,11 +80,11 @@ entry! {
     pub struct Body {
         /// Unique over all ranks and times.
         pub id: u64,
-        /// Radius (m).
+        /// Radius [m].
         pub radius: f64,
-        /// Mass (kg; in the plane kg per m of depth).
+        /// Mass [kg; kg per m of depth in two dimensions].
         pub mass: f64,
-        /// Moment of inertia about the centre (kg m²; in the plane per m of depth).
+        /// Moment of inertia about the centre [kg m²; per m of depth in two dimensions].
         pub inertia: f64,
         /// Row in the table of contact parameters.
         pub material: u32,
@@ -94,7 +94,7 @@ entry! {
 }
 
 impl Body {
-    /// A free disc or sphere of uniform density (kg/m³).
+    /// A free disc or sphere of uniform density [kg/m³].
     #[must_use]
     pub fn uniform<S: Space>(id: u64, radius: f64, density: f64, material: u32) -> Self {
         let mass = S::mass(density, radius);
@@ -119,22 +119,22 @@ entry! {
     /// Where a grain is and how it moves.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Motion<S: Space> {
-        /// Centre (m), raw: see the module.
+        /// Centre [m], raw: see the module.
         pub position: S::Vector,
-        /// Velocity of the centre (m/s).
+        /// Velocity of the centre [m/s].
         pub velocity: S::Vector,
-        /// Angular velocity (rad/s).
+        /// Angular velocity [rad/s].
         pub spin: S::Spin,
     }
 }
 
 entry! {
-    /// A force (N) and the moment about the centre (N m); in the plane both per m of depth.
+    /// A force [N] and the moment about the centre [N m]; in the plane both per m of depth.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Load<S: Space> {
-        /// Force (N).
+        /// Force [N].
         pub force: S::Vector,
-        /// Moment about the centre (N m).
+        /// Moment about the centre [N m].
         pub torque: S::Spin,
     }
 }
@@ -198,7 +198,7 @@ grain_arrays! {
             pub(super) rotation: Optional<RotationState>, EveryStep, Hashed(""), |_| RotationState::default();
         }
         derived {
-            /// Inverse mass [1/kg] and inverse moment of inertia [1/(kg m²)].
+            /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
             pub(super) mobility: Mobility, |new| Mobility::of(&new.body);
         }
         /// Entries `0..owned` are owned.
@@ -229,30 +229,30 @@ impl<S: Space> Particles<S> {
         Self::default()
     }
 
-    /// The contact loads are to be found anew before the next step: what the grains touch has changed.
+    /// Requests new contact loads before the next step. Call it when the surroundings of the grains have changed.
     pub fn forget_loads(&mut self) {
         self.loaded = false;
     }
 
-    /// How many grains this rank owns: entries `0..owned()`.
+    /// Number of grains that this rank owns: entries `0..owned()`.
     #[must_use]
     pub fn owned(&self) -> usize {
         self.owned
     }
 
-    /// How many entries there are: owned grains and ghosts.
+    /// Number of entries: owned grains and ghosts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.body.len()
     }
 
-    /// No entries at all.
+    /// Whether there are no entries.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.body.is_empty()
     }
 
-    /// Where the image of entry `k` stands (m): inside the box for an owned grain right after the lists were made.
+    /// Where the image of entry `k` stands [m]: inside the box for an owned grain right after the lists were made.
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
@@ -319,7 +319,7 @@ impl<S: Space> Particles<S> {
         Some(self.motion[k].position - *start)
     }
 
-    /// The same entries as plain slices, to be read by many threads.
+    /// The entries as plain slices, readable by many threads.
     #[must_use]
     pub fn view(&self) -> View<'_, S> {
         View {
@@ -334,14 +334,14 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Velocity (m/s) of the material point of entry `k` at `arm` from its centre.
+    /// Velocity [m/s] of the material point of entry `k` at `arm` from its centre.
     #[must_use]
     #[inline]
     pub fn velocity_at(&self, k: usize, arm: &S::Vector) -> S::Vector {
         self.motion[k].velocity + S::surface_velocity(&self.motion[k].spin, arm)
     }
 
-    /// Adds a grain to this rank, wherever it is: the next step hands it to its owner. Ghosts are dropped.
+    /// Adds a grain at any position to this rank. The next step sends it to its owner. Ghosts are dropped.
     pub fn insert(&mut self, body: Body, motion: Motion<S>) {
         self.drop_ghosts();
         self.push(&NewEntry {
@@ -354,13 +354,13 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Takes out every owned grain for which `leaves(entry)` holds and returns what they were, by rising id. Ghosts are
-    /// dropped, to be made again by the next step.
+    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts are dropped;
+    /// the next step makes them again.
     pub fn remove(
         &mut self,
         mut leaves: impl FnMut(&Self, usize) -> bool,
     ) -> Vec<(Body, Motion<S>)> {
-        // Most often nobody leaves: then nothing is allocated.
+        // Usually no grain leaves: then nothing is allocated.
         let Some(first) = (0..self.owned).find(|&k| leaves(self, k)) else {
             return Vec::new();
         };
@@ -380,7 +380,7 @@ impl<S: Space> Particles<S> {
 
     /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
     ///
-    /// Every rank that holds the grain learns of it when the lists are next made, so that happens at the next step.
+    /// The next step makes new lists and tells every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
         self.mobility[k] = Mobility::of(&self.body[k]);
@@ -392,7 +392,7 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Prescribes velocity (m/s) and spin (rad/s) of owned grain `k`, which is then driven.
+    /// Prescribes velocity [m/s] and spin [rad/s] of owned grain `k`, which is then driven.
     pub fn drive(&mut self, k: usize, velocity: S::Vector, spin: S::Spin) {
         if self.body[k].kind != Kind::Driven {
             self.set_kind(k, Kind::Driven);
@@ -402,7 +402,7 @@ impl<S: Space> Particles<S> {
         self.update_angular_momentum(k);
     }
 
-    /// Changes the radius (m) of owned grain `k`, not its mass.
+    /// Changes the radius [m] of owned grain `k`, not its mass.
     pub fn set_radius(&mut self, k: usize, radius: f64) {
         self.body[k].radius = radius;
         self.listed = false;
@@ -458,7 +458,7 @@ impl<S: Space> Particles<S> {
         Ok(particles)
     }
 
-    /// Kinetic energy (J; in the plane per m of depth) of owned grain `k`.
+    /// Kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
     #[must_use]
     pub fn kinetic_energy(&self, k: usize) -> f64 {
         let (body, motion) = (&self.body[k], &self.motion[k]);
@@ -481,7 +481,7 @@ pub struct View<'a, S: Space> {
     pub motion: &'a [Motion<S>],
     /// Which image each entry stands for.
     pub shift: &'a [[i32; 3]],
-    /// Length of the box along periodic axes, else 0 (m).
+    /// Length of the box along periodic axes, else 0 [m].
     pub lengths: [f64; 3],
     pub(super) shapes: &'a [Polyhedron],
     pub(super) shape: &'a [u32],

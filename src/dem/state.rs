@@ -70,7 +70,7 @@ impl<S: Space> Dem<S> {
         self.engine.each_contact(grains, walls);
     }
 
-    /// Gives the walls these velocities (m/s), in their order.
+    /// Gives the walls these velocities [m/s], in their order.
     pub fn drive_walls(&mut self, velocities: &[S::Vector]) {
         for (wall, velocity) in self.engine.walls_mut().iter_mut().zip(velocities) {
             wall.velocity = *velocity;

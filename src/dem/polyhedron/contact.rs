@@ -98,20 +98,20 @@ pub enum Model {
 /// A contact now, in the axes of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// From the first's centre to the contact (m).
+    /// From the first's centre to the contact [m].
     pub arm: Vector3<f64>,
     /// Unit normal from the first to the second.
     pub normal: Vector3<f64>,
-    /// Overlap (m) along the normal, positive.
+    /// Overlap [m] along the normal, positive.
     pub depth: f64,
-    /// Area of contact (m²).
+    /// Area of contact [m²].
     pub area: f64,
-    /// Second moments (m⁴) of the area about the contact point: the sum of `a a^T` over its arms `a` across the normal.
+    /// Second moments [m⁴] of the area about the contact point: the sum of `a a^T` over its arms `a` across the normal.
     pub second: Matrix3<f64>,
 }
 
 impl Geometry {
-    /// Polar second moment (m⁴) of the area: what resists twisting.
+    /// Polar second moment [m⁴] of the area: what resists twisting.
     #[must_use]
     pub fn polar(&self) -> f64 {
         self.second.trace().max(0.0)
@@ -161,7 +161,7 @@ enum Other<'a> {
 }
 
 impl Narrow {
-    /// Two blocks: the lower id first. `separation` (m) leads from the first's centre to the second's.
+    /// Two blocks: the lower id first. `separation` [m] leads from the first's centre to the second's.
     pub fn blocks(
         &mut self,
         first: &Placed,
@@ -220,7 +220,7 @@ impl Narrow {
     }
 
     /// A block (the first) and what fills the space behind a plane (the second): `normal` points out of that, and the block's
-    /// centre stands `height` (m) above it.
+    /// centre stands `height` [m] above it.
     pub fn plane(
         &mut self,
         block: &Placed,
@@ -436,7 +436,7 @@ fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector
     sum.try_normalize(0.0).unwrap_or(nearest.1)
 }
 
-/// The distance (m) from a point inside to the surface, along a unit direction.
+/// The distance [m] from a point inside to the surface, along a unit direction.
 fn exit(planes: &[HalfSpace], point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     planes
         .iter()

@@ -22,7 +22,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 pub struct RotationState {
     /// Turns the body frame into space.
     pub orientation: UnitQuaternion<f64>,
-    /// Angular momentum about the centroid (kg m²/s), in space.
+    /// Angular momentum about the centroid [kg m²/s], in space.
     pub angular_momentum: Vector3<f64>,
 }
 
@@ -43,7 +43,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Damping `rate` alpha (1/s), zero for none, over `time` (s): exact for a constant force.
+    /// Damping `rate` alpha [1/s], zero for none, over `time` [s]: exact for a constant force.
     #[must_use]
     pub fn new(rate: f64, time: f64) -> Self {
         let decay = (-rate * time).exp();
@@ -64,7 +64,7 @@ impl Damping {
 }
 
 impl RotationState {
-    /// A body of these principal moments (kg m²) that turns with `spin` (rad/s, in space).
+    /// A body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
     #[must_use]
     pub fn new(
         orientation: UnitQuaternion<f64>,
@@ -78,7 +78,7 @@ impl RotationState {
         }
     }
 
-    /// Angular velocity (rad/s) in space.
+    /// Angular velocity [rad/s] in space.
     #[inline]
     #[must_use]
     pub fn spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
@@ -86,13 +86,13 @@ impl RotationState {
         self.orientation * body.component_div(inertia)
     }
 
-    /// Angular velocity (rad/s) along the principal axes.
+    /// Angular velocity [rad/s] along the principal axes.
     #[must_use]
     pub fn body_spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
         (self.orientation.inverse() * self.angular_momentum).component_div(inertia)
     }
 
-    /// Energy of rotation (J).
+    /// Energy of rotation [J].
     #[must_use]
     pub fn energy(&self, inertia: &Vector3<f64>) -> f64 {
         let body = self.orientation.inverse() * self.angular_momentum;
@@ -112,7 +112,7 @@ impl RotationState {
         self.angular_momentum = damping.kick(&self.angular_momentum, moment);
     }
 
-    /// Turns freely for `time` (s).
+    /// Turns freely for `time` [s].
     pub fn drift(&mut self, inertia: &Vector3<f64>, time: f64) {
         let mut momentum = self.orientation.inverse() * self.angular_momentum;
         let mut q = *self.orientation.quaternion();

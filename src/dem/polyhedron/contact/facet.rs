@@ -15,9 +15,9 @@ const ROUNDING: f64 = 1e-11;
 /// What facets of one plane hide of a block, as sums over the facets in the block's frame: see [`Narrow::hide`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hidden {
-    /// m³, and its first moment (m⁴).
+    /// m³, and its first moment [m⁴].
     part: Overlap,
-    /// Area (m²) of the facets inside the block, its first (m³) and second (m⁴) moments about the centroid.
+    /// Area [m²] of the facets inside the block, its first [m³] and second [m⁴] moments about the centroid.
     area: f64,
     first: Vector3<f64>,
     second: Matrix3<f64>,
@@ -25,7 +25,7 @@ pub struct Hidden {
 
 impl Narrow {
     /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of sight to it the
-    /// facet cuts. `corners` (m) are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
+    /// facet cuts. `corners` [m] are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
     /// points to the side of the centroid.
     pub fn hide(
         &mut self,
@@ -95,7 +95,7 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// The contact of a block with the facets, whose plane is `height` (m) from its centroid; none where they hide nothing but
+    /// The contact of a block with the facets, whose plane is `height` [m] from its centroid; none where they hide nothing but
     /// rounding.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {

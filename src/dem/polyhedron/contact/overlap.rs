@@ -17,13 +17,13 @@ const GROWN: f64 = 1.0 / 68_719_476_736.0;
 /// A vector area smaller than this over the area has no direction to trust.
 const CANCELLED: f64 = 0.05;
 
-/// The overlap of two solids: m³, and relative to the first's centre m; the vector area (m²) of the first's surface in it.
+/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface in it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Overlap {
     pub(super) volume: f64,
     pub(super) centroid: Vector3<f64>,
     pub(super) area: Vector3<f64>,
-    /// Areas (m²) of the first's surface inside the second, and of the second's inside the first.
+    /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
     pub(super) surfaces: [f64; 2],
 }
 
@@ -170,7 +170,7 @@ impl Narrow {
         })
     }
 
-    /// Second moments (m⁴) about an axis of the first's surface inside the second, seen along the axis.
+    /// Second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
     pub(super) fn second_moments(
         &self,
         point: &Vector3<f64>,
