@@ -69,6 +69,10 @@ impl Post {
     ///
     /// # Panics
     /// If the other rank ended without sending it: a test then fails instead of waiting for ever.
+    #[expect(
+        clippy::panic,
+        reason = "in tests a failure is better than to wait for ever"
+    )]
     pub(crate) fn receive(&self, from: usize, tag: c_int) -> Vec<u8> {
         let early = &mut self.early.borrow_mut()[from];
         if let Some(place) = early.iter().position(|letter| letter.tag == tag) {

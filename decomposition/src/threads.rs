@@ -53,14 +53,10 @@ mod tests {
             ranks.broadcast_bytes(1, &mut root);
             assert_eq!(root, [7]);
             ranks.barrier();
-            assert_eq!(
-                exchange(
-                    &ranks,
-                    vec![((ranks.rank() + 1) % 4, vec![ranks.rank() as u8])]
-                )
-                .len(),
-                1
-            );
+            let next = (ranks.rank() + 1) % 4;
+            let came = exchange(&ranks, vec![(next, vec![3; 1 + ranks.rank()])]);
+            let last = (ranks.rank() + 3) % 4;
+            assert_eq!(came, [(last, vec![3; 1 + last])]);
             let outcome = if mine == 2 { Err("late") } else { Ok(()) };
             ranks.agree(outcome).unwrap_err().to_string()
         });
