@@ -164,16 +164,16 @@ impl Row<'_> {
         let mut cells = self.cells.clone();
         cells.trim();
         cells.deserialize(Some(self.names)).map_err(|error| {
-            let field = match error.kind() {
-                ::csv::ErrorKind::Deserialize { err, .. } => err.field(),
-                _ => None,
+            let (field, reason) = match error.kind() {
+                ::csv::ErrorKind::Deserialize { err, .. } => (err.field(), err.kind().to_string()),
+                _ => (None, error.to_string()),
             };
             let column = field.and_then(|n| usize::try_from(n).ok());
             match column.and_then(|n| Some((self.names.get(n)?, self.text(n)?))) {
                 Some((name, value)) => {
                     format!("line {}: column `{name}` cannot be `{value}`", self.line())
                 }
-                None => format!("line {}: {error}", self.line()),
+                None => format!("line {}: {reason}", self.line()),
             }
         })
     }

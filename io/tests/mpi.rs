@@ -10,10 +10,6 @@
         reason = "a test fails by panicking and prints what it measures"
     )
 )]
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test that cannot go on has failed; clippy's exemption knows only test functions"
-)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -68,7 +68,7 @@ mod tests {
             "there is no command or file `restrat`; did you mean `restart`?"
         );
         assert!(refused("frobnicate").to_string().contains("`frobnicate`"));
-        for file in ["case.json", "a/b", "case.jsn", "--output", ".", "src"] {
+        for file in ["case.json", "a/b", "case.jsn", "--output", ".", "cli"] {
             assert!(command_or_file(file.as_ref(), &commands).is_ok(), "{file}");
         }
     }

@@ -147,7 +147,7 @@ impl Table {
         );
         push_line(&mut text, &header);
         for (member, row) in members.iter().zip(&self.rows) {
-            push_line(&mut text, &row.cells(study, member));
+            push_line(&mut text, row.cells(study, member));
         }
         text
     }

@@ -198,6 +198,9 @@ mod tests {
         assert_eq!(lines.names(), ClusterRecord::COLUMNS);
         assert_eq!(lines.row().unwrap().read(), Ok(row));
         let wrong = lines.row().unwrap().read::<ClusterRecord>().unwrap_err();
-        assert_eq!(wrong, "line 3: column `kind` cannot be `lost`");
+        assert_eq!(
+            wrong,
+            "line 3: unknown variant `lost`, expected `loose` or `left`"
+        );
     }
 }
