@@ -56,7 +56,7 @@ pub(crate) fn cells_of(
     planes.flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
 }
 
-/// States of the cells of some planes across z, in the order [z][y][x], lattice units; buffers reused.
+/// States of the cells of some planes across z, in the order \[z\]\[y\]\[x\], lattice units; buffers reused.
 #[derive(Clone, Debug, Default)]
 pub struct BandStates {
     /// Density deviations.

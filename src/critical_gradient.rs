@@ -145,9 +145,9 @@ struct Inlet {
     /// Path of its number in the case.
     path: String,
     quantity: &'static str,
-    /// Head per drive and head without drive [m]; none for a flux.
+    /// Head per drive and head without drive \[m\]; none for a flux.
     head: Option<[f64; 2]>,
-    /// Lowest head of an outlet [m], and the distance of its centre [m].
+    /// Lowest head of an outlet \[m\], and the distance of its centre \[m\].
     outlet: Option<[f64; 2]>,
     liquid: f64,
     solid: f64,

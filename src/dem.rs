@@ -75,15 +75,15 @@ pub fn alone() -> Domain {
 pub struct Settings<S: Space> {
     /// The box and the planes that ranks share.
     pub region: Region<S>,
-    /// Solid time step [s].
+    /// Solid time step \[s\].
     pub time_step: f64,
     /// Gravity [m/s²].
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// Largest gap between surfaces of listed pairs [m]. A larger skin makes lists longer and rarer. No result depends on it.
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer and rarer. No result depends on it.
     pub skin: f64,
-    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius [m].
+    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius \[m\].
     pub ghost_margin: f64,
 }
 
@@ -107,7 +107,7 @@ impl<S: Space> Settings<S> {
 pub struct BondBreak<S: Space> {
     /// Solid steps done, this one included.
     pub step: u64,
-    /// Time [s] at the end of the step.
+    /// Time \[s\] at the end of the step.
     pub time: f64,
     /// Id of the grain, the lower of the two.
     pub grain: u64,
@@ -115,11 +115,11 @@ pub struct BondBreak<S: Space> {
     pub other: Option<u64>,
     /// Or the wall.
     pub wall: Option<u32>,
-    /// Contact point [m].
+    /// Contact point \[m\].
     pub position: S::Vector,
     /// Pulled or sheared.
     pub mode: Failure,
-    /// Magnitude of the fluid's force on `grain` [N].
+    /// Magnitude of the fluid's force on `grain` \[N\].
     pub fluid_force: f64,
 }
 
@@ -132,13 +132,13 @@ pub struct Contact<S: Space> {
     pub other: Option<usize>,
     /// Or the wall.
     pub wall: Option<u32>,
-    /// Overlap [m], negative for a bond in tension.
+    /// Overlap \[m\], negative for a bond in tension.
     pub overlap: f64,
     /// Unit normal from the first grain to the second, from the wall to the grain.
     pub normal: S::Vector,
-    /// Contact point [m].
+    /// Contact point \[m\].
     pub position: S::Vector,
-    /// Force of the normal spring [N], positive in compression.
+    /// Force of the normal spring \[N\], positive in compression.
     pub normal_force: f64,
     /// Whether it is bonded.
     pub bonded: bool,
@@ -290,7 +290,7 @@ impl<S: Space> Dem<S> {
         self.engine.steps()
     }
 
-    /// Solid steps done times the time step [s].
+    /// Solid steps done times the time step \[s\].
     #[must_use]
     pub fn time(&self) -> f64 {
         self.engine.time()

@@ -23,25 +23,13 @@ pub mod analysis;
 pub mod case;
 pub mod checkpoint;
 pub mod cli;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets in comments"
-)]
 pub mod coupling;
 pub mod critical_gradient;
 pub mod darcy;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets in comments"
-)]
 pub mod dem;
 pub mod error;
 mod family;
 pub mod figures;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets in comments"
-)]
 pub mod lbm;
 mod number;
 pub mod output;
@@ -49,15 +37,7 @@ pub mod plan;
 pub mod preparation;
 pub mod provenance;
 pub mod random;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets in comments"
-)]
 pub mod scene;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "units stand in brackets in comments"
-)]
 pub mod simulation;
 pub mod sweep;
 pub mod thread_pool;

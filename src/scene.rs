@@ -294,7 +294,7 @@ impl Scene {
         known.and_then(|m| m.density).unwrap_or(0.0)
     }
 
-    /// Mass of a disc (per metre of depth) or sphere of this material [kg].
+    /// Mass of a disc (per metre of depth) or sphere of this material \[kg\].
     #[must_use]
     pub fn mass(&self, material: usize, radius: f64) -> f64 {
         let density = self.density(material);

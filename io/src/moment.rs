@@ -13,7 +13,7 @@ use crate::hdf::{Attribute, Content};
 pub struct Moment {
     /// Step from the start of the simulation.
     pub step: u64,
-    /// Time [s].
+    /// Time \[s\].
     pub time: f64,
 }
 

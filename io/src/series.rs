@@ -41,7 +41,7 @@ impl Series {
     /// Start a series from nothing: an index and heavy files that an earlier run left under this name are removed.
     ///
     /// # Errors
-    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
     pub fn create(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);
@@ -59,7 +59,7 @@ impl Series {
     /// Go on with a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
     ///
     /// # Errors
-    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
     pub fn open(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);
@@ -76,7 +76,7 @@ impl Series {
     /// Make the index anew from the heavy files in the folder. Files that cannot be read are left out with a warning.
     ///
     /// # Errors
-    /// The system's error; [`Error::Invalid`] for a name that is not lower_snake.
+    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
     pub fn rebuild(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);

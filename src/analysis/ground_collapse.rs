@@ -9,7 +9,7 @@
 //! | [`stages`] | when did hole, arch, sinkhole and extension begin |
 //! | [`clusters`] | in what clusters of bonded grains does the ground come loose |
 //! | [`record`] | what does a run write down |
-//! | [`figures`] | what does it look like |
+//! | [`crate::figures`] | what does it look like |
 //!
 //! # The measures
 //!

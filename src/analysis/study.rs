@@ -24,11 +24,11 @@ pub struct RunReport {
     pub folder: PathBuf,
     /// `outcome` of its summary; `unfinished` without one.
     pub outcome: String,
-    /// Pressure difference [Pa].
+    /// Pressure difference \[Pa\].
     pub pressure_difference: f64,
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Time reached [s].
+    /// Time reached \[s\].
     pub end: f64,
     /// M_e / M_0 at the end.
     pub eroded_fraction: f64,

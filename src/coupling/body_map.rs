@@ -34,9 +34,9 @@ pub struct Grid {
     pub start: [usize; 3],
     /// Periodic axes.
     pub periodic: [bool; 3],
-    /// Lower corner of the domain [m].
+    /// Lower corner of the domain \[m\].
     pub origin: [f64; 3],
-    /// Edge of a cell [m].
+    /// Edge of a cell \[m\].
     pub spacing: f64,
 }
 

@@ -34,7 +34,7 @@ pub fn about_centre(centre: [f64; 3], load: &Load) -> [f64; 6] {
     ]
 }
 
-/// A load in SI; `buoyancy` [N/m3] acts on `volume` [m3].
+/// A load in SI; `buoyancy` [N/m3] acts on `volume` \[m3\].
 #[must_use]
 pub fn to_grain<Sp: Space>(
     units: &LatticeUnits,

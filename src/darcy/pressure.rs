@@ -55,12 +55,12 @@ pub struct Liquid {
 pub enum Condition {
     /// Imposed pressure.
     Pressure {
-        /// Pressure [Pa].
+        /// Pressure \[Pa\].
         value: f64,
     },
     /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
     Head {
-        /// Head [m].
+        /// Head \[m\].
         value: f64,
     },
     /// Imposed flux through the face.

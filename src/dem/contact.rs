@@ -55,11 +55,11 @@ use super::space::{Components, Space};
 pub struct PairProperties {
     /// Both materials.
     pub materials: [u32; 2],
-    /// Mean diameter [m] of two grains, the grain's own against a wall.
+    /// Mean diameter \[m\] of two grains, the grain's own against a wall.
     pub diameter: f64,
-    /// Effective mass [kg]: `m1 m2 / (m1 + m2)`, the grain's own against a wall or a grain that forces do not move.
+    /// Effective mass \[kg\]: `m1 m2 / (m1 + m2)`, the grain's own against a wall or a grain that forces do not move.
     pub mass: f64,
-    /// `r1 r2 / (r1 + r2)` [m], the grain's radius against a wall.
+    /// `r1 r2 / (r1 + r2)` \[m\], the grain's radius against a wall.
     pub rolling_radius: f64,
     /// `(1/I1 + 1/I2)^-1` [kg m²] about the contact point, the grain's own as for the mass.
     pub rolling_inertia: f64,
@@ -68,7 +68,7 @@ pub struct PairProperties {
 /// Overlap and relative motion of two bodies in contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactKinematics<S: Space> {
-    /// Overlap [m]; negative for a gap.
+    /// Overlap \[m\]; negative for a gap.
     pub overlap: f64,
     /// Unit normal from the first to the second.
     pub normal: S::Vector,
@@ -78,7 +78,7 @@ pub struct ContactKinematics<S: Space> {
     pub slip: S::Tangent,
     /// Spin of the second relative to the first [rad/s].
     pub roll: S::Spin,
-    /// Time step [s] over which the history advances.
+    /// Time step \[s\] over which the history advances.
     pub time_step: f64,
 }
 
@@ -95,11 +95,11 @@ pub enum Failure {
 /// The force on the second partner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactForce<S: Space> {
-    /// Along the normal [N], positive in compression.
+    /// Along the normal \[N\], positive in compression.
     pub normal: f64,
-    /// Across it [N].
+    /// Across it \[N\].
     pub tangent: S::Tangent,
-    /// Rolling moment [N m]; only where the law is one that rolls: [`ContactLaw::ROLLS`].
+    /// Rolling moment \[N m\]; only where the law is one that rolls: [`ContactLaw::ROLLS`].
     pub moment: S::Spin,
     /// The bond failed in this step.
     pub failure: Option<Failure>,
@@ -125,7 +125,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn table(&self) -> PairTable<Self::Row>;
     /// The scale of a pair.
     fn scale(row: &Self::Row, pair: &PairProperties) -> Self::Scale;
-    /// The constants of a pair of mean diameter `diameter` [m], by multiplications alone.
+    /// The constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
     fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
     /// The constants of a pair.
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
@@ -138,7 +138,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
         history: &mut Self::History,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S>;
-    /// Force of the normal spring [N] at an overlap [m], positive in compression.
+    /// Force of the normal spring \[N\] at an overlap \[m\], positive in compression.
     fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
@@ -157,17 +157,17 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bonded(_: &Self::History) -> bool {
         false
     }
-    /// The widest gap [m] across which a pair is bonded.
+    /// The widest gap \[m\] across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
-    /// Bonds a pair of this overlap [m], negative for a gap; false where its materials do not bond.
+    /// Bonds a pair of this overlap \[m\], negative for a gap; false where its materials do not bond.
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }
     /// Takes the bond away.
     fn unbond(_: &mut Self::History) {}
-    /// The widest gap [m] over which a bonded pair still acts, for mean diameters [m] between the two.
+    /// The widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }
@@ -199,7 +199,7 @@ impl Law {
         })
     }
 
-    /// `sqrt(m/k)` [s] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
+    /// `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
     /// explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to 0.2 of the
     /// limit is usual).
     #[must_use]

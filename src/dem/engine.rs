@@ -55,7 +55,7 @@ use parts::Parts;
 struct WallFailure<S: Space> {
     grain: u32,
     wall: u32,
-    /// From the grain's centre to the contact [m].
+    /// From the grain's centre to the contact \[m\].
     arm: S::Vector,
     mode: Failure,
 }
@@ -109,10 +109,10 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) wall_memories: Vec<(WallKey, L::History)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
-    /// The active pairs hold up to this path [m], and since this step.
+    /// The active pairs hold up to this path \[m\], and since this step.
     activated: f64,
     activated_at: u64,
-    /// How far a grain may move between two looks at all gaps [m].
+    /// How far a grain may move between two looks at all gaps \[m\].
     look: f64,
     parallel: bool,
     parts: Parts<S>,
@@ -318,7 +318,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` [s].
+    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\].
     fn sphere_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         self.tested += self.active.len() as u64;
         self.failures.clear();

@@ -15,7 +15,7 @@ use crate::error::Error;
 use decomposition::{Domain, exchange};
 
 /// Makes the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a slab within which
-/// grains are ghosts for reasons other than contacts [m]. Call without ghosts. Collective.
+/// grains are ghosts for reasons other than contacts \[m\]. Call without ghosts. Collective.
 pub(super) fn make<S: Space>(
     particles: &mut Particles<S>,
     region: &Region<S>,

@@ -208,7 +208,7 @@ impl Overlaps {
 }
 
 impl Search {
-    /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` [m] apart and of which at least one is owned
+    /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned
     /// and one can be moved by forces, in the order the module says.
     #[cfg(test)]
     pub(super) fn pairs<S: Space>(
@@ -221,7 +221,7 @@ impl Search {
         self.each(visit);
     }
 
-    /// Finds every pair whose surfaces are at most `gap` [m] apart and of which at least one is owned and one can be moved by
+    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be moved by
     /// forces; returns how many.
     pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         let pairs = self.find_pairs(particles, gap);
@@ -245,7 +245,7 @@ impl Search {
         }
     }
 
-    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` [m] of the box between two
+    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box between two
     /// corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,

@@ -80,7 +80,7 @@ entry! {
     pub struct Body {
         /// Unique over all ranks and times.
         pub id: u64,
-        /// Radius [m].
+        /// Radius \[m\].
         pub radius: f64,
         /// Mass [kg; kg per m of depth in two dimensions].
         pub mass: f64,
@@ -119,7 +119,7 @@ entry! {
     /// Where a grain is and how it moves.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Motion<S: Space> {
-        /// Centre [m], raw: see the module.
+        /// Centre \[m\], raw: see the module.
         pub position: S::Vector,
         /// Velocity of the centre [m/s].
         pub velocity: S::Vector,
@@ -129,12 +129,12 @@ entry! {
 }
 
 entry! {
-    /// A force [N] and the moment about the centre [N m]; in the plane both per m of depth.
+    /// A force \[N\] and the moment about the centre \[N m\]; in the plane both per m of depth.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Load<S: Space> {
-        /// Force [N].
+        /// Force \[N\].
         pub force: S::Vector,
-        /// Moment about the centre [N m].
+        /// Moment about the centre \[N m\].
         pub torque: S::Spin,
     }
 }
@@ -175,7 +175,7 @@ grain_arrays! {
         given {
             /// What each entry is.
             pub body: Vec<Body>, Creation, Hashed("");
-            /// Which image each entry stands for [box lengths along each axis]. It depends on when lists were made; a
+            /// Which image each entry stands for \[box lengths along each axis\]. It depends on when lists were made; a
             /// checkpoint holds the shift that brings the grain into the box instead.
             pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
             /// Position, velocity and spin of each entry.
@@ -190,7 +190,7 @@ grain_arrays! {
             /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
             /// [`Self::keep_extra`].
             pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
-            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later [m]; meaningless for ghosts.
+            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless for ghosts.
             pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
             /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
@@ -207,9 +207,9 @@ grain_arrays! {
         pub(super) shapes: Arc<[Polyhedron]>,
         /// Who holds which ghosts.
         pub(super) plan: GhostPlan,
-        /// Length of the box along periodic axes, else 0 [m].
+        /// Length of the box along periodic axes, else 0 \[m\].
         pub(super) lengths: [f64; 3],
-        /// Lower corner of the box [m].
+        /// Lower corner of the box \[m\].
         pub(super) origin: [f64; 3],
         /// Whether the lists made for these grains still hold.
         pub(super) listed: bool,
@@ -252,7 +252,7 @@ impl<S: Space> Particles<S> {
         self.body.is_empty()
     }
 
-    /// Where the image of entry `k` stands [m]: inside the box for an owned grain right after the lists were made.
+    /// Where the image of entry `k` stands \[m\]: inside the box for an owned grain right after the lists were made.
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
@@ -311,7 +311,7 @@ impl<S: Space> Particles<S> {
         self.start.is_allocated()
     }
 
-    /// Displacement of owned grain `k` from its start [m]. Positions are raw: a path through a periodic face counts in full.
+    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts in full.
     /// `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
@@ -402,7 +402,7 @@ impl<S: Space> Particles<S> {
         self.update_angular_momentum(k);
     }
 
-    /// Changes the radius [m] of owned grain `k`, not its mass.
+    /// Changes the radius \[m\] of owned grain `k`, not its mass.
     pub fn set_radius(&mut self, k: usize, radius: f64) {
         self.body[k].radius = radius;
         self.listed = false;
@@ -481,7 +481,7 @@ pub struct View<'a, S: Space> {
     pub motion: &'a [Motion<S>],
     /// Which image each entry stands for.
     pub shift: &'a [[i32; 3]],
-    /// Length of the box along periodic axes, else 0 [m].
+    /// Length of the box along periodic axes, else 0 \[m\].
     pub lengths: [f64; 3],
     pub(super) shapes: &'a [Polyhedron],
     pub(super) shape: &'a [u32],

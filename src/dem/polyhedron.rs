@@ -51,12 +51,12 @@ use nalgebra::Vector3;
 pub struct HalfSpace {
     /// Unit normal, outwards.
     pub normal: Vector3<f64>,
-    /// Distance [m] of the plane from the origin along the normal.
+    /// Distance \[m\] of the plane from the origin along the normal.
     pub offset: f64,
 }
 
 impl HalfSpace {
-    /// How far [m] a point is outside; negative inside.
+    /// How far \[m\] a point is outside; negative inside.
     #[inline(always)]
     #[must_use]
     pub fn height(&self, point: &Vector3<f64>) -> f64 {

@@ -5,18 +5,18 @@ use super::space::{Components, Space};
 /// The box the grains live in, and the planes of the split axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region<S: Space> {
-    /// Lower corner [m].
+    /// Lower corner \[m\].
     pub lower: S::Vector,
-    /// Upper corner [m].
+    /// Upper corner \[m\].
     pub upper: S::Vector,
     /// Which axes are periodic.
     pub periodic: [bool; 3],
-    /// Thickness of one plane of the split axis [m], counted from the lower corner.
+    /// Thickness of one plane of the split axis \[m\], counted from the lower corner.
     pub spacing: f64,
 }
 
 impl<S: Space> Region<S> {
-    /// A box without periodic axes, split in planes of `spacing` [m].
+    /// A box without periodic axes, split in planes of `spacing` \[m\].
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
         Self {

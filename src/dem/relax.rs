@@ -35,9 +35,9 @@ impl Default for Relaxation {
 /// Unbalanced force and speed of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stillness {
-    /// Largest resultant force on a free grain [N].
+    /// Largest resultant force on a free grain \[N\].
     pub resultant: f64,
-    /// Largest spring force of a contact [N], pushing or pulling.
+    /// Largest spring force of a contact \[N\], pushing or pulling.
     pub contact: f64,
     /// Speed of the fastest grain [m/s].
     pub speed: f64,

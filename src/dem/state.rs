@@ -78,7 +78,7 @@ impl<S: Space> Dem<S> {
     }
 
     /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
-    /// [`Particles::from_table`].
+    /// `Particles::from_table`.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type, or the number of walls differs.

@@ -34,7 +34,7 @@ struct Facet {
     first: u32,
     end: u32,
     normal: Vector3<f64>,
-    /// Greatest extent [m].
+    /// Greatest extent \[m\].
     size: f64,
 }
 
@@ -51,7 +51,7 @@ enum Feature {
 pub struct Nearest {
     /// The facet.
     pub facet: u32,
-    /// Distance [m] of the centre.
+    /// Distance \[m\] of the centre.
     pub distance: f64,
     /// Unit normal from the surface to the centre.
     pub normal: Vector3<f64>,
@@ -64,7 +64,7 @@ const RIM: f64 = 1e-9;
 const SAME: f64 = 0.984_807_753_012_208;
 
 impl Surface {
-    /// Facets of at least three corners each, given by numbers of `vertices` [m].
+    /// Facets of at least three corners each, given by numbers of `vertices` \[m\].
     ///
     /// # Errors
     /// A sentence where there is no facet, or one is flat to a line, not plane or not convex, or has no such vertex.
@@ -126,7 +126,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// The faces of a box between two corners [m].
+    /// The faces of a box between two corners \[m\].
     ///
     /// # Errors
     /// Where the box has no volume.
@@ -165,7 +165,7 @@ impl Surface {
         self.facets.is_empty()
     }
 
-    /// Corners of a facet [m], in order.
+    /// Corners of a facet \[m\], in order.
     pub fn corners(&self, facet: usize) -> impl DoubleEndedIterator<Item = Vector3<f64>> + '_ {
         self.numbers(facet)
             .iter()
@@ -220,14 +220,14 @@ impl Surface {
         &self.corners[facet.first as usize..facet.end as usize]
     }
 
-    /// Distance [m] of a point from a facet.
+    /// Distance \[m\] of a point from a facet.
     #[must_use]
     pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
         self.nearest(facet, point, f64::INFINITY)
             .map_or(f64::INFINITY, |near| near.distance)
     }
 
-    /// Distance [m] of a point from the nearest facet.
+    /// Distance \[m\] of a point from the nearest facet.
     #[must_use]
     pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
         (0..self.len())
@@ -302,7 +302,7 @@ impl Surface {
         })
     }
 
-    /// The contacts nearer than `reach` [m] of a centre with the facets `near`, which hold all facets within reach: by rising
+    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach: by rising
     /// number of the facet. `found` is emptied first.
     pub fn contacts(
         &self,

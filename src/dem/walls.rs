@@ -10,7 +10,7 @@ use super::surface::Surface;
 /// A half-space that grains cannot enter, or a surface that they touch from either side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall<S: Space> {
-    /// A point of the plane [m], now; of a surface, how far it has moved.
+    /// A point of the plane \[m\], now; of a surface, how far it has moved.
     pub point: S::Vector,
     /// Unit normal of the plane, into the grains; zero for a surface.
     pub normal: S::Vector,
@@ -25,7 +25,7 @@ pub struct Wall<S: Space> {
 }
 
 impl<S: Space> Wall<S> {
-    /// A wall at rest through `point` [m] whose `normal`, of any length, points into the grains.
+    /// A wall at rest through `point` \[m\] whose `normal`, of any length, points into the grains.
     #[must_use]
     pub fn new(point: S::Vector, normal: S::Vector, material: u32) -> Self {
         let length = normal.length();
@@ -52,13 +52,13 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// A point [m] as the facets see it.
+    /// A point \[m\] as the facets see it.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
         S::to_volume(&(*point - self.point))
     }
 
-    /// Distance [m] of a point from the plane, positive on the grains' side.
+    /// Distance \[m\] of a point from the plane, positive on the grains' side.
     #[must_use]
     #[inline(always)]
     pub fn distance(&self, point: &S::Vector) -> f64 {

@@ -68,7 +68,7 @@ pub enum Condition {
     Pressure(Ramp),
     /// The fluid leaves with the state it has.
     Outflow,
-    /// The fluid is carried out with this velocity [cells per step]; without one with its own.
+    /// The fluid is carried out with this velocity \[cells per step\]; without one with its own.
     Convective(Option<f64>),
     /// No flow through, no friction along.
     FreeSlip,

@@ -64,7 +64,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Height of a point over it [cells].
+    /// Height of a point over it \[cells\].
     #[inline(always)]
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {

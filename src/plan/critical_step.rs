@@ -9,9 +9,9 @@ use crate::scene::grains::GrainSource;
 /// The critical time step and the grain that decides it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Critical {
-    /// The shortest limit of any grain [s].
+    /// The shortest limit of any grain \[s\].
     pub(crate) time_step: f64,
-    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh [s].
+    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh \[s\].
     pub(crate) limits: TimeLimits,
 }
 

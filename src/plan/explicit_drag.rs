@@ -85,7 +85,7 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// The time in which drag stops a grain of this mass [kg] at rest relative to the water [s].
+/// The time in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\].
 fn stopping_time(seepage: &Seepage, grain: &Grain, mass: f64, porosity: f64) -> f64 {
     let written = &seepage.written;
     let porosity = porosity.clamp(written.least_porosity, written.porosity_cap);

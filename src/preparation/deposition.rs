@@ -325,7 +325,7 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// Radii [m] of the grains of a grading, drawn from the seed.
+/// Radii \[m\] of the grains of a grading, drawn from the seed.
 fn radii(
     grading: &Grading,
     number: usize,

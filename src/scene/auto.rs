@@ -54,7 +54,7 @@ pub struct Reason {
 pub struct Limit {
     /// What it keeps.
     pub what: String,
-    /// The longest time step that does [s].
+    /// The longest time step that does \[s\].
     pub time_step: f64,
 }
 

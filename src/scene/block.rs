@@ -5,12 +5,12 @@ use super::grid::Grid;
 use crate::case::geometry::{Extent, Vector};
 use serde::Serialize;
 
-/// An axis-parallel box [m]; in 2-D the third component is zero and does not matter.
+/// An axis-parallel box \[m\]; in 2-D the third component is zero and does not matter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Block {
-    /// Lower corner [m].
+    /// Lower corner \[m\].
     pub from: [f64; 3],
-    /// Upper corner [m].
+    /// Upper corner \[m\].
     pub to: [f64; 3],
     /// 2 or 3.
     pub dimension: usize,

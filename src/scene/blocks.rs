@@ -32,7 +32,7 @@ pub struct Blocks {
     pub number: usize,
     /// How many of them never move.
     pub fixed: usize,
-    /// Volume of all together [m3].
+    /// Volume of all together \[m3\].
     pub volume: f64,
     /// The blocks, in the order of their ids.
     #[serde(skip)]
@@ -42,7 +42,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Diameter of the largest sphere in the thinnest block [m].
+    /// Diameter of the largest sphere in the thinnest block \[m\].
     #[must_use]
     pub fn thinnest(&self) -> Option<f64> {
         let blocks = self.list.iter();

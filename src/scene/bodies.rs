@@ -17,12 +17,12 @@ use serde::Serialize;
 pub struct Body {
     /// Its name.
     pub name: String,
-    /// Radius [m]; of a polyhedron that of the sphere round its centroid that holds it.
+    /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
     pub radius: f64,
     /// The polyhedron, if it is one, where it stands.
     #[serde(skip)]
     pub solid: Option<Solid>,
-    /// Centre [m].
+    /// Centre \[m\].
     pub position: [f64; 3],
     /// Velocity at the start [m/s], or at all times if driven.
     pub velocity: [f64; 3],
@@ -35,7 +35,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// Diameter of the largest sphere in a polyhedron [m].
+    /// Diameter of the largest sphere in a polyhedron \[m\].
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.solid

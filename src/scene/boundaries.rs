@@ -43,18 +43,18 @@ pub enum Condition {
     Velocity {
         /// The profile.
         profile: VelocityProfile,
-        /// It grows linearly from zero over this time [s]; 0 for at once.
+        /// It grows linearly from zero over this time \[s\]; 0 for at once.
         ramp_time: f64,
         /// What fluctuates about the profile.
         turbulence: Option<Fluctuations>,
     },
-    /// Pressure imposed: from `from` linearly to `value` [Pa] over `ramp_time` [s]; 0 for at once.
+    /// Pressure imposed: from `from` linearly to `value` \[Pa\] over `ramp_time` \[s\]; 0 for at once.
     Pressure {
-        /// Final pressure above the reference [Pa].
+        /// Final pressure above the reference \[Pa\].
         value: f64,
-        /// Pressure at the start [Pa].
+        /// Pressure at the start \[Pa\].
         from: f64,
-        /// Time of the change [s].
+        /// Time of the change \[s\].
         ramp_time: f64,
     },
     /// No gradient along the normal.

@@ -19,7 +19,7 @@ pub const MOST_CELLS: f64 = 1e6;
 /// Analysis of a ground that collapses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroundCollapse {
-    /// Time between samples [s].
+    /// Time between samples \[s\].
     pub every: f64,
     /// The seepage points.
     pub points: Vec<SeepagePoint>,
@@ -27,11 +27,11 @@ pub struct GroundCollapse {
     pub axes: [usize; 3],
     /// Whether gravity points to smaller coordinates.
     pub upright: bool,
-    /// Edge of the cells [m]; from the grains without it.
+    /// Edge of the cells \[m\]; from the grains without it.
     pub cell_size: Option<f64>,
     /// Part of its solid below which a cell is void.
     pub void_below: f64,
-    /// Displacement from which a grain is loose [mean diameters].
+    /// Displacement from which a grain is loose \[mean diameters\].
     pub loose_diameters: f64,
     /// Percentile of the settlement.
     pub settlement_percentile: f64,
@@ -216,7 +216,7 @@ fn points(
 }
 
 impl GroundCollapse {
-    /// Cells along the three axes of [`Self::axes`] for a domain, with edges near `size` [m], and no more than allowed.
+    /// Cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more than allowed.
     #[must_use]
     pub fn cells(&self, domain: [f64; 3], size: f64) -> [usize; 3] {
         let least = (domain.iter().product::<f64>() / MOST_CELLS).cbrt();

@@ -35,7 +35,7 @@ pub struct Flow {
     pub turbulence: Option<Turbulence>,
     /// Storage precision of the populations.
     pub storage: Precision,
-    /// Time step [s].
+    /// Time step \[s\].
     pub time_step: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
@@ -47,7 +47,7 @@ pub struct Flow {
     pub gravity_acts: bool,
     /// Fluid at the start.
     pub initial: Initial,
-    /// Conditions of the faces, by [`Face::index`]. Each face that is not periodic has at least one patch, the first
+    /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
     /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
     pub faces: [Vec<Patch>; 6],
 }
@@ -61,15 +61,15 @@ pub enum BodyForce {
     Oscillating {
         /// Largest force [N/m3].
         amplitude: [f64; 3],
-        /// Period [s].
+        /// Period \[s\].
         period: f64,
-        /// Phase at the start [rad].
+        /// Phase at the start \[rad\].
         phase: f64,
     },
 }
 
 impl BodyForce {
-    /// The force at a time [s].
+    /// The force at a time \[s\].
     #[must_use]
     pub fn at(&self, time: f64) -> [f64; 3] {
         match self {

@@ -115,7 +115,7 @@ impl Grading {
             .sum())
     }
 
-    /// Smallest and largest radius [m].
+    /// Smallest and largest radius \[m\].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         self.classes()

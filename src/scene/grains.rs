@@ -29,7 +29,7 @@ pub struct Grains {
     pub cut: Vec<(String, Block)>,
     /// Whether contacts are bonded after preparation and cutting.
     pub bond_at_start: bool,
-    /// Smallest and largest radius [m].
+    /// Smallest and largest radius \[m\].
     pub radii: Option<(f64, f64)>,
     /// How many before cutting.
     pub expected: usize,

@@ -13,9 +13,9 @@ pub struct Grid {
     pub dimension: usize,
     /// Cells along each axis; 1 along z in 2-D.
     pub cells: [usize; 3],
-    /// Edge lengths [m]; along z in 2-D one spacing, which has no meaning.
+    /// Edge lengths \[m\]; along z in 2-D one spacing, which has no meaning.
     pub size: [f64; 3],
-    /// Edge h of a cell [m].
+    /// Edge h of a cell \[m\].
     pub spacing: f64,
     /// Whether the domain repeats along each axis; false along z in 2-D.
     pub periodic: [bool; 3],
@@ -35,7 +35,7 @@ impl Grid {
         self.cells.iter().product()
     }
 
-    /// The centre of a cell [m].
+    /// The centre of a cell \[m\].
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
         cell.map(|i| (real(i) + 0.5) * self.spacing)

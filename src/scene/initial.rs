@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 /// The fluid at the start, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Initial {
-    /// One velocity [m/s] and pressure [Pa] everywhere; zero at rest.
+    /// One velocity [m/s] and pressure \[Pa\] everywhere; zero at rest.
     Uniform {
         /// Velocity [m/s].
         velocity: [f64; 3],
-        /// Pressure above the reference [Pa].
+        /// Pressure above the reference \[Pa\].
         pressure: f64,
     },
     /// Taylor-Green vortices: u = -U cos(ax) sin(by) cos(cz), v = (a/b) U sin(ax) cos(by) cos(cz).
@@ -31,7 +31,7 @@ pub enum Initial {
     ShearLayers {
         /// U on either side [m/s].
         velocity: f64,
-        /// Thickness of a layer [m].
+        /// Thickness of a layer \[m\].
         thickness: f64,
         /// Velocity across over U.
         perturbation: f64,

@@ -37,7 +37,7 @@ pub enum Action {
     Generate {
         /// Grains per second [1/s].
         rate: f64,
-        /// Radii [m].
+        /// Radii \[m\].
         radii: Radii,
         /// Velocity [m/s].
         velocity: [f64; 3],
@@ -57,7 +57,7 @@ pub enum Action {
 pub struct Probe {
     /// Name of its file.
     pub name: String,
-    /// Time between samples [s].
+    /// Time between samples \[s\].
     pub every: f64,
     /// Where.
     pub at: ProbeAt,
@@ -66,13 +66,13 @@ pub struct Probe {
 /// Where a probe samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum ProbeAt {
-    /// Velocity and pressure at a point [m].
+    /// Velocity and pressure at a point \[m\].
     Point([f64; 3]),
     /// Velocity and pressure along a line.
     Line {
-        /// First point [m].
+        /// First point \[m\].
         from: [f64; 3],
-        /// Last point [m].
+        /// Last point \[m\].
         to: [f64; 3],
         /// Number of points.
         points: usize,
@@ -81,7 +81,7 @@ pub enum ProbeAt {
     Plane {
         /// Axis normal to it: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate [m].
+        /// Its coordinate \[m\].
         position: f64,
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
@@ -97,7 +97,7 @@ pub struct ErosionLaw {
     pub hole: Block,
     /// Axis of the flow: 0, 1 or 2.
     pub flow_axis: usize,
-    /// Time between samples [s].
+    /// Time between samples \[s\].
     pub every: f64,
     /// Indices of the regions whose removals count as eroded.
     pub outlets: Vec<usize>,

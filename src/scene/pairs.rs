@@ -11,9 +11,9 @@ use std::ops::{ControlFlow, Range};
 /// A disc or sphere, with whatever gap counts as near.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
-    /// Centre [m].
+    /// Centre \[m\].
     pub(crate) at: [f64; 3],
-    /// Half of the distance [m] up to which it is near to a ball of its size.
+    /// Half of the distance \[m\] up to which it is near to a ball of its size.
     pub(crate) reach: f64,
 }
 
@@ -28,7 +28,7 @@ struct Entry {
 }
 
 /// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their reaches apart, until
-/// `visit` breaks. `period` holds the length of each periodic axis [m]. Balls without a finite place or a positive reach are near to nothing.
+/// `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite place or a positive reach are near to nothing.
 pub(crate) fn near(
     balls: &[Ball],
     period: [Option<f64>; 3],

@@ -1,4 +1,4 @@
-//! Velocities over a face from a CSV file: the tangential coordinates [m], then the velocity components [m/s].
+//! Velocities over a face from a CSV file: the tangential coordinates \[m\], then the velocity components [m/s].
 //!
 //! The first line is a header; empty lines and lines that begin with `#` are skipped. In 2-D the velocity is linear
 //! between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Rows of a table at most.
 pub const MOST_ROWS: usize = 1_000_000;
-/// Longest file [bytes]: so many rows of five numbers with all their digits.
+/// Longest file \[bytes\]: so many rows of five numbers with all their digits.
 const LONGEST: u64 = 256 << 20;
 
 /// A table of velocities; in texts it stands as its path.
@@ -80,7 +80,7 @@ impl Table {
         self.rows.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// The velocity [m/s] at the tangential coordinates [m] of a place.
+    /// The velocity [m/s] at the tangential coordinates \[m\] of a place.
     #[must_use]
     pub fn at(&self, across: &[f64]) -> [f64; 3] {
         let rows = &self.rows;

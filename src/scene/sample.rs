@@ -10,9 +10,9 @@ use std::fmt::Write;
 /// A grain of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Grain {
-    /// Centre [m].
+    /// Centre \[m\].
     pub position: [f64; 3],
-    /// Radius [m].
+    /// Radius \[m\].
     pub radius: f64,
     /// Velocity [m/s].
     pub velocity: [f64; 3],

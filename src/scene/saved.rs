@@ -34,7 +34,7 @@ const OWN: [&str; 23] = [
 const OWN_ENDINGS: [&str; 5] = [".xmf", ".vtkhdf", ".h5", ".part", ".lock"];
 /// Beginnings of the names of tables and checkpoints.
 const OWN_BEGINNINGS: [&str; 3] = ["probe_", "checkpoint", "."];
-/// Longest name [bytes], with room for the ending of a file that is being written.
+/// Longest name \[bytes\], with room for the ending of a file that is being written.
 const LONGEST: usize = 200;
 
 /// Looks at every name that a case gives to a file of its run.

@@ -26,15 +26,15 @@ const MOST_INTERVAL: u32 = 1_000_000;
 pub struct Seepage {
     /// The choices as written.
     pub written: Darcy,
-    /// Longest time between two couplings for the accuracy asked for [s]; none where the case states the interval or asks for none.
+    /// Longest time between two couplings for the accuracy asked for \[s\]; none where the case states the interval or asks for none.
     pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
-    /// Its lower corner [m].
+    /// Its lower corner \[m\].
     pub origin: [f64; 3],
-    /// Edges of a cell [m]; 1 along z in 2-D.
+    /// Edges of a cell \[m\]; 1 along z in 2-D.
     pub spacing: [f64; 3],
-    /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it [m].
+    /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it \[m\].
     pub planes: Vec<([f64; 3], f64)>,
     /// Conditions, in the order of the case.
     pub patches: Vec<Patch>,
@@ -94,7 +94,7 @@ impl Seepage {
         self.cells.iter().product()
     }
 
-    /// Steps of the grains, each of this time [s], between two couplings.
+    /// Steps of the grains, each of this time \[s\], between two couplings.
     #[must_use]
     pub fn coupling_interval(&self, solid_time_step: f64) -> u32 {
         let chosen = self.coupling_time.map_or(USUAL_INTERVAL, |time| {
@@ -104,7 +104,7 @@ impl Seepage {
         self.written.coupling_interval.unwrap_or(chosen)
     }
 
-    /// Centre of a patch [m].
+    /// Centre of a patch \[m\].
     #[must_use]
     pub fn centre(&self, patch: &Patch) -> [f64; 3] {
         std::array::from_fn(|a| {
@@ -119,7 +119,7 @@ impl Seepage {
         })
     }
 
-    /// The smallest edge of a cell [m].
+    /// The smallest edge of a cell \[m\].
     #[must_use]
     pub fn smallest_edge(&self, dimension: usize) -> f64 {
         self.spacing[..dimension]

@@ -167,7 +167,7 @@ fn gusts(fluctuations: Option<Fluctuations>) -> f64 {
     1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
 }
 
-/// Largest minus smallest imposed pressure [Pa], the boundary with the larger magnitude, and the axis between.
+/// Largest minus smallest imposed pressure \[Pa\], the boundary with the larger magnitude, and the axis between.
 pub(crate) fn pressure_difference(flow: &Flow) -> Option<(f64, usize, usize)> {
     let mut bounds: Option<(f64, f64)> = None;
     let mut largest: Option<(f64, usize, usize)> = None;

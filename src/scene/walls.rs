@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub struct Wall {
     /// Name in tables.
     pub name: String,
-    /// A point of the plane [m].
+    /// A point of the plane \[m\].
     pub point: [f64; 3],
     /// Unit normal of the plane towards the grains.
     pub normal: [f64; 3],

@@ -38,9 +38,9 @@ use std::path::Path;
 /// What is measured once on every rank, at the first call, while the ground is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
-    /// Mass of all grains [kg].
+    /// Mass of all grains \[kg\].
     mass: f64,
-    /// Their mean diameter [m].
+    /// Their mean diameter \[m\].
     diameter: f64,
 }
 
@@ -58,7 +58,7 @@ pub struct State {
     ground: Option<Ground>,
     points: Vec<Left>,
     stages: Stages,
-    /// Time [s] and extension [m] of the last row.
+    /// Time \[s\] and extension \[m\] of the last row.
     extension: Option<[f64; 2]>,
     /// Loose clusters of more than one grain at the last row.
     blocks: Vec<Vec<u64>>,

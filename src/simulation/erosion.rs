@@ -13,7 +13,7 @@
 //!   the seepage force G V / phi, with G the pressure drop over L, because there the grains carry the whole pressure drop. What the
 //!   grains behind a face feel beyond it is what the flow in the hole hands over:
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean diameters
-//!   behind a face or [`hole::BEFORE`] in front of it; the shear fades within less than a diameter, so a deeper layer adds only
+//!   behind a face or `hole::BEFORE` in front of it; the shear fades within less than a diameter, so a deeper layer adds only
 //!   noise. G is the difference of the mean pressures of the water at the two ends of that layer, in the planes of cells just
 //!   outside the hole box; phi is measured once, from the grains beside the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole where its contact point lies between the faces of the last row or within
@@ -60,7 +60,7 @@ const NEAR_WALL: f64 = 1.5;
 struct Start {
     /// M_0 [kg/m].
     mass: f64,
-    /// Mean diameter of the grains [m].
+    /// Mean diameter of the grains \[m\].
     diameter: f64,
     /// Solid fraction of the grains beside the hole, by their own radii.
     packing: f64,
@@ -72,13 +72,13 @@ pub struct State {
     start: Option<Start>,
     /// Solid fraction beside the hole as the water sees it, at the first row.
     intact: Option<f64>,
-    /// Faces of the last row [m].
+    /// Faces of the last row \[m\].
     faces: Option<[f64; 2]>,
     eroded_mass: f64,
     eroded_grains: u64,
     bonds_inside: u64,
     bonds_at_wall: u64,
-    /// How long the fluid had run before time 0 [s].
+    /// How long the fluid had run before time 0 \[s\].
     flow_age: f64,
     last_row: Option<u64>,
 }
@@ -166,7 +166,7 @@ impl ErosionRecorder {
         })
     }
 
-    /// How long the fluid had run when the clock started [s]: pressure ramps count from the fluid's own start. Call it once
+    /// How long the fluid had run when the clock started \[s\]: pressure ramps count from the fluid's own start. Call it once
     /// at the end of the warm-up; it is part of the state.
     pub fn set_flow_age(&mut self, seconds: f64) {
         self.state.flow_age = seconds;
@@ -579,7 +579,7 @@ impl ErosionRecorder {
     }
 }
 
-/// Start [Pa], final value [Pa] and ramp time [s] of every imposed pressure.
+/// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
     patches.filter_map(|patch| match patch.condition {

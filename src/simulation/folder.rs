@@ -30,7 +30,7 @@ pub const PREPARATION: &str = "preparation";
 const BEAT_EVERY: Duration = Duration::from_secs(20);
 /// A lock of another host that has not been touched for so long belongs to a job that is gone.
 const STALE_AFTER: Duration = Duration::from_secs(600);
-/// No file of a lock is larger [bytes].
+/// No file of a lock is larger \[bytes\].
 const LOCK_BYTES: u64 = 4096;
 
 /// Tables and pictures that runs write beside series and probes.

@@ -57,11 +57,11 @@ pub struct Phases {
 /// Seconds over the ranks.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Spread {
-    /// Least of any rank [s].
+    /// Least of any rank \[s\].
     pub min: f64,
-    /// Mean [s].
+    /// Mean \[s\].
     pub mean: f64,
-    /// Most of any rank [s].
+    /// Most of any rank \[s\].
     pub max: f64,
 }
 
@@ -169,7 +169,7 @@ impl Phases {
 }
 
 impl Account {
-    /// The time of the steps: that of all phases, in the mean over the ranks [s].
+    /// The time of the steps: that of all phases, in the mean over the ranks \[s\].
     #[must_use]
     pub fn looped(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds.mean).sum()

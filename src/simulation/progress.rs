@@ -11,7 +11,7 @@ pub struct Moment {
     pub step: u64,
     /// Steps of the whole run.
     pub steps: u64,
-    /// Physical time [s].
+    /// Physical time \[s\].
     pub time: f64,
     /// Cells of the lattice.
     pub cells: u64,

@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 pub struct Departed {
     /// Index of the region in [`crate::scene::Scene::regions`].
     pub region: usize,
-    /// Where its centre was, in the box [m].
+    /// Where its centre was, in the box \[m\].
     pub at: [f64; 3],
     /// The row of `removed.csv`.
     pub grain: RemovedGrain,
@@ -118,7 +118,7 @@ impl Removal {
     }
 
     /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
-    /// `step` and `time` [s] are those of the rows. Where the list is not empty ghosts were dropped: prepare them again.
+    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them again.
     ///
     /// # Errors
     /// Where a message between ranks is garbled.
@@ -206,7 +206,7 @@ impl Removal {
         Ok(all)
     }
 
-    /// Puts in the grains that the generating regions owe at `time` [s] and returns how many came, on every rank. Where
+    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank. Where
     /// any came, ghosts were dropped: prepare them again, which also hands each to its owner.
     ///
     /// # Errors

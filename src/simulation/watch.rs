@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 /// Steps between two questions, where steps are fast.
 const MOST_STEPS: u64 = 10;
-/// Between two questions that take longer than the first the steps are halved, below the second doubled [ms].
+/// Between two questions that take longer than the first the steps are halved, below the second doubled \[ms\].
 const PACE: [u64; 2] = [1000, 250];
 /// The first rank has done what it did alone.
 const DONE: u64 = 3;

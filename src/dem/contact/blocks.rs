@@ -11,6 +11,11 @@
 //!
 //! The area counts where stiffness is per area; to leading order the volume of the overlap is `area overlap`, as for a block's patch.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

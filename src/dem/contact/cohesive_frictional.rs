@@ -14,6 +14,11 @@
 //! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
 //! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -18,6 +18,11 @@
 //! broken, overlaps count from contact again. Before it breaks, a bond opens by T/k_n and shears by S/k_s.
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

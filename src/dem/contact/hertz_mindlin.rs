@@ -27,6 +27,11 @@
 //! doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004, doi:10.1209/0295-5075/94/50004;
 //! C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30, doi:10.1016/j.powtec.2012.08.012.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use std::f64::consts::PI;
 
 use schemars::JsonSchema;

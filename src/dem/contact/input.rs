@@ -1,6 +1,11 @@
 //! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials, and the facts of
 //! the scene that a law is resolved against.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;

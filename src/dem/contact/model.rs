@@ -17,7 +17,7 @@ pub trait ContactModel {
     /// Coefficient of friction of a pair of materials.
     fn friction(&self, materials: [u32; 2]) -> f64;
 
-    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` [m]; where springs harden, at an overlap of 1e-4 of the diameter.
+    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4 of the diameter.
     fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
 
     /// Normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
@@ -31,10 +31,10 @@ pub trait ContactModel {
     /// Springs and dashpots of a contact, for stability.
     fn springs(&self, contact: &StaticContact) -> Springs;
 
-    /// What bounds the time step of a disc or sphere of this material, radius [m] and mass [kg] against anything.
+    /// What bounds the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] against anything.
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
 
-    /// What bounds the time step of a block of this material and mass [kg]; none where the law is not one of blocks.
+    /// What bounds the time step of a block of this material and mass \[kg\]; none where the law is not one of blocks.
     fn time_limits_of_block(&self, _: u32, _: &Polyhedron, _mass: f64) -> Option<TimeLimits> {
         None
     }
@@ -49,7 +49,7 @@ pub trait ContactModel {
         false
     }
 
-    /// The widest gap [m] across which pairs are bonded.
+    /// The widest gap \[m\] across which pairs are bonded.
     fn bonding_gap(&self) -> f64 {
         0.0
     }
@@ -59,7 +59,7 @@ pub trait ContactModel {
         None
     }
 
-    /// Cohesion of bonded contacts [N].
+    /// Cohesion of bonded contacts \[N\].
     fn cohesion(&self, _materials: [u32; 2]) -> Scaled {
         Scaled::ZERO
     }
@@ -73,15 +73,15 @@ pub trait ContactModel {
 /// What bounds the solid time step of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLimits {
-    /// 2 sqrt(m/k) [s] with the stiffest contact of the body; where springs harden at the deepest overlap that is expected, shortened
+    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is expected, shortened
     /// by the dashpot.
     pub spring: f64,
-    /// Rayleigh's time [s] of an elastic sphere.
+    /// Rayleigh's time \[s\] of an elastic sphere.
     pub rayleigh: Option<f64>,
 }
 
 impl TimeLimits {
-    /// 2 sqrt(m/k) for a mass [kg] and the stiffest spring [N/m].
+    /// 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
     #[must_use]
     pub fn of_spring(mass: f64, stiffness: f64) -> Self {
         Self {
@@ -90,7 +90,7 @@ impl TimeLimits {
         }
     }
 
-    /// The shorter one [s].
+    /// The shorter one \[s\].
     #[must_use]
     pub fn shorter(&self) -> f64 {
         self.rayleigh
@@ -103,13 +103,13 @@ impl TimeLimits {
 pub struct StaticContact {
     /// Both materials.
     pub materials: [u32; 2],
-    /// Mean diameter [m].
+    /// Mean diameter \[m\].
     pub diameter: f64,
-    /// Effective radius [m].
+    /// Effective radius \[m\].
     pub radius: f64,
-    /// Effective mass [kg].
+    /// Effective mass \[kg\].
     pub mass: f64,
-    /// Overlap [m]; none for the deepest that is expected.
+    /// Overlap \[m\]; none for the deepest that is expected.
     pub overlap: Option<f64>,
     /// Which overlap decides.
     pub depth: Depth,
@@ -136,7 +136,7 @@ pub struct Springs {
 }
 
 impl Springs {
-    /// Springs with dashpots that are `fractions` of critical damping for a mass [kg], times `factor`. A contact that has neither
+    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that has neither
     /// friction nor a bond does not stick: it has no shear spring.
     pub(in crate::dem) fn damped(
         stiffness: [f64; 2],
@@ -155,9 +155,9 @@ impl Springs {
 /// How far a bond opens before it breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BondOpening {
-    /// The gap [m] across which it was made at most.
+    /// The gap \[m\] across which it was made at most.
     pub gap: f64,
-    /// Tensile strength [N].
+    /// Tensile strength \[N\].
     pub strength: f64,
     /// Stiffness [N/m] of its normal spring.
     pub stiffness: f64,
@@ -166,7 +166,7 @@ pub struct BondOpening {
 }
 
 impl BondOpening {
-    /// The gap [m] at which it breaks.
+    /// The gap \[m\] at which it breaks.
     #[must_use]
     pub fn widest(&self) -> f64 {
         self.gap + self.strength / self.stiffness

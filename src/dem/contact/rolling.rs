@@ -12,6 +12,11 @@
 //! pair: angular momentum is kept.
 //! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -29,7 +29,7 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
     /// Solid steps done.
     fn steps(&self) -> u64;
-    /// Solid steps done times the time step [s].
+    /// Solid steps done times the time step \[s\].
     fn time(&self) -> f64;
     /// The settings.
     fn settings(&self) -> &Settings<S>;

@@ -12,7 +12,7 @@ pub(in crate::dem) struct SurfacePair<C> {
     pub(super) wall: u32,
     pub(super) grain: u32,
     pub(super) radius: f64,
-    /// The widest gap [m] over which a bond acts.
+    /// The widest gap \[m\] over which a bond acts.
     pub(super) opening: f64,
     /// Facets within reach: a part of `Facets::near`.
     pub(super) near: (u32, u32),

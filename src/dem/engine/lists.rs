@@ -12,9 +12,9 @@ use super::*;
 pub(in crate::dem) struct Pair<C, M> {
     pub(super) first: u32,
     pub(super) second: u32,
-    /// Sum of the radii [m].
+    /// Sum of the radii \[m\].
     pub(super) reach: f64,
-    /// Radius of the first [m].
+    /// Radius of the first \[m\].
     pub(super) radius: f64,
     /// Place in the table of material pairs.
     pub(super) row: u32,
@@ -42,7 +42,7 @@ pub(in crate::dem) struct WallPair<C, M> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Lists all pairs whose surfaces are at most `gap` [m] apart, and gives each contact its memory back.
+    /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its memory back.
     pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
         let periodic = self.settings.region.any_periodic();
         self.names.extend(

@@ -53,6 +53,11 @@
 //! All computations use the frame of the first block: positions far from the origin lose no digits. Nothing is allocated once
 //! the buffers of [`Narrow`] have grown.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 mod facet;
 mod history;
 mod overlap;

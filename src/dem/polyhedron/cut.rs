@@ -15,14 +15,14 @@ const ON: f64 = 1e-10;
 /// A convex solid between planes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cut {
-    /// Corners [m].
+    /// Corners \[m\].
     pub(super) vertices: Vec<Vector3<f64>>,
     /// Which half-space, and its corners counter-clockwise seen from outside.
     pub(super) faces: Vec<(usize, Vec<u32>)>,
 }
 
 impl Cut {
-    /// A cube of half-width `half` [m] round the origin; its faces belong to no half-space.
+    /// A cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
     fn cube(half: f64) -> Self {
         let vertices = (0..8_u32)
             .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
@@ -123,7 +123,7 @@ impl Cut {
         order.into_iter().map(|(_, v)| v).collect()
     }
 
-    /// The largest coordinate of a corner of a face [m].
+    /// The largest coordinate of a corner of a face \[m\].
     fn extent(&self) -> f64 {
         self.faces
             .iter()
@@ -132,7 +132,7 @@ impl Cut {
             .fold(0.0, f64::max)
     }
 
-    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` [m] along the axes; none where
+    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the axes; none where
     /// nothing of it is left, or it is not closed.
     pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;

@@ -69,27 +69,27 @@ pub struct Approach {
     pub velocity: Vector3<f64>,
     /// Spins (rad/s, in space).
     pub spins: [Vector3<f64>; 2],
-    /// From the first's centre to the second's [m].
+    /// From the first's centre to the second's \[m\].
     pub separation: Vector3<f64>,
-    /// Effective mass [kg]: `m1 m2/(m1 + m2)`, the block's own against what does not move.
+    /// Effective mass \[kg\]: `m1 m2/(m1 + m2)`, the block's own against what does not move.
     pub mass: f64,
-    /// Time step [s].
+    /// Time step \[s\].
     pub time_step: f64,
 }
 
 /// What a contact does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Action {
-    /// Force [N] on the second; the first feels the opposite.
+    /// Force \[N\] on the second; the first feels the opposite.
     pub force: Vector3<f64>,
-    /// Moment [N m] on the first about its centre.
+    /// Moment \[N m\] on the first about its centre.
     pub on_first: Vector3<f64>,
-    /// Moment [N m] on the second about its centre.
+    /// Moment \[N m\] on the second about its centre.
     pub on_second: Vector3<f64>,
 }
 
 impl Law {
-    /// Normal and shear stiffness [N/m] of a contact over `area` [m²]: for the critical time step, `0.1 sqrt(m/k)` or less.
+    /// Normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step, `0.1 sqrt(m/k)` or less.
     #[must_use]
     pub fn stiffness(&self, area: f64) -> [f64; 2] {
         match self.stiffness {

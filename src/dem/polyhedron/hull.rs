@@ -12,7 +12,7 @@ use super::shape_error::ShapeError;
 /// The most points of a hull.
 pub(super) const MOST: usize = 1000;
 
-/// The hull's half-spaces; points within `tolerance` [m] of a plane are on it.
+/// The hull's half-spaces; points within `tolerance` \[m\] of a plane are on it.
 pub(super) fn half_spaces(
     points: &[Vector3<f64>],
     tolerance: f64,

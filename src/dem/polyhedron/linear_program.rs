@@ -26,10 +26,10 @@ pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
 /// What the program says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
-    /// The deepest common point, and how deep it is [m].
+    /// The deepest common point, and how deep it is \[m\].
     Overlap { point: Vector3<f64>, depth: f64 },
     /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far outside one
-    /// of the half-spaces every point is at least [m].
+    /// of the half-spaces every point is at least \[m\].
     Apart { axis: Vector3<f64>, gap: f64 },
     /// Rounding stood in the way: ask another.
     Open,
@@ -82,7 +82,7 @@ impl Basis {
     }
 }
 
-/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` [m] of the origin) and of the
+/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and of the
 /// second. `basis` is where to start and where it ended.
 pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u16; 4]) -> Verdict {
     let far = |k: usize| {

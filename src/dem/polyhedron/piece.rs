@@ -95,13 +95,13 @@ impl Piece {
         })
     }
 
-    /// Volume [m³].
+    /// Volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         moments(&self.cut, &self.middle()).0
     }
 
-    /// Diameter [m] of the largest sphere in it.
+    /// Diameter \[m\] of the largest sphere in it.
     #[must_use]
     pub fn thickness(&self) -> f64 {
         let middle = self.middle();
@@ -121,7 +121,7 @@ impl Piece {
         }
     }
 
-    /// The block, its cut faces moved inwards by `back` [m].
+    /// The block, its cut faces moved inwards by `back` \[m\].
     ///
     /// # Errors
     /// Where nothing of it is left.

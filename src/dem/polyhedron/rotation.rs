@@ -43,7 +43,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Damping `rate` alpha [1/s], zero for none, over `time` [s]: exact for a constant force.
+    /// Damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
     #[must_use]
     pub fn new(rate: f64, time: f64) -> Self {
         let decay = (-rate * time).exp();
@@ -92,7 +92,7 @@ impl RotationState {
         (self.orientation.inverse() * self.angular_momentum).component_div(inertia)
     }
 
-    /// Energy of rotation [J].
+    /// Energy of rotation \[J\].
     #[must_use]
     pub fn energy(&self, inertia: &Vector3<f64>) -> f64 {
         let body = self.orientation.inverse() * self.angular_momentum;
@@ -112,7 +112,7 @@ impl RotationState {
         self.angular_momentum = damping.kick(&self.angular_momentum, moment);
     }
 
-    /// Turns freely for `time` [s].
+    /// Turns freely for `time` \[s\].
     pub fn drift(&mut self, inertia: &Vector3<f64>, time: f64) {
         let mut momentum = self.orientation.inverse() * self.angular_momentum;
         let mut q = *self.orientation.quaternion();

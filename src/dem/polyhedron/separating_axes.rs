@@ -11,7 +11,7 @@ use super::shape::Polyhedron;
 /// Of two edges this parallel (sine) the product is no direction of its own.
 const PARALLEL: f64 = 1e-10;
 
-/// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap [m] along
+/// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap \[m\] along
 /// it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the first sees it.
 pub(super) fn widest_gap(
     first: &Polyhedron,
@@ -50,7 +50,7 @@ pub(super) fn widest_gap(
     best
 }
 
-/// The gap [m] along a unit axis of the first's frame that points to the second.
+/// The gap \[m\] along a unit axis of the first's frame that points to the second.
 #[inline]
 pub(super) fn gap(
     first: &Polyhedron,

@@ -44,14 +44,14 @@ pub struct Polyhedron {
 pub struct Solid {
     /// The shape in its body frame.
     pub shape: Polyhedron,
-    /// The centroid [m].
+    /// The centroid \[m\].
     pub position: Vector3<f64>,
     /// Turns the body frame into the frame it was given in.
     pub orientation: UnitQuaternion<f64>,
 }
 
 impl Polyhedron {
-    /// A box of these edge lengths [m], axes along the edges.
+    /// A box of these edge lengths \[m\], axes along the edges.
     ///
     /// # Errors
     /// Where a length is not positive, or one is a billionth of another.
@@ -81,7 +81,7 @@ impl Polyhedron {
         Ok(Self::between(&planes, edges.max())?.shape)
     }
 
-    /// The convex hull of `points` [m]. The work grows with the cube of their number.
+    /// The convex hull of `points` \[m\]. The work grows with the cube of their number.
     ///
     /// # Errors
     /// Where there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
@@ -198,7 +198,7 @@ impl Polyhedron {
         Ok(Self::between(&unit, far(&unit))?.moved(&middle))
     }
 
-    /// A closed convex surface of `triangles` [m], their corners counter-clockwise seen from outside, or all clockwise.
+    /// A closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all clockwise.
     /// Triangles of one plane become one face.
     ///
     /// # Errors
@@ -259,7 +259,7 @@ impl Polyhedron {
         Ok(solid.moved(&middle))
     }
 
-    /// The solid in `planes`, which hold the origin and reach no further than `reach` [m] from it.
+    /// The solid in `planes`, which hold the origin and reach no further than `reach` \[m\] from it.
     fn between(planes: &[HalfSpace], reach: f64) -> Result<Solid, ShapeError> {
         let flat = |thickness, width| ShapeError::Flat { thickness, width };
         let cut = Cut::of(planes, reach).ok_or(flat(0.0, reach))?;
@@ -314,13 +314,13 @@ impl Polyhedron {
         })
     }
 
-    /// Its half-spaces [m], one for each face, in the order of the faces.
+    /// Its half-spaces \[m\], one for each face, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> &[HalfSpace] {
         &self.half_spaces
     }
 
-    /// Its vertices [m].
+    /// Its vertices \[m\].
     #[must_use]
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
@@ -333,7 +333,7 @@ impl Polyhedron {
         &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
-    /// Area [m²] of a face.
+    /// Area \[m²\] of a face.
     #[must_use]
     pub fn face_area(&self, face: usize) -> f64 {
         let corners = self.face(face);
@@ -348,7 +348,7 @@ impl Polyhedron {
         &self.edges
     }
 
-    /// Volume [m³].
+    /// Volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.volume
@@ -360,13 +360,13 @@ impl Polyhedron {
         self.inertia * density
     }
 
-    /// Radius [m] of the sphere round the centroid that holds it.
+    /// Radius \[m\] of the sphere round the centroid that holds it.
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// Area [m²] of its largest face.
+    /// Area \[m²\] of its largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {
         let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
@@ -389,7 +389,7 @@ impl Polyhedron {
 }
 
 impl Solid {
-    /// Its half-spaces [m] where it stood, in the order of the faces.
+    /// Its half-spaces \[m\] where it stood, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> Vec<HalfSpace> {
         let standing = |plane: &HalfSpace| {
@@ -402,7 +402,7 @@ impl Solid {
         self.shape.half_spaces().iter().map(standing).collect()
     }
 
-    /// Its vertices [m] where it stood.
+    /// Its vertices \[m\] where it stood.
     #[must_use]
     pub fn vertices(&self) -> Vec<Vector3<f64>> {
         let standing = |v: &Vector3<f64>| self.position + self.orientation * v;
@@ -415,7 +415,7 @@ impl Solid {
     }
 }
 
-/// Points about their middle, the middle, their width, and what rounding makes of them [m]; refuses those in a plane.
+/// Points about their middle, the middle, their width, and what rounding makes of them \[m\]; refuses those in a plane.
 #[expect(clippy::type_complexity, reason = "named at the two calls")]
 fn centred(
     what: &'static str,

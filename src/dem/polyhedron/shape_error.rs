@@ -34,9 +34,9 @@ pub enum ShapeError {
     /// No volume.
     #[error("the block is flat: {thickness:e} m thick over a width of {width:e} m")]
     Flat {
-        /// Smallest extent [m].
+        /// Smallest extent \[m\].
         thickness: f64,
-        /// Largest extent [m].
+        /// Largest extent \[m\].
         width: f64,
     },
     /// The half-spaces have no point in common.
@@ -44,7 +44,7 @@ pub enum ShapeError {
         "the half-spaces have no point in common: each point is outside one of them by {gap:e} m or more"
     )]
     Empty {
-        /// How far outside the best point is [m].
+        /// How far outside the best point is \[m\].
         gap: f64,
     },
     /// The half-spaces leave a direction open.
@@ -60,15 +60,15 @@ pub enum ShapeError {
     NotConvex {
         /// Which triangle.
         triangle: usize,
-        /// How far the corner stands out [m].
+        /// How far the corner stands out \[m\].
         height: f64,
     },
     /// A surface with holes, or with triangles turned the wrong way.
     #[error("the triangles do not close: they enclose {enclosed:e} m³ of a block of {volume:e} m³")]
     NotClosed {
-        /// Volume by the sum over triangles [m³].
+        /// Volume by the sum over triangles \[m³\].
         enclosed: f64,
-        /// Volume between their planes [m³].
+        /// Volume between their planes \[m³\].
         volume: f64,
     },
 }

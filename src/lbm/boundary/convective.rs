@@ -20,7 +20,7 @@ struct Leaving {
     axis: usize,
     /// +1 at the upper end of the axis, -1 at the lower.
     outward: f64,
-    /// U where it is given [cells per step].
+    /// U where it is given \[cells per step\].
     speed: Option<f64>,
     /// f_j(x, t) and U of the coming step.
     before: f64,

@@ -24,7 +24,7 @@ pub struct Synthetic {
     pub modes: Modes,
     /// Root mean square of each component over the mean speed.
     pub intensity: f64,
-    /// Velocity with which the field is carried into the domain [cells per step].
+    /// Velocity with which the field is carried into the domain \[cells per step\].
     pub speed: f64,
 }
 

@@ -15,6 +15,11 @@
 //! κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with Guo forcing of the other operators: without them the fluid beside a
 //! wall that a force presses it against has a wrong pressure.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::border::{self, Border, Bounds, Situation};
 use super::products::{POPULATION, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};

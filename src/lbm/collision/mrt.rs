@@ -22,6 +22,11 @@
 //! the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ and
 //! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::border::{self, Border, Bounds, Situation};
 use super::linear_stability::{self, Wave};
 use super::products::{POPULATION, n};

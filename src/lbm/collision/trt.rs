@@ -4,6 +4,11 @@
 //! The antisymmetric part, their half difference, relaxes at ω⁻. The product Λ = (1/ω⁺ - ½)(1/ω⁻ - ½) fixes the position of a half-way
 //! wall, independently of the viscosity: Λ = 3/16 puts it exactly half-way in Poiseuille flow, Λ = 1/4 is the most stable choice.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::border::{self, Border, Bounds, Situation, Surroundings};
 use super::{Collision, Dispatch, Kernels, Model, Moments, Site, along};
 use crate::lbm::family::Description;

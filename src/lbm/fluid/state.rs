@@ -24,7 +24,7 @@ impl<S: Stored> Fluid<S> {
         self.force.at(last)
     }
 
-    /// Density deviation and velocity of an interior cell (position from [`Populations::cell`]).
+    /// Density deviation and velocity of an interior cell (position from `Populations::cell`).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
         let (drho, momentum) = self.populations.moments(cell);
@@ -52,7 +52,7 @@ impl<S: Stored> Fluid<S> {
         self.populations.row_extremes(cell, length, half, work)
     }
 
-    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order [z][y][x], `row` for work.
+    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\], `row` for work.
     pub fn band_states(
         &self,
         planes: Range<usize>,

@@ -112,7 +112,7 @@ fn couette_is_exact() {
     );
 }
 
-/// Whatever axis the rows run along, a band of planes has the states of its cells in the order [z][y][x].
+/// Whatever axis the rows run along, a band of planes has the states of its cells in the order [z][y]\[x\].
 #[test]
 fn bands_of_planes_have_the_states_of_their_cells() {
     for (axis, cells, along) in [

@@ -2,6 +2,11 @@
 //!
 //! It is not zero in laminar shear, nor at walls; WALE ([`super::wale`]) is.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::{ASKED, Model, strain_squared};
 use crate::lbm::family::Description;
 use crate::lbm::lanes::Lanes;

@@ -5,6 +5,11 @@
 //! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in pure shear, grows
 //! with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with angular velocity Ω.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::{ASKED, Model, strain_squared};
 use crate::error::{Finding, Remedy, Severity};
 use crate::lbm::family::Description;

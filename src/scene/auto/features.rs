@@ -18,7 +18,7 @@ use crate::scene::sample;
 pub(crate) struct Feature {
     /// In words: `diameter of `cylinder``.
     pub(crate) what: String,
-    /// Its smallest width [m].
+    /// Its smallest width \[m\].
     pub(crate) size: f64,
     /// What the water meets there, as in the table of what is measured.
     pub(crate) obstacle: &'static str,
@@ -176,7 +176,7 @@ pub(crate) fn width(shape: &Shape) -> Option<f64> {
     }
 }
 
-/// Diameters of the smallest and the largest grain that is there or will appear [m].
+/// Diameters of the smallest and the largest grain that is there or will appear \[m\].
 pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
     let mut radii: Vec<f64> = Vec::new();
     match case.grains.as_ref().map(|grains| &grains.initial) {

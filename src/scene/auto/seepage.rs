@@ -91,11 +91,11 @@ fn covering(what: &str, value: f64) -> Option<&'static Row> {
 
 /// What loads a bed.
 struct Bed {
-    /// Smallest and largest diameter [m].
+    /// Smallest and largest diameter \[m\].
     diameters: (f64, f64),
-    /// Force on the largest grain, of the largest stress [N].
+    /// Force on the largest grain, of the largest stress \[N\].
     force: f64,
-    /// Largest stress on the grains [Pa].
+    /// Largest stress on the grains \[Pa\].
     stress: f64,
     /// Acceleration of a grain that nothing holds [m/s2].
     acceleration: f64,
@@ -128,13 +128,13 @@ impl Bed {
         self.force / (overlap * self.diameters.1)
     }
 
-    /// What the time between two couplings is counted in [s].
+    /// What the time between two couplings is counted in \[s\].
     fn time(&self) -> f64 {
         (self.diameters.0 / self.acceleration).sqrt()
     }
 }
 
-/// Height of the water's grid along gravity; its longest edge without gravity [m].
+/// Height of the water's grid along gravity; its longest edge without gravity \[m\].
 fn height(scene: &Scene, seepage: &Seepage) -> f64 {
     let edge = |a: usize| real(seepage.cells[a]) * seepage.spacing[a];
     let gravity = |a: usize| scene.gravity[a].abs();
@@ -146,7 +146,7 @@ fn height(scene: &Scene, seepage: &Seepage) -> f64 {
     axis.map_or(0.0, edge)
 }
 
-/// Largest difference between imposed pressures beyond those of water at rest [Pa].
+/// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
 fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
     let density = seepage.written.density;
     let excess = |patch: &Patch| match patch.condition {

@@ -174,7 +174,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     (stiffest, text)
 }
 
-/// Diameter [m], mass [kg] and whether it is a body by itself, of everything that moves freely.
+/// Diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
 fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
     let mut list = Vec::new();
     let mut add = |material: usize, radius: f64, alone: bool| {

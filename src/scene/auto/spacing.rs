@@ -15,7 +15,7 @@ use crate::scene::grid::Grid;
 /// A spacing and why; no reason where it is stated.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spacing {
-    /// h [m].
+    /// h \[m\].
     pub(crate) value: f64,
     reason: Option<String>,
 }
@@ -100,7 +100,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// What every feature asks for: the spacing [m] and a sentence.
+/// What every feature asks for: the spacing \[m\] and a sentence.
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,

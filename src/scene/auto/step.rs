@@ -71,7 +71,7 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// The spacing [m] below which two relaxation times are stable at this speed; none where any is.
+/// The spacing \[m\] below which two relaxation times are stable at this speed; none where any is.
 pub(crate) fn stable_spacing(flow: &Flow, speed: f64, target: f64) -> Option<f64> {
     let h = 3.0 * mach(target) * flow.kinematic_viscosity / ((least_tau(flow) - 0.5) * speed);
     h.is_finite().then_some(h)
@@ -162,7 +162,7 @@ fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec
     limits
 }
 
-/// The largest pressure imposed, at the start, or of the water column [Pa].
+/// The largest pressure imposed, at the start, or of the water column \[Pa\].
 fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     let imposed = flow.patches().filter_map(|patch| match patch.condition {
         Condition::Pressure { value, from, .. } => Some(value.abs().max(from.abs())),
@@ -179,7 +179,7 @@ fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     imposed.chain([start, column]).fold(0.0, f64::max)
 }
 
-/// Times between samples and outputs [s].
+/// Times between samples and outputs \[s\].
 pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     let output = &scene.output;
     let fields = output.fluid.iter().map(|output| output.every);
@@ -189,7 +189,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// The smallest thing in the water [m], which makes its eddies.
+/// The smallest thing in the water \[m\], which makes its eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);

@@ -22,7 +22,7 @@ fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     }
 }
 
-/// The speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter [m] balances a force [N].
+/// The speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\] balances a force \[N\].
 #[must_use]
 pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: &Flow) -> f64 {
     let area = if dimension == 2 {
@@ -48,7 +48,7 @@ pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: 
     unit * (low * high).sqrt()
 }
 
-/// What moves freely: JSON path, diameter [m] (of a polyhedron that of the sphere of its volume), material.
+/// What moves freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume), material.
 fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
     let of_volume = |volume: f64| (6.0 * volume / PI).cbrt();

@@ -95,7 +95,7 @@ pub(super) fn gather<S: Space>(
     }))
 }
 
-/// How far an owned grain is from where it started [m].
+/// How far an owned grain is from where it started \[m\].
 fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
     let moved = view.particles.displacement(k);
     moved.map_or([0.0; 3], |moved| {

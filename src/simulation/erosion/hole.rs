@@ -23,7 +23,7 @@ pub(super) struct Hole {
     pub(super) to: [f64; 3],
     /// Cells of the box along each axis: first, one past the last.
     pub(super) cells: [[usize; 2]; 3],
-    /// Depth of the box, 1 in 2-D [m].
+    /// Depth of the box, 1 in 2-D \[m\].
     pub(super) depth: f64,
 }
 
@@ -200,7 +200,7 @@ pub(super) fn excess_force<S: Space>(
     (force.value() - seepage) / hole.depth
 }
 
-/// How far a point across the hole lies behind the nearer face [m]; negative in the hole.
+/// How far a point across the hole lies behind the nearer face \[m\]; negative in the hole.
 pub(super) fn depth(faces: HoleFaces, at: f64) -> f64 {
     (faces.lower - at).max(at - faces.upper)
 }

@@ -131,7 +131,7 @@ pub(super) fn density(drho: f64, plan: &Plan) -> String {
     )
 }
 
-/// The boundary nearest to a cell: its name and its distance from the centre of the cell [m].
+/// The boundary nearest to a cell: its name and its distance from the centre of the cell \[m\].
 fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
     let (flow, grid) = (plan.scene.flow.as_ref()?, &plan.scene.grid);
     let away = |axis: usize, upper: bool| {
@@ -155,7 +155,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The body, block or grain nearest to a point: its name and how far its surface is [m]; of polyhedra the sphere round them.
+/// The body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the sphere round them.
 /// Collective.
 fn solid<Sp: Space>(
     at: [f64; 3],

@@ -467,7 +467,7 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &
 const LOOK_EVERY: u64 = 100;
 
 /// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. It goes on from `reached`,
-/// the steps taken and the velocities at the last look (three numbers a cell, [z][y][x]), and hands the same to `keep` where the
+/// the steps taken and the velocities at the last look (three numbers a cell, [z][y]\[x\]), and hands the same to `keep` where the
 /// outside asks for it. Collective.
 fn warm_up<Sp: Space, S: Saved>(
     plan: &Plan,

@@ -170,7 +170,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     }
 }
 
-/// Peak resident memory of this process [bytes].
+/// Peak resident memory of this process \[bytes\].
 pub(super) fn peak_rss() -> u64 {
     std::fs::read_to_string("/proc/self/status")
         .ok()

@@ -14,7 +14,7 @@ pub(super) struct World<'a, S: Space> {
     pub(super) time_step: f64,
 }
 
-/// A pair now: from the first's centre to the second's [m], its square, and whether the spheres and boxes round both meet.
+/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both meet.
 pub(super) struct Span<S: Space> {
     pub(super) between: S::Vector,
     pub(super) squared: f64,

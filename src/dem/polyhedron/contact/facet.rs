@@ -25,7 +25,7 @@ pub struct Hidden {
 
 impl Narrow {
     /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of sight to it the
-    /// facet cuts. `corners` [m] are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
+    /// facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
     /// points to the side of the centroid.
     pub fn hide(
         &mut self,
@@ -95,7 +95,7 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// The contact of a block with the facets, whose plane is `height` [m] from its centroid; none where they hide nothing but
+    /// The contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none where they hide nothing but
     /// rounding.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {

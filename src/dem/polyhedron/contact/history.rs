@@ -17,7 +17,7 @@ pub struct History {
     pub(in crate::dem::polyhedron) normal: Vector3<f64>,
     /// Force of the shear spring on the second, in space.
     pub(in crate::dem::polyhedron) shear: Vector3<f64>,
-    /// Moment [N m] of the twist spring on the second about the normal.
+    /// Moment \[N m\] of the twist spring on the second about the normal.
     pub(in crate::dem::polyhedron) twist: f64,
 }
 
@@ -74,7 +74,7 @@ impl History {
         }
     }
 
-    /// Force [N] of the shear spring on the second, in space.
+    /// Force \[N\] of the shear spring on the second, in space.
     pub(in crate::dem) fn spring(&self) -> Vector3<f64> {
         self.shear
     }
