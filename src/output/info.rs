@@ -94,13 +94,15 @@ fn folder(path: &Path) -> Result<Value, Error> {
         list.insert(short.display().to_string(), value);
     };
     // What cannot be read is said in its place: one bad file does not hide the others.
-    let told = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
+    let described = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
     for one in &files {
         match extension(one) {
-            "xmf" => found("series", one, told(series(one))),
-            "csv" => found("tables", one, told(table(one))),
+            "xmf" => found("series", one, described(series(one))),
+            "csv" => found("tables", one, described(table(one))),
             "json" if is_checkpoint(one) => found("checkpoints", one, checkpoint(one, false)),
-            "json" if name(one) == "summary.json" => found("summary", one, told(read_json(one))),
+            "json" if name(one) == "summary.json" => {
+                found("summary", one, described(read_json(one)))
+            }
             "part" => found("unfinished", one, Value::Null),
             _ => {}
         }

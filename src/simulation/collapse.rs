@@ -1,5 +1,5 @@
-//! What a run writes down about ground that collapses: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
-//! and two figures at its end (C-20 to C-26). What is measured and why stands in [`crate::analysis::ground_collapse`].
+//! Records of collapsing ground: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
+//! and two figures at its end. The quantities are defined in [`crate::analysis::ground_collapse`].
 //!
 //! Every `ground_collapse.every` seconds the grains of all ranks come to rank 0, are sorted by id, turned into the frame of the
 //! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64

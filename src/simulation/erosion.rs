@@ -1,4 +1,4 @@
-//! What a piping run writes down about its erosion: `removed.csv`, `bonds.csv` and `erosion.csv` (A-27 to A-30, E-05).
+//! Records of the erosion in a piping run: `removed.csv`, `bonds.csv` and `erosion.csv`.
 //!
 //! After every fluid step the grains that left and the bonds that broke are noted; every `erosion_law.every` seconds the
 //! state of the hole becomes one row. Let x be the axis of the flow, y the axis across the hole and L, d_h its length and width:

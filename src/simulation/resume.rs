@@ -134,7 +134,7 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
         for passed in &found.passed_over {
             log::warn!("checkpoint passed over: {passed}");
         }
-        tell_version(&found);
+        report_version(&found);
     }
     Ok(found)
 }
@@ -281,7 +281,7 @@ pub(super) fn cut_tables_back(
 }
 
 /// Says so where another version or commit wrote a checkpoint.
-fn tell_version(found: &Found) {
+fn report_version(found: &Found) {
     let of = |key: &str| found.manifest.attributes[key].as_str().unwrap_or("unknown");
     let (version, commit) = (of("version"), of("commit"));
     let mine = (provenance::VERSION, provenance::commit());

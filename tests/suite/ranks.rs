@@ -5,7 +5,7 @@ use std::fs::File;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
-use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Condvar, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 /// Jobs that are watched while they run have the machine to themselves; all others run beside each other.
@@ -24,13 +24,46 @@ pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
 /// The binary under test.
 pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 
-/// A job that takes longer hangs [s].
-const LIMIT: &str = "60";
+/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE` multiplies it.
+const LIMIT: f64 = 300.0;
+
+/// [`LIMIT`] on this machine [s].
+fn limit() -> String {
+    let patience = std::env::var("SOLVER_TEST_PATIENCE").ok();
+    let patience = patience.and_then(|text| text.parse::<f64>().ok());
+    format!("{:.0}", LIMIT * patience.unwrap_or(1.0).max(0.01))
+}
+
+/// Cores that jobs use now.
+static BUSY: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+
+/// Cores of the machine that a job holds while it runs. Ranks that share a core with another job pass it on at every
+/// message, which takes a hundred times the time of the job itself.
+struct Cores(usize);
+
+impl Cores {
+    /// Waits for a core for each rank, or for the whole machine.
+    fn of(ranks: usize) -> Self {
+        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let mine = ranks.clamp(1, all);
+        let busy = BUSY.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = BUSY.1.wait_while(busy, |busy| *busy + mine > all);
+        *free.unwrap_or_else(PoisonError::into_inner) += mine;
+        Self(mine)
+    }
+}
+
+impl Drop for Cores {
+    fn drop(&mut self) {
+        *BUSY.0.lock().unwrap_or_else(PoisonError::into_inner) -= self.0;
+        BUSY.1.notify_all();
+    }
+}
 
 /// The program on `ranks` ranks, with the environment that `jobs/install.sh` gives; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
     let mut command = Command::new("timeout");
-    command.args(["--kill-after=5", LIMIT]);
+    command.args(["--kill-after=5", &limit()]);
     if ranks > 0 {
         command.args(["mpirun", "--oversubscribe", "-n"]);
         command.arg(ranks.to_string());
@@ -124,11 +157,13 @@ fn begin(mut command: Command, arguments: &[String]) -> Running {
 
 /// Runs the program to its end.
 pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
+    let _cores = Cores::of(ranks);
     start(ranks, arguments).wait()
 }
 
 /// As [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
+    let _cores = Cores::of(ranks);
     let mut command = command(ranks);
     command.envs(more.iter().copied());
     begin(command, arguments).wait()

@@ -196,7 +196,7 @@ impl Value for BreakPlace {
 }
 
 csv_row! {
-/// A bond that broke: a row of the ledger `bonds.csv`.
+/// A bond that broke: a row of `bonds.csv`.
 pub struct BondBreak {
     /// Fluid step.
     step: u64 = "step",

@@ -11,6 +11,7 @@
 use super::Collision;
 use crate::lbm::lattice::Lattice;
 use std::f64::consts::PI;
+use std::sync::{Mutex, PoisonError};
 
 /// The wave that grows most.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,10 +38,29 @@ const SQUARINGS: i32 = 13;
 /// Amplitude about rest: its square is lost in the rounding of the operator.
 const SMALL: f64 = 1e-6;
 
+/// Operators that were analysed already: a study plans the same one for many members.
+static ANALYSED: Mutex<Vec<(Vec<f64>, Wave)>> = Mutex::new(Vec::new());
+/// The most operators that are remembered; later ones are analysed each time.
+const REMEMBERED: usize = 64;
+
 /// The wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
 #[must_use]
 pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wave {
     let linear = linear::<L, C, Q>(operator);
+    let mut analysed = ANALYSED.lock().unwrap_or_else(PoisonError::into_inner);
+    let entries = linear.as_flattened();
+    if let Some((_, wave)) = analysed.iter().find(|(known, _)| known == entries) {
+        return *wave;
+    }
+    let wave = search::<L, Q>(&linear);
+    if analysed.len() < REMEMBERED {
+        analysed.push((entries.to_vec(), wave));
+    }
+    wave
+}
+
+/// The wave that grows most with a linear operator.
+fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     let mut fastest = Wave {
         factor: 0.0,
         vector: [0; 3],
@@ -50,7 +70,7 @@ pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wav
             for x in 0..=y {
                 let vector = [x, y, z];
                 let k = vector.map(|n| PI / f64::from(NUMBERS) * f64::from(n));
-                let factor = Matrix::of::<L>(&linear, k).radius();
+                let factor = Matrix::of::<L>(linear, k).radius();
                 if factor > fastest.factor {
                     fastest = Wave { factor, vector };
                 }
