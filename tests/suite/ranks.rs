@@ -42,9 +42,10 @@ static BUSY: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
 struct Cores(usize);
 
 impl Cores {
-    /// Waits for a core for each rank, or for the whole machine.
+    /// Waits for a core for each rank, or for the whole machine. One rank more than there are cores may run: starting and
+    /// ending a job leaves them idle.
     fn of(ranks: usize) -> Self {
-        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let all = std::thread::available_parallelism().map_or(1, usize::from) + 1;
         let mine = ranks.clamp(1, all);
         let busy = BUSY.0.lock().unwrap_or_else(PoisonError::into_inner);
         let free = BUSY.1.wait_while(busy, |busy| *busy + mine > all);
