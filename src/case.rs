@@ -23,7 +23,6 @@ pub mod darcy;
 pub mod domain;
 pub mod examples;
 pub mod fluid;
-pub mod geometry;
 pub mod grains;
 pub mod observe;
 pub mod reference;
@@ -32,6 +31,8 @@ pub mod set;
 pub mod solids;
 pub mod text;
 pub mod time;
+
+pub use crate::geometry;
 
 use crate::error::{Problem, Severity};
 use annotation::Source;

@@ -30,6 +30,11 @@ pub mod dem;
 pub mod error;
 mod family;
 pub mod figures;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod geometry;
 pub mod lbm;
 mod number;
 pub mod output;

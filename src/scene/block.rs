@@ -50,15 +50,7 @@ impl Block {
         path: &str,
         findings: &mut Findings,
     ) -> [f64; 3] {
-        let (have, need) = (vector.0.len(), grid.dimension);
-        if have != need {
-            findings.error(
-                path,
-                format!("this has {have} components in a {need}-D problem"),
-                format!("write {need} numbers"),
-            );
-        }
-        vector.to_array()
+        vector.resolve(grid.dimension, path, findings)
     }
 
     /// A box inside the domain, or a finding.

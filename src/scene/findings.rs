@@ -3,8 +3,8 @@
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};
 use crate::case::{Case, check};
-pub(crate) use crate::error::number;
 use crate::error::{Finding, Problem, Remedy, Report, Severity};
+pub(crate) use crate::error::{at_least, at_most, number};
 use serde_json::Value;
 use std::cell::OnceCell;
 
@@ -150,44 +150,9 @@ pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)
 }
 
-/// The largest number of four significant digits that is not above a value.
-pub(crate) fn at_most(value: f64) -> f64 {
-    four_digits(value, f64::floor).unwrap_or(value)
-}
-
-/// The smallest number of four significant digits that is not below a value.
-pub(crate) fn at_least(value: f64) -> f64 {
-    four_digits(value, f64::ceil).unwrap_or(value)
-}
-
-fn four_digits(value: f64, whole: fn(f64) -> f64) -> Option<f64> {
-    let text = format!("{:e}", value);
-    let (digits, exponent) = text.split_once('e')?;
-    let digits = whole(digits.parse::<f64>().ok()? * 1e3);
-    format!("{digits}e{}", exponent.parse::<i32>().ok()? - 3)
-        .parse()
-        .ok()
-}
-
 /// The multiple of a spacing nearest to a number of cells, without the digits of round-off.
 pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
     format!("{:.12e}", cells * spacing)
         .parse()
         .unwrap_or(cells * spacing)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{at_least, at_most};
-
-    #[test]
-    fn bounds_are_rounded_to_the_side_that_holds() {
-        for value in [0.123_456, 9.999_96, 1e-7 / 3.0, 123_456.7, 2.5, 1e-300] {
-            let (low, high) = (at_most(value), at_least(value));
-            assert!(low <= value && value <= high, "{low} {value} {high}");
-            assert!(high - low <= 1.1e-3 * value);
-        }
-        assert_eq!((at_most(0.123_456), at_least(0.123_456)), (0.1234, 0.1235));
-        assert_eq!((at_most(2.5), at_least(2.5)), (2.5, 2.5));
-    }
 }

@@ -99,7 +99,11 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &[],
     ),
     // The parameters of a model stand beside its formula.
-    ("case", &["coupling", "darcy", "dem", "lbm", "units"], &[]),
+    (
+        "case",
+        &["coupling", "darcy", "dem", "geometry", "lbm", "units"],
+        &[],
+    ),
     (
         "coupling",
         &["thread_pool", "darcy", "dem", "lbm", "units"],
@@ -108,6 +112,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("lbm", &["thread_pool", "random"], &["decomposition"]),
     ("dem", &["thread_pool", "random"], &["decomposition"]),
     ("darcy", &["random"], &["decomposition"]),
+    ("geometry", &[], &[]),
     ("provenance", &[], &[]),
     ("units", &[], &[]),
     ("random", &[], &[]),

@@ -1,5 +1,6 @@
 //! Points, directions, boxes, axes and faces of the domain, as written in a case.
 
+use crate::error::Report;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,19 @@ impl Vector {
             *to = *from;
         }
         array
+    }
+
+    /// The three components; a finding where their number is not that of the dimensions.
+    pub fn resolve(&self, dimension: usize, path: &str, report: &mut dyn Report) -> [f64; 3] {
+        let have = self.0.len();
+        if have != dimension {
+            report.error(
+                path,
+                format!("this has {have} components in a {dimension}-D problem"),
+                format!("write {dimension} numbers").into(),
+            );
+        }
+        self.to_array()
     }
 }
 
