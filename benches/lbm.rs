@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
 use decomposition::{Axis, Domain};
-use solver::lbm::boundary::{Condition, Patch, Ramp};
+use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use solver::lbm::fluid::{Fluid, Force, Setup};
 use solver::lbm::lanes::Stored;
@@ -18,13 +18,13 @@ use std::time::Instant;
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
-fn lid(axis: usize) -> Patch {
+fn lid<S: Stored>(axis: usize) -> Patch<S> {
     Patch {
         name: "lid".into(),
         axis,
         upper: true,
         range: EVERYWHERE,
-        condition: Condition::Velocity(Box::new(|_| [0.05, 0.0, 0.0]), Ramp::constant(1.0)),
+        rule: Box::new(velocity::Links::uniform([0.05, 0.0, 0.0])),
     }
 }
 

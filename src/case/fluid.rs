@@ -1,9 +1,10 @@
 //! The fluid: properties, numerical method, forcing and initial state.
 
-use super::boundary::{Boundary, Fluctuations};
+use super::boundary::Boundary;
 use super::darcy::Darcy;
 use super::geometry::Vector;
 pub use crate::lbm::collision::Operator as Collision;
+use crate::lbm::synthetic::Fluctuations;
 pub use crate::lbm::turbulence::EddyViscosity as Turbulence;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

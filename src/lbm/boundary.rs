@@ -1,24 +1,141 @@
 //! Boundaries of the domain: a rule for each population that would enter from outside.
 //!
 //! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
-//! that leaves through an edge or a corner belongs to the face with the strongest condition, in the order wall,
+//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the order wall,
 //! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
+//!
+//! A boundary is one file. It holds, in this order:
+//!
+//! 1. the formula and its source;
+//! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
+//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the speed, the pressure
+//!    and the inflow that they impose, and the rule on the lattice;
+//! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
+//!
+//! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
+//! `tests/toy.rs` is the smallest example.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
+//! | `model` | [`Model`], what the program asks a boundary of a case |
+//! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
+//! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
+//! | `wall` | half-way bounce-back at walls and imposed velocities, also while the pass goes on |
+//! | `profile` | a velocity over a face |
+//! | `turbulent` | turbulence over an imposed velocity |
+//! | `covered` | openings where solids cover their cells |
+//! | `flux` | what crosses each patch |
 
-pub mod convective;
 mod covered;
 mod flux;
-pub mod free_slip;
-pub mod outflow;
-pub mod pressure;
+mod links;
+mod model;
+mod nature;
+pub mod profile;
+mod rule;
+mod site;
 pub mod turbulent;
 pub mod wall;
 
 pub use super::quanta::{QUANTA, from_quanta, quanta};
 pub use flux::Flux;
+pub use links::{Crossing, FaceLink, Mirror};
+pub use model::{ImposedPressure, ImposedSpeed, Inflow, Model};
+pub use nature::{Nature, Strength, Surface};
+pub use rule::{Giver, Moment, Rule};
+pub use site::{Place, Site};
 
+use super::family;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
+use crate::error::{Error, Report};
+use crate::units::LatticeUnits;
+use profile::ReadTable;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a boundary in a case is that
+/// of its module.
+macro_rules! boundaries {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
+        $(pub mod $module;)*
+
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[serde(rename_all = "snake_case")]
+        #[schemars(transform = family::describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a boundary stands in its module")]
+                $boundary($module::$boundary),
+            )*
+        }
+
+        impl $list {
+            /// What the program asks about it.
+            #[must_use]
+            pub fn model(&self) -> &dyn Model {
+                match self {
+                    $(Self::$boundary(parameters) => parameters,)*
+                }
+            }
+
+            /// Name in a case.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$boundary(_) => stringify!($module),)*
+                }
+            }
+
+            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path of the site is
+            /// that of the condition.
+            #[must_use]
+            pub fn resolved(
+                &self,
+                site: &Site<'_>,
+                read: ReadTable<'_>,
+                report: &mut dyn Report,
+            ) -> Self {
+                let path = format!("{}.{}", site.path, self.name());
+                let site = Site { path: &path, ..*site };
+                let mut resolved = self.clone();
+                match &mut resolved {
+                    $(Self::$boundary(parameters) => parameters.resolve(&site, read, report),)*
+                }
+                resolved
+            }
+
+            /// The rule on the lattice.
+            ///
+            /// # Errors
+            /// Where the cells of the patch show that the parameters cannot hold.
+            pub fn rule<S: Stored>(
+                &self,
+                place: &Place<'_>,
+                units: &LatticeUnits,
+            ) -> Result<Box<dyn Rule<S>>, Error> {
+                match self {
+                    $(Self::$boundary(parameters) => parameters.rule(place, units),)*
+                }
+            }
+        }
+    };
+}
+
+boundaries! {
+    /// What the fluid does at a face.
+    Condition:
+    no_slip NoSlip,
+    moving_wall MovingWall,
+    free_slip FreeSlip,
+    velocity Velocity,
+    pressure Pressure,
+    outflow Outflow,
+    convective_outflow ConvectiveOutflow,
+}
 
 /// A value that goes linearly from `start` to `end` during `steps`, then stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,41 +170,8 @@ impl Ramp {
     }
 }
 
-/// Velocity on a face as a function of the position in cells (lattice units).
-pub type Profile = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
-
-/// What happens at a patch of a face.
-pub enum Condition {
-    /// The fluid sticks to a wall at rest.
-    NoSlip,
-    /// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
-    Velocity(Profile, Ramp),
-    /// The same with turbulence over the profile.
-    Turbulent(Profile, Ramp, turbulent::Synthetic),
-    /// Density deviation δρ = 3 p (pressure above the reference, in lattice units).
-    Pressure(Ramp),
-    /// The fluid leaves with the state it has.
-    Outflow,
-    /// The fluid is carried out with this velocity \[cells per step\]; without one with its own.
-    Convective(Option<f64>),
-    /// No flow through, no friction along.
-    FreeSlip,
-}
-
-impl Condition {
-    fn strength(&self) -> u8 {
-        match self {
-            Self::NoSlip => 4,
-            Self::Velocity(..) | Self::Turbulent(..) => 3,
-            Self::Pressure(_) => 2,
-            Self::Outflow | Self::Convective(_) => 1,
-            Self::FreeSlip => 0,
-        }
-    }
-}
-
 /// A named part of one face.
-pub struct Patch {
+pub struct Patch<S: Stored = f64> {
     /// Name in outputs.
     pub name: String,
     /// Axis of the face normal.
@@ -97,19 +181,17 @@ pub struct Patch {
     /// Corners of the part in cells (the components along the axis are not used); later patches win.
     pub range: [[f64; 2]; 3],
     /// The rule.
-    pub condition: Condition,
+    pub rule: Box<dyn Rule<S>>,
 }
 
-impl Patch {
+impl<S: Stored> Patch<S> {
     /// Whether water goes through the face at a point, in cells.
     fn lets_through(&self, position: [f64; 3]) -> bool {
-        match &self.condition {
-            Condition::NoSlip | Condition::FreeSlip => false,
-            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..) => {
-                profile(position)[self.axis] != 0.0
-            }
-            Condition::Pressure(_) | Condition::Outflow | Condition::Convective(_) => true,
-        }
+        self.rule.nature().surface == Surface::Opening
+            && self
+                .rule
+                .velocity(position)
+                .is_none_or(|u| u[self.axis] != 0.0)
     }
 
     fn holds(&self, position: [f64; 3]) -> bool {
@@ -121,22 +203,23 @@ impl Patch {
 
 /// The last patch that holds a position on a face; none where only the default wall does.
 #[must_use]
-pub fn holder(patches: &[Patch], axis: usize, upper: bool, position: [f64; 3]) -> Option<usize> {
+pub fn holder<S: Stored>(
+    patches: &[Patch<S>],
+    axis: usize,
+    upper: bool,
+    position: [f64; 3],
+) -> Option<usize> {
     patches
         .iter()
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
-/// All boundary links of one slab, grouped by rule, ready to be applied without a choice in the loop.
-pub struct Boundaries {
-    patches: Vec<Patch>,
+/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
+pub struct Boundaries<S: Stored> {
+    patches: Vec<Patch<S>>,
+    /// The patches from the strongest to the weakest.
+    order: Vec<usize>,
     walls: wall::Walls,
-    pressures: Vec<pressure::PressureCell>,
-    pressure_links: Vec<pressure::PressureLink>,
-    mirrors: Vec<free_slip::Mirror>,
-    outflows: Vec<outflow::OutflowLink>,
-    convective: convective::Convective,
-    inlets: Vec<turbulent::Inlet>,
     open: covered::OpenCells,
 }
 
@@ -150,34 +233,16 @@ pub struct Frame {
     pub periodic: [bool; 3],
 }
 
-fn factor(patches: &[Patch], patch: usize, step: f64) -> f64 {
-    match &patches[patch].condition {
-        Condition::Velocity(_, ramp) | Condition::Turbulent(_, ramp, _) => ramp.at(step),
-        _ => 0.0,
-    }
-}
-
-impl Boundaries {
+impl<S: Stored> Boundaries<S> {
     /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
     #[must_use]
-    pub fn new<S: Stored>(
+    pub fn new(
         populations: &Populations<S>,
         frame: &Frame,
-        patches: Vec<Patch>,
+        mut patches: Vec<Patch<S>>,
         coverable: bool,
     ) -> Self {
-        let mut all = Self {
-            patches,
-            walls: wall::Walls::default(),
-            pressures: Vec::new(),
-            pressure_links: Vec::new(),
-            mirrors: Vec::new(),
-            outflows: Vec::new(),
-            convective: convective::Convective::default(),
-            inlets: Vec::new(),
-            open: covered::OpenCells::default(),
-        };
-        let mut walls = Vec::new();
+        let defaults = patches.len();
         for axis in 0..3 {
             // Last resort, weakest in the search below because later patches win.
             for upper in [false, true] {
@@ -186,18 +251,17 @@ impl Boundaries {
                     ["x", "y", "z"][axis],
                     if upper { "max" } else { "min" }
                 );
-                let range = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
-                let patch = Patch {
+                patches.push(Patch {
                     name,
                     axis,
                     upper,
-                    range,
-                    condition: Condition::NoSlip,
-                };
-                all.patches.push(patch);
+                    range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+                    rule: Box::new(no_slip::Links),
+                });
             }
         }
-        let defaults = all.patches.len() - 6;
+        let mut walls = Vec::new();
+        let mut open = covered::OpenCells::default();
         let velocities = populations.velocities().clone();
         let dimension = velocities.dimension;
         let [slow, ..] = populations.order();
@@ -208,7 +272,6 @@ impl Boundaries {
             if !at_face {
                 continue;
             }
-            let mut pressure_cell: Option<(usize, usize)> = None;
             for i in 1..velocities.q() {
                 let c = velocities.c[i];
                 let outside: [bool; 3] = std::array::from_fn(|a| {
@@ -233,116 +296,62 @@ impl Boundaries {
                     .filter(|&a| outside[a])
                     .map(|axis| {
                         let upper = c[axis] > 0;
-                        holder(&all.patches[..defaults], axis, upper, middle)
+                        holder(&patches[..defaults], axis, upper, middle)
                             .unwrap_or(defaults + 2 * axis + usize::from(upper))
                     })
-                    .max_by_key(|&p| all.patches[p].condition.strength())
+                    .max_by_key(|&p| patches[p].rule.nature().strength)
                     .unwrap_or(defaults);
                 let link = populations.link(cell, i);
-                let weight = velocities.w[i];
-                if coverable && all.patches[patch].lets_through(middle) {
-                    all.open.add(cell, link);
+                if coverable && patches[patch].lets_through(middle) {
+                    open.add(cell, link);
                 }
-                match &all.patches[patch].condition {
-                    Condition::NoSlip => {
-                        walls.push(wall::WallLink {
-                            link,
-                            patch,
-                            direction: i,
-                            plane: local[slow],
-                            term: 0.0,
-                        });
-                    }
-                    Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..) => {
-                        let u = profile(middle);
-                        let held = &all.patches[patch];
-                        if let Condition::Turbulent(_, _, synthetic) = &held.condition {
-                            let side = (held.axis, held.upper);
-                            let known = all.inlets.iter().position(|inlet| inlet.patch == patch);
-                            let n = known.unwrap_or_else(|| {
-                                let inlet =
-                                    turbulent::Inlet::new(patch, side, synthetic, frame.cells);
-                                all.inlets.push(inlet);
-                                all.inlets.len() - 1
-                            });
-                            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
-                            let strength = synthetic.intensity * speed;
-                            all.inlets[n].add(at, strength, link, weight, c);
-                        }
-                        let term = wall::term(weight, c, u);
-                        walls.push(wall::WallLink {
-                            link,
-                            patch,
-                            direction: i,
-                            plane: local[slow],
-                            term,
-                        });
-                    }
-                    Condition::Pressure(_) => {
-                        let axis = all.patches[patch].axis;
-                        match &mut pressure_cell {
-                            Some((_, n)) => *n += 1,
-                            None => pressure_cell = Some((all.pressure_links.len(), 1)),
-                        }
-                        all.pressure_links.push(pressure::PressureLink {
-                            link,
-                            patch,
-                            direction: i,
-                            mirror: free_slip::Mirror::new(populations, cell, i, outside, patch),
-                            axis,
-                            weight,
-                        });
-                    }
-                    Condition::Outflow => {
-                        all.outflows.push(outflow::OutflowLink::new(
-                            populations,
-                            cell,
-                            i,
-                            outside,
-                            patch,
-                        ));
-                    }
-                    Condition::Convective(speed) => {
-                        let link = outflow::OutflowLink::new(populations, cell, i, outside, patch);
-                        let side = (all.patches[patch].axis, all.patches[patch].upper);
-                        all.convective.add(link, cell, side, *speed);
-                    }
-                    Condition::FreeSlip => {
-                        all.mirrors.push(free_slip::Mirror::new(
-                            populations,
-                            cell,
-                            i,
-                            outside,
-                            patch,
-                        ));
-                    }
+                let crossing = Crossing {
+                    populations,
+                    cell,
+                    at,
+                    cells: frame.cells,
+                    direction: i,
+                    outside,
+                    middle,
+                    link,
+                };
+                if let Giver::Wall { term } = patches[patch].rule.take(&crossing) {
+                    walls.push(wall::WallLink {
+                        link,
+                        patch,
+                        direction: i,
+                        plane: local[slow],
+                        term,
+                    });
                 }
-            }
-            if let Some((first, count)) = pressure_cell {
-                all.pressures
-                    .push(pressure::PressureCell { cell, first, count });
             }
         }
-        all.walls = wall::Walls::new(walls, populations.cells()[slow]);
-        all
+        let mut order: Vec<usize> = (0..patches.len()).collect();
+        order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.nature().strength));
+        Self {
+            patches,
+            order,
+            walls: wall::Walls::new(walls, populations.cells()[slow]),
+            open,
+        }
     }
 
     /// Positions of the ghost cells that links to walls at rest lead to; some of them more than once.
-    pub fn behind_walls_at_rest<S: Stored>(
+    pub fn behind_walls_at_rest(
         &self,
         populations: &Populations<S>,
     ) -> impl Iterator<Item = usize> {
         let first = |i: usize| populations.slot(0, i);
         self.walls
             .links()
-            .filter(|wall| matches!(self.patches[wall.patch].condition, Condition::NoSlip))
+            .filter(|wall| self.patches[wall.patch].rule.nature().surface == Surface::Wall)
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
     /// Factor of the velocity of a patch at a step: that of its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
-        factor(&self.patches, patch, step)
+        self.patches[patch].rule.factor(step)
     }
 
     /// Names of the patches, in the order of [`Boundaries::fluxes`].
@@ -351,15 +360,19 @@ impl Boundaries {
     }
 
     /// Notes what the rules need of the state before a pass.
-    pub fn remember<S: Stored>(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
-        self.convective.remember(populations, half_force);
+    pub fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
+        for patch in &mut self.patches {
+            patch.rule.remember(populations, half_force);
+        }
     }
 
-    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules read numbers that the walls
-    /// give, or ghosts beside them.
+    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may read numbers that the
+    /// walls give, or ghosts beside them.
     #[must_use]
     pub fn walls_stand_alone(&self) -> bool {
-        self.outflows.is_empty() && self.convective.is_empty() && self.mirrors.is_empty()
+        self.patches
+            .iter()
+            .all(|patch| patch.rule.walls_stand_alone())
     }
 
     /// Gives what comes back from the walls to the cells of some planes, ahead of [`Self::apply`].
@@ -367,42 +380,33 @@ impl Boundaries {
     /// # Safety
     /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on the cells of these planes or of those
     /// beside them.
-    pub(crate) unsafe fn give_walls<S: Stored>(
+    pub(crate) unsafe fn give_walls(
         &self,
         planes: Range<usize>,
         step: f64,
         parity: Parity,
         numbers: *mut S,
     ) {
-        let speed = |patch: usize| factor(&self.patches, patch, step);
+        let speed = |patch: usize| self.velocity_factor(patch, step);
         // SAFETY: forwarded from the caller: a link's numbers lie in the plane of its cell or beside it.
         unsafe { self.walls.give(planes, speed, parity, numbers) };
     }
 
     /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force; the walls of the planes
     /// `given` have been given theirs.
-    pub fn apply<S: Stored>(
+    pub fn apply(
         &mut self,
         populations: &mut Populations<S>,
         step: f64,
         half_force: [f64; 3],
         given: impl Iterator<Item = Range<usize>>,
     ) {
-        // Pressure reads whole cells, so it goes first; the others touch only their own two numbers.
-        pressure::apply(
-            &self.pressures,
-            &self.pressure_links,
-            |patch| match self.patches[patch].condition {
-                Condition::Pressure(ramp) => ramp.at(step),
-                _ => 0.0,
-            },
-            populations,
-            half_force,
-        );
-        outflow::apply(&self.outflows, populations);
-        self.convective.apply(populations);
-        free_slip::apply(&self.mirrors, populations);
-        let speed = |patch: usize| factor(&self.patches, patch, step);
+        let moment = Moment { step, half_force };
+        // Pressure reads whole cells, so it goes before what is weaker; the others touch only their own two numbers.
+        for &patch in &self.order {
+            self.patches[patch].rule.apply(populations, &moment);
+        }
+        let speed = |patch: usize| self.patches[patch].rule.factor(step);
         let [slow, ..] = populations.order();
         let planes = populations.cells()[slow];
         let mut next = 0;
@@ -410,35 +414,23 @@ impl Boundaries {
             self.walls.apply(next..given.start, speed, populations);
             next = given.end;
         }
-        for inlet in &mut self.inlets {
-            inlet.apply(populations, step, factor(&self.patches, inlet.patch, step));
+        for patch in &mut self.patches {
+            patch.rule.apply_over_walls(populations, &moment);
         }
     }
 
     /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell.
-    pub fn close_covered<S: Stored>(
-        &self,
-        fraction: impl Fn(usize) -> f64,
-        populations: &mut Populations<S>,
-    ) {
+    pub fn close_covered(&self, fraction: impl Fn(usize) -> f64, populations: &mut Populations<S>) {
         self.open.close(fraction, populations);
     }
 
     /// The last step in which a value at a face still changes by its ramp.
     #[must_use]
     pub fn ramps_end(&self) -> f64 {
-        let ramps = self.patches.iter().map(|patch| match &patch.condition {
-            Condition::Velocity(_, ramp)
-            | Condition::Turbulent(_, ramp, _)
-            | Condition::Pressure(ramp) => ramp.steps,
-            _ => 0.0,
-        });
+        let ramps = self.patches.iter().map(|patch| patch.rule.ramp_end());
         ramps.fold(0.0, f64::max)
     }
-
-    /// Whether any rule needs the cell behind the first (outflow), so that a slab at a face must be two planes thick.
-    #[must_use]
-    pub fn needs_two_planes(&self) -> bool {
-        !(self.outflows.is_empty() && self.convective.links().is_empty())
-    }
 }
+
+#[cfg(test)]
+mod tests;

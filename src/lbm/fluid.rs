@@ -25,7 +25,7 @@ use dispatch::{Choice, Step};
 use std::ops::Range;
 
 /// What a slab of fluid is made of, in lattice units.
-pub struct Setup {
+pub struct Setup<S: Stored = f64> {
     /// Velocity set.
     pub set: VelocitySet,
     /// Operator.
@@ -41,7 +41,7 @@ pub struct Setup {
     /// Periodic axes.
     pub periodic: [bool; 3],
     /// Patches of the faces; faces without one are no-slip walls.
-    pub patches: Vec<Patch>,
+    pub patches: Vec<Patch<S>>,
     /// How solids act on cells that they cover; none where no cell can be covered.
     pub saturation: Option<Method>,
 }
@@ -61,7 +61,7 @@ fn inner(share: &Range<usize>) -> Range<usize> {
 /// One slab of fluid.
 pub struct Fluid<S: Stored> {
     populations: Populations<S>,
-    boundaries: Boundaries,
+    boundaries: Boundaries<S>,
     halo: Halo,
     turbulence: Option<EddyViscosity>,
     /// Velocities for the eddy viscosity; none without one.
@@ -85,7 +85,7 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// When the memory cannot be had.
-    pub fn new(setup: Setup, domain: &Domain) -> Result<Self, String> {
+    pub fn new(setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
         let split = domain.axis().index();
         let planes = domain.range();
         let mut cells = setup.cells;
@@ -354,7 +354,7 @@ impl<S: Stored> Fluid<S> {
 
     /// The patches by name, in the order of [`Fluid::fluxes`].
     #[must_use]
-    pub fn boundaries(&self) -> &Boundaries {
+    pub fn boundaries(&self) -> &Boundaries<S> {
         &self.boundaries
     }
 

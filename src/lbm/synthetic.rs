@@ -10,8 +10,67 @@
 //!
 //! All is a function of seed and place: the same on any rank, in any order, after a restart.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use crate::error::{Remedy, Report, at_least, number};
 use crate::random::Stream;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+
+/// Synthetic turbulence: isotropic fluctuations made of random Fourier modes (Kraichnan 1970), without divergence.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluctuations {
+    /// Turbulence intensity: root mean square of each component over the local mean speed [1].
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub intensity: f64,
+    /// Longitudinal integral length scale L [m]; the correlation is exp(-pi r²/(4 L²)).
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub length_scale: f64,
+    /// Seed of the random numbers.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl Fluctuations {
+    /// Refuses eddies smaller than a few cells of an edge \[m\], which cannot live on the lattice.
+    pub fn check(&self, spacing: f64, path: &str, report: &mut dyn Report) {
+        let least = 2.0 * spacing;
+        if self.length_scale < least {
+            let path = format!("{path}.length_scale");
+            report.error(
+                &path,
+                format!(
+                    "eddies of this length fall between the cells, which are {} m wide",
+                    number(spacing)
+                ),
+                Remedy::from(format!(
+                    "use at least {}, or a finer spacing",
+                    at_least(least)
+                ))
+                .set(&*path, at_least(least)),
+            );
+        }
+    }
+
+    /// The modes on a lattice, of unit root mean square.
+    #[must_use]
+    pub fn modes(&self, dimension: usize, units: &LatticeUnits) -> Modes {
+        let length = units.length_to_lattice(self.length_scale);
+        Modes::new(self.seed, length, dimension)
+    }
+
+    /// Largest over mean speed; 1 without fluctuations. They rarely go beyond three times their root mean square.
+    #[must_use]
+    pub fn gusts(fluctuations: Option<&Self>) -> f64 {
+        1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
+    }
+}
 
 /// Modes of a field; divided by two and by three.
 const COUNT: usize = 96;

@@ -9,7 +9,6 @@ use super::margin::{Margin, margin, slower_clock};
 use crate::error::Remedy;
 use crate::number::real;
 use crate::scene::Scene;
-use crate::scene::boundaries::Condition;
 use crate::scene::contact::ContactTable;
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
@@ -157,10 +156,10 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
     let most = scene.guards.max_compression;
     let mut sources: Vec<(String, &str, f64)> = Vec::new();
     for patch in flow.patches() {
-        if let (Condition::Pressure { value, from, .. }, Some(n)) = (&patch.condition, patch.index)
+        if let Some(pressure) = patch.condition.model().pressure()
+            && let Some(path) = patch.path(pressure.field)
         {
-            let path = format!("{PATH}.boundaries[{n}].condition.pressure.value");
-            sources.push((path, "the imposed pressure", value.abs().max(from.abs())));
+            sources.push((path, "the imposed pressure", pressure.amplitude()));
         }
     }
     if let Initial::Uniform { pressure, .. } = &flow.initial {
@@ -224,7 +223,7 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
 #[must_use]
 pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;
-    let axis = pressure_difference(flow).map_or(0, |(.., axis)| axis);
+    let axis = pressure_difference(flow).map_or(0, |pressures| pressures.axis);
     let (_, height) = passage(scene, axis);
     let cells = height.min(scene.grid.size[0] * real(scene.grid.dimension)) / scene.grid.spacing;
     Some(USUAL_LATTICE_VELOCITY * 3.0 / (flow.relaxation_time - 0.5) * cells)

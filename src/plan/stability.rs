@@ -17,9 +17,9 @@
 use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, Scheme};
 use crate::error::Remedy;
+use crate::lbm::boundary::Surface;
 use crate::lbm::collision::border::{Bounds, Situation, Surroundings};
 use crate::scene::Scene;
-use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 use crate::scene::speed;
@@ -27,14 +27,14 @@ use crate::scene::speed;
 fn surroundings(flow: &Flow) -> Surroundings {
     let mut all = Surroundings::Periodic;
     for patch in flow.patches() {
-        match patch.condition {
-            Condition::FreeSlip => {}
-            Condition::NoSlip | Condition::MovingWall(_) => {
+        match patch.condition.model().nature().surface {
+            Surface::Symmetry => {}
+            Surface::Wall | Surface::MovingWall => {
                 if all == Surroundings::Periodic {
                     all = Surroundings::Walls;
                 }
             }
-            _ => all = Surroundings::Openings,
+            Surface::Opening => all = Surroundings::Openings,
         }
     }
     all
@@ -56,15 +56,13 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
 
 /// Whether a wall that moves along itself ends at one that does not.
 fn lid_meets_wall(flow: &Flow) -> bool {
-    let faces = |moving: bool| {
-        let of_kind = flow.patches().filter(move |patch| match patch.condition {
-            Condition::MovingWall(_) => moving,
-            Condition::NoSlip => !moving,
-            _ => false,
-        });
-        of_kind.map(|patch| patch.face.axis())
+    let faces = |surface: Surface| {
+        let of_surface = flow
+            .patches()
+            .filter(move |patch| patch.condition.model().nature().surface == surface);
+        of_surface.map(|patch| patch.face.axis())
     };
-    faces(true).any(|lid| faces(false).any(|wall| wall != lid))
+    faces(Surface::MovingWall).any(|lid| faces(Surface::Wall).any(|wall| wall != lid))
 }
 
 /// Links that are interpolated to the faces of polyhedra: all links of a face are cut at the same part, and what they return is damped by

@@ -1,11 +1,11 @@
 //! The flow at the start.
 
 use super::block::Block;
-use super::findings::{Findings, LATTICE_PATH as PATH, at_least, number};
+use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
-use crate::case::boundary::Fluctuations;
 use crate::case::fluid::{self, LatticeBoltzmann};
 use crate::error::Remedy;
+use crate::lbm::synthetic::Fluctuations;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -139,12 +139,8 @@ pub(super) fn initial(
             fluctuations,
         } => {
             if let Some(fluctuations) = fluctuations {
-                resolved(
-                    fluctuations,
-                    grid,
-                    &format!("{path}.channel.fluctuations"),
-                    findings,
-                );
+                let path = format!("{path}.channel.fluctuations");
+                fluctuations.check(grid.spacing, &path, findings);
             }
             let (flow, across) = (flow.index(), across.index());
             if flow == across || flow.max(across) >= grid.dimension {
@@ -172,30 +168,6 @@ pub(super) fn initial(
             }
             Initial::File(file)
         }
-    }
-}
-
-/// Eddies smaller than a few cells cannot live on the lattice.
-pub(super) fn resolved(
-    fluctuations: &Fluctuations,
-    grid: &Grid,
-    path: &str,
-    findings: &mut Findings,
-) {
-    let least = 2.0 * grid.spacing;
-    if fluctuations.length_scale < least {
-        findings.error(
-            &format!("{path}.length_scale"),
-            format!(
-                "eddies of this length fall between the cells, which are {} m wide",
-                number(grid.spacing)
-            ),
-            Remedy::from(format!(
-                "use at least {}, or a finer spacing",
-                at_least(least)
-            ))
-            .set(format!("{path}.length_scale"), at_least(least)),
-        );
     }
 }
 

@@ -1,120 +1,24 @@
 //! Velocities over a face from a CSV file: the tangential coordinates \[m\], then the velocity components [m/s].
 //!
-//! The first line is a header; empty lines and lines that begin with `#` are skipped. In 2-D the velocity is linear
-//! between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
+//! The first line is a header; empty lines and lines that begin with `#` are skipped. What [`Table`] makes of the rows stands there.
 
+use crate::lbm::boundary::profile::Table;
 use io::csv::Reader;
-use serde::{Serialize, Serializer};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 /// Rows of a table at most.
 pub const MOST_ROWS: usize = 1_000_000;
 /// Longest file \[bytes\]: so many rows of five numbers with all their digits.
 const LONGEST: u64 = 256 << 20;
 
-/// A table of velocities; in texts it stands as its path.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Table {
-    path: PathBuf,
-    dimension: usize,
-    /// In rising order of the first coordinate.
-    rows: Arc<Vec<Vec<f64>>>,
-}
-
-impl Serialize for Table {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.path.serialize(serializer)
-    }
-}
-
-impl Table {
-    /// A table that holds nothing, in the place of one that cannot be read.
-    pub(crate) fn empty(path: PathBuf, dimension: usize) -> Self {
-        Self {
-            path,
-            dimension,
-            rows: Arc::new(Vec::new()),
-        }
-    }
-
-    /// The table of a file.
-    ///
-    /// # Errors
-    /// A sentence that names the file and the line.
-    pub(crate) fn read(path: PathBuf, dimension: usize) -> Result<Self, String> {
-        let text = io::plain::text(&path, LONGEST).map_err(|e| e.to_string())?;
-        let rows = rows(&text, dimension).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(Self {
-            path,
-            dimension,
-            rows: Arc::new(rows),
-        })
-    }
-
-    /// The file.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// How many rows.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// No row at all.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
-
-    /// The largest speed of any row [m/s].
-    #[must_use]
-    pub fn fastest(&self) -> f64 {
-        let speed = |row: &Vec<f64>| {
-            let squares = row[self.dimension - 1..].iter().map(|u| u * u);
-            squares.sum::<f64>().sqrt()
-        };
-        self.rows.iter().map(speed).fold(0.0, f64::max)
-    }
-
-    /// The velocity [m/s] at the tangential coordinates \[m\] of a place.
-    #[must_use]
-    pub fn at(&self, across: &[f64]) -> [f64; 3] {
-        let rows = &self.rows;
-        let mut velocity = [0.0; 3];
-        if rows.is_empty() {
-            return velocity;
-        }
-        if self.dimension == 2 {
-            let k = rows.partition_point(|row| row[0] < across[0]);
-            let (low, high) = (&rows[k.saturating_sub(1)], &rows[k.min(rows.len() - 1)]);
-            let width = high[0] - low[0];
-            let s = if width > 0.0 {
-                ((across[0] - low[0]) / width).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            for (to, c) in velocity.iter_mut().zip(1..3) {
-                *to = low[c] + s * (high[c] - low[c]);
-            }
-        } else {
-            let distance =
-                |row: &Vec<f64>| (row[0] - across[0]).powi(2) + (row[1] - across[1]).powi(2);
-            let nearest = rows
-                .iter()
-                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            for (to, u) in velocity
-                .iter_mut()
-                .zip(nearest.iter().flat_map(|row| &row[2..]))
-            {
-                *to = *u;
-            }
-        }
-        velocity
-    }
+/// The table of a file.
+///
+/// # Errors
+/// A sentence that names the file and the line.
+pub(crate) fn read(path: &Path, dimension: usize) -> Result<Table, String> {
+    let text = io::plain::text(path, LONGEST).map_err(|e| e.to_string())?;
+    let rows = rows(&text, dimension).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(Table::new(dimension, rows))
 }
 
 /// The rows of a text in rising order of the first coordinate.
@@ -161,23 +65,15 @@ mod tests {
     use super::*;
 
     fn table(text: &str, dimension: usize) -> Result<Table, String> {
-        let rows = rows(text, dimension)?;
-        Ok(Table {
-            rows: Arc::new(rows),
-            ..Table::empty(PathBuf::new(), dimension)
-        })
+        Ok(Table::new(dimension, rows(text, dimension)?))
     }
 
     #[test]
-    fn rows_are_interpolated_and_the_fastest_is_known() {
+    fn rows_are_read_in_rising_order() {
         let flat = table("y,u,v\n# note\n\n1,4,-3\n0,2,0\n", 2).unwrap();
         assert_eq!(flat.at(&[0.5]), [3.0, -1.5, 0.0]);
-        assert_eq!(flat.at(&[-1.0]), [2.0, 0.0, 0.0]);
-        assert_eq!(flat.at(&[9.0]), [4.0, -3.0, 0.0]);
-        assert_eq!(flat.fastest(), 5.0);
         let solid = table("y,z,u,v,w\n0,0,1,0,0\n1,1,0,0,2\n", 3).unwrap();
         assert_eq!(solid.at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
-        assert_eq!(solid.fastest(), 2.0);
     }
 
     #[test]

@@ -8,10 +8,11 @@
 pub(crate) mod settling;
 
 use super::Scene;
-use super::boundaries::{Condition, Patch, VelocityProfile};
+use super::boundaries::Patch;
 use super::flow::{BodyForce, Flow, PATH};
 use super::initial::Initial;
-use crate::case::boundary::Fluctuations;
+use crate::lbm::boundary::Surface;
+use crate::lbm::synthetic::Fluctuations;
 
 /// A velocity the fluid will reach.
 pub(crate) struct Speed {
@@ -75,42 +76,10 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         }
     };
     for patch in flow.patches() {
-        let Some(n) = patch.index else { continue };
-        let path = format!("{PATH}.boundaries[{n}].condition");
-        match &patch.condition {
-            Condition::MovingWall(v) => add(
-                "the moving wall",
-                format!("{path}.moving_wall.velocity"),
-                norm(*v),
-            ),
-            Condition::Velocity {
-                profile: VelocityProfile::Uniform(v),
-                turbulence,
-                ..
-            } => add(
-                "the imposed velocity",
-                format!("{path}.velocity.profile.uniform"),
-                norm(*v) * gusts(*turbulence),
-            ),
-            Condition::Velocity {
-                profile: VelocityProfile::Parabolic(peak),
-                turbulence,
-                ..
-            } => add(
-                "the imposed velocity",
-                format!("{path}.velocity.profile.parabolic.peak"),
-                peak.abs() * gusts(*turbulence),
-            ),
-            Condition::Velocity {
-                profile: VelocityProfile::File(table),
-                turbulence,
-                ..
-            } => add(
-                "the imposed velocity",
-                format!("{path}.velocity.profile.file.path"),
-                table.fastest() * gusts(*turbulence),
-            ),
-            _ => {}
+        if let Some(speed) = patch.condition.model().speed()
+            && let Some(path) = patch.path(speed.field)
+        {
+            add(speed.what, path, speed.value);
         }
     }
     match &flow.initial {
@@ -144,7 +113,7 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         } => add(
             "the initial channel flow",
             format!("{PATH}.initial.channel.peak"),
-            peak.abs() * gusts(*fluctuations),
+            peak.abs() * Fluctuations::gusts(fluctuations.as_ref()),
         ),
         Initial::File(_) => {}
     }
@@ -162,42 +131,53 @@ fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
     Some(Speed { what, path, value })
 }
 
-/// Largest over mean speed: fluctuations rarely go beyond three times their root mean square.
-fn gusts(fluctuations: Option<Fluctuations>) -> f64 {
-    1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
+/// The difference of the pressures that boundaries impose.
+pub(crate) struct PressureDifference {
+    /// Largest less smallest \[Pa\].
+    pub(crate) value: f64,
+    /// JSON path of the pressure with the larger amplitude.
+    path: String,
+    /// Axis normal to its face.
+    pub(crate) axis: usize,
 }
 
-/// Largest minus smallest imposed pressure \[Pa\], the boundary with the larger magnitude, and the axis between.
-pub(crate) fn pressure_difference(flow: &Flow) -> Option<(f64, usize, usize)> {
-    let mut bounds: Option<(f64, f64)> = None;
-    let mut largest: Option<(f64, usize, usize)> = None;
+/// The difference of the pressures that boundaries impose; outflows beside them are at the reference.
+pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
+    let mut bounds: Option<[f64; 2]> = None;
+    let mut largest: Option<(f64, String, usize)> = None;
     for patch in flow.patches() {
-        if let (Condition::Pressure { value, from, .. }, Some(n)) = (&patch.condition, patch.index)
+        let model = patch.condition.model();
+        let imposed = model.pressure();
+        if let Some(pressure) = imposed
+            && let Some(path) = patch.path(pressure.field)
         {
-            let (lo, hi) = (value.min(*from), value.max(*from));
-            let known = bounds.unwrap_or((lo, hi));
-            bounds = Some((known.0.min(lo), known.1.max(hi)));
+            let [lo, hi] = pressure.range();
+            let known = bounds.unwrap_or([lo, hi]);
+            bounds = Some([known[0].min(lo), known[1].max(hi)]);
             let size = lo.abs().max(hi.abs());
-            if largest.is_none_or(|(s, ..)| size > s) {
-                largest = Some((size, n, patch.face.axis()));
+            if largest.as_ref().is_none_or(|(s, ..)| size > *s) {
+                largest = Some((size, path, patch.face.axis()));
             }
-        } else if let (Condition::Outflow | Condition::ConvectiveOutflow(_), Some((lo, hi))) =
-            (&patch.condition, bounds)
+        } else if model.pressure_floats()
+            && let Some([lo, hi]) = bounds
         {
-            bounds = Some((lo.min(0.0), hi.max(0.0)));
+            bounds = Some([lo.min(0.0), hi.max(0.0)]);
         }
     }
-    let ((lo, hi), (_, n, axis)) = (bounds?, largest?);
-    Some((hi - lo, n, axis))
+    let ([lo, hi], (_, path, axis)) = (bounds?, largest?);
+    Some(PressureDifference {
+        value: hi - lo,
+        path,
+        axis,
+    })
 }
 
 fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
-    let (difference, n, axis) = pressure_difference(flow)?;
-    let path = format!("{PATH}.boundaries[{n}].condition.pressure.value");
-    let free = (2.0 * difference / flow.density).sqrt();
+    let PressureDifference { value, path, axis } = pressure_difference(flow)?;
+    let free = (2.0 * value / flow.density).sqrt();
     let (length, height) = passage(scene, axis);
     let viscous =
-        difference * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
+        value * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
     Some((path, free.min(viscous)))
 }
 
@@ -274,7 +254,7 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     }
     let nu = flow.kinematic_viscosity;
     let (_, width) = passage(scene, axis);
-    let slides = |patch: &Patch| matches!(patch.condition, Condition::FreeSlip);
+    let slides = |patch: &Patch| patch.condition.model().nature().surface == Surface::Symmetry;
     let height = if flow.patches().any(slides) {
         2.0 * width
     } else {

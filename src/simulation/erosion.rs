@@ -44,7 +44,6 @@ use crate::error::Error;
 use crate::number::real;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
-use crate::scene::boundaries::Condition;
 use crate::scene::observe::Action;
 use decomposition::{Domain, ExactSum, Fixed};
 use hole::{BEHIND, Hole, cell_sums, depth, excess_force};
@@ -582,13 +581,9 @@ impl ErosionRecorder {
 /// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
-    patches.filter_map(|patch| match patch.condition {
-        Condition::Pressure {
-            value,
-            from,
-            ramp_time,
-        } => Some([from, value, ramp_time]),
-        _ => None,
+    patches.filter_map(|patch| {
+        let pressure = patch.condition.model().pressure()?;
+        Some([pressure.start, pressure.end, pressure.ramp_time])
     })
 }
 

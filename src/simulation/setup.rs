@@ -3,7 +3,6 @@
 pub mod blocks;
 
 use super::coupled;
-use crate::case::boundary::Fluctuations;
 use crate::coupling::body_map::GHOSTS;
 use crate::coupling::drag::{self, Seepage};
 use crate::darcy;
@@ -11,21 +10,18 @@ use crate::dem::particles::{Body, Kind, Motion, Particles};
 pub use crate::dem::space::vector;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Region, Settings, Wall};
-use crate::error::{Error, Problem, Severity};
-use crate::lbm::boundary::turbulent::Synthetic;
-use crate::lbm::boundary::{Condition, Patch, Profile, Ramp};
+use crate::error::Error;
+use crate::lbm::boundary::Patch;
 use crate::lbm::fluid::{Force, Setup};
 use crate::lbm::initial::Field;
-use crate::lbm::synthetic::Modes;
+use crate::lbm::lanes::Stored;
 use crate::number::{real, to_u32};
 use crate::plan::{self, Plan};
 use crate::scene::bodies::Mobility;
 use crate::scene::boundaries;
-use crate::scene::boundaries::{Condition as Written, VelocityProfile};
 use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::grid::Grid;
 use crate::scene::initial::Initial;
-use crate::scene::profile::Table;
 use crate::scene::sample::Grain;
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Domain};
@@ -40,7 +36,7 @@ pub fn axis(n: usize) -> Axis {
 ///
 /// # Errors
 /// When a profile cannot be read.
-pub fn fluid(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup, Error> {
+pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup<S>, Error> {
     let grid = &plan.scene.grid;
     let mut patches = Vec::new();
     for patch in flow.patches() {
@@ -95,7 +91,11 @@ fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
     }
 }
 
-fn patch(plan: &Plan, patch: &boundaries::Patch, units: &LatticeUnits) -> Result<Patch, Error> {
+fn patch<S: Stored>(
+    plan: &Plan,
+    patch: &boundaries::Patch,
+    units: &LatticeUnits,
+) -> Result<Patch<S>, Error> {
     let cells = plan.scene.grid.cells;
     let axis = patch.face.axis();
     let upper = patch.face.is_max();
@@ -113,160 +113,20 @@ fn patch(plan: &Plan, patch: &boundaries::Patch, units: &LatticeUnits) -> Result
         };
         [low, high]
     });
-    let lattice = |v: [f64; 3]| v.map(|x| units.velocity_to_lattice(x));
-    let growing = |time: f64| Ramp {
-        start: 0.0,
-        end: 1.0,
-        steps: units.time_to_lattice(time),
-    };
-    let condition = match &patch.condition {
-        Written::NoSlip => Condition::NoSlip,
-        Written::MovingWall(velocity) => {
-            let u = lattice(*velocity);
-            Condition::Velocity(Box::new(move |_| u), Ramp::constant(1.0))
-        }
-        Written::FreeSlip => Condition::FreeSlip,
-        Written::Velocity {
-            profile,
-            ramp_time,
-            turbulence,
-        } => {
-            let profile: Profile = match profile {
-                VelocityProfile::Uniform(velocity) => {
-                    let u = lattice(*velocity);
-                    Box::new(move |_| u)
-                }
-                VelocityProfile::Parabolic(peak) => parabola(
-                    axis,
-                    upper,
-                    patch,
-                    plan.scene.grid.dimension,
-                    units.velocity_to_lattice(*peak),
-                ),
-                VelocityProfile::File(written) => {
-                    table(written, axis, plan.scene.grid.dimension, units)
-                }
-            };
-            let ramp = growing(*ramp_time);
-            match turbulence {
-                None => Condition::Velocity(profile, ramp),
-                Some(written) => {
-                    let synthetic = synthetic(written, plan, patch, &profile, units)?;
-                    Condition::Turbulent(profile, ramp, synthetic)
-                }
-            }
-        }
-        Written::Pressure {
-            value,
-            from,
-            ramp_time,
-        } => Condition::Pressure(Ramp {
-            start: units.pressure_to_density_deviation(*from),
-            end: units.pressure_to_density_deviation(*value),
-            steps: units.time_to_lattice(*ramp_time),
-        }),
-        Written::Outflow => Condition::Outflow,
-        Written::ConvectiveOutflow(velocity) => {
-            Condition::Convective(velocity.map(|v| units.velocity_to_lattice(v)))
-        }
-    };
+    let path = format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name);
+    let place = patch.place(&plan.scene.grid, &path);
     Ok(Patch {
         name: patch.name.clone(),
         axis,
         upper,
         range,
-        condition,
-    })
-}
-
-/// Turbulence carried in by the mean of a profile over the cells of its patch.
-fn synthetic(
-    written: &Fluctuations,
-    plan: &Plan,
-    patch: &boundaries::Patch,
-    profile: &Profile,
-    units: &LatticeUnits,
-) -> Result<Synthetic, Error> {
-    let grid = &plan.scene.grid;
-    let (axis, inward) = (patch.face.axis(), patch.face.inward());
-    let (mut sum, mut cells) = (0.0, 0.0);
-    for x in patch.from[0]..patch.to[0] {
-        for y in patch.from[1]..patch.to[1] {
-            for z in patch.from[2]..patch.to[2] {
-                let mut place = [x, y, z].map(|n| real(n) + 0.5);
-                place[axis] = if patch.face.is_max() {
-                    real(grid.cells[axis])
-                } else {
-                    0.0
-                };
-                let u = profile(place);
-                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
-                cells += 1.0;
-            }
-        }
-    }
-    let speed = sum / f64::max(cells, 1.0);
-    if speed <= 0.0 {
-        return Err(Error::Case(vec![Problem {
-            path: format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name),
-            value: format!("{speed} of the lattice into the domain on the mean"),
-            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
-                .into(),
-            remedy: "turn the profile round, or take the turbulence out".into(),
-            severity: Severity::Error,
-        }]));
-    }
-    Ok(Synthetic {
-        // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
-        modes: modes(written, grid.dimension, units).periodic(repeats(grid)),
-        intensity: written.intensity,
-        speed,
-    })
-}
-
-/// A parabola over the patch along the inward normal; in 3-D the product of two.
-fn parabola(
-    axis: usize,
-    upper: bool,
-    patch: &boundaries::Patch,
-    dimension: usize,
-    peak: f64,
-) -> Profile {
-    let (from, to) = (patch.from.map(real), patch.to.map(real));
-    let inward = if upper { -peak } else { peak };
-    Box::new(move |position| {
-        let mut speed = inward;
-        for a in (0..dimension).filter(|&a| a != axis) {
-            let s = ((position[a] - from[a]) / (to[a] - from[a])).clamp(0.0, 1.0);
-            speed *= 4.0 * s * (1.0 - s);
-        }
-        let mut u = [0.0; 3];
-        u[axis] = speed;
-        u
-    })
-}
-
-/// A profile from a table.
-fn table(table: &Table, axis: usize, dimension: usize, units: &LatticeUnits) -> Profile {
-    let (table, units) = (table.clone(), *units);
-    Box::new(move |position| {
-        let across: Vec<f64> = (0..dimension)
-            .filter(|&a| a != axis)
-            .map(|a| position[a] * units.spacing)
-            .collect();
-        table.at(&across).map(|v| units.velocity_to_lattice(v))
+        rule: patch.condition.rule(&place, units)?,
     })
 }
 
 /// Lengths in cells after which a field repeats.
 fn repeats(grid: &Grid) -> [Option<f64>; 3] {
     std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
-}
-
-/// Modes of written fluctuations, of unit root mean square.
-fn modes(written: &Fluctuations, dimension: usize, units: &LatticeUnits) -> Modes {
-    let length = units.length_to_lattice(written.length_scale);
-    Modes::new(written.seed, length, dimension)
 }
 
 /// The fluid at the start as a field on the lattice; none for a file.
@@ -328,7 +188,8 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
             let (flow, across, peak) = (*flow, *across, u(*peak));
             let grid = &plan.scene.grid;
             let eddies = fluctuations.map(|written| {
-                let modes = modes(&written, grid.dimension, units).periodic(repeats(grid));
+                let modes = written.modes(grid.dimension, units);
+                let modes = modes.periodic(repeats(grid));
                 (written.intensity, modes)
             });
             Box::new(move |p: [f64; 3]| {

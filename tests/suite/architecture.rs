@@ -5,6 +5,7 @@
 //!                simulation -> output, checkpoint -> io
 //!                simulation -> scene, plan -> case -> units, and parameters of coupling, darcy
 //!                simulation -> coupling -> lbm | dem -> decomposition
+//!                lbm -> units, geometry
 //! ```
 //!
 //! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
@@ -109,7 +110,12 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["thread_pool", "darcy", "dem", "lbm", "units"],
         &["decomposition"],
     ),
-    ("lbm", &["thread_pool", "random"], &["decomposition"]),
+    // Boundaries and fluctuations convert their own parameters.
+    (
+        "lbm",
+        &["thread_pool", "geometry", "random", "units"],
+        &["decomposition"],
+    ),
     ("dem", &["thread_pool", "random"], &["decomposition"]),
     ("darcy", &["random"], &["decomposition"]),
     ("geometry", &[], &[]),

@@ -1,6 +1,6 @@
 //! What crosses the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, free_slip};
+use super::{Boundaries, links};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Populations};
 use crate::lbm::quanta::quanta;
@@ -16,7 +16,7 @@ pub struct Flux {
 
 /// What crossed a face along one link.
 #[derive(Clone, Copy, Debug)]
-struct Crossing {
+struct Exchange {
     patch: usize,
     /// Deviation from rest of the population that left, and its direction.
     out: (f64, usize),
@@ -26,25 +26,25 @@ struct Crossing {
     cells: [u32; 2],
 }
 
-impl Boundaries {
+impl<S: Stored> Boundaries<S> {
     /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over
     /// the boundary links.
     #[must_use]
-    pub fn fluxes<S: Stored>(&self, populations: &Populations<S>) -> Vec<Flux> {
+    pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
         let mut fluxes = Vec::new();
         self.fluxes_into(populations, &mut fluxes);
         fluxes
     }
 
     /// As [`Self::fluxes`], into a list that is used again.
-    pub fn fluxes_into<S: Stored>(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
+    pub fn fluxes_into(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
         fluxes.clear();
         fluxes.resize(self.patches.len(), Flux::default());
         let velocities = populations.velocities();
-        self.crossings(populations, |crossing| {
-            let Crossing {
+        self.crossings(populations, |exchange| {
+            let Exchange {
                 patch, out, into, ..
-            } = crossing;
+            } = exchange;
             let [(a, i), (b, j)] = [out, into];
             let (leaves, enters) = (
                 i128::from(quanta(a + velocities.w[i])),
@@ -63,19 +63,15 @@ impl Boundaries {
     /// (positions within an array) for which `counts` holds, and of the deviations from rest, as that of the loads on bodies is: the
     /// pressure at rest cancels over a whole surface only.
     #[must_use]
-    pub fn left<S: Stored>(
-        &self,
-        populations: &Populations<S>,
-        counts: impl Fn(usize) -> bool,
-    ) -> [i128; 4] {
+    pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
         let velocities = populations.velocities();
         let mut sums = [0; 4];
-        self.crossings(populations, |crossing| {
-            let ends = [(1, crossing.out, 0), (-1, crossing.into, 1)];
+        self.crossings(populations, |exchange| {
+            let ends = [(1, exchange.out, 0), (-1, exchange.into, 1)];
             for (sign, (deviation, i), n) in ends {
                 let leaves = sign * i128::from(quanta(deviation));
                 sums[0] += leaves;
-                if counts(crossing.cells[n] as usize) {
+                if counts(exchange.cells[n] as usize) {
                     for axis in 0..3 {
                         sums[axis + 1] += i128::from(velocities.c[i][axis]) * leaves;
                     }
@@ -86,46 +82,45 @@ impl Boundaries {
     }
 
     /// Calls `each` for every link through a face, with what left and entered along it in the step just done.
-    fn crossings<S: Stored>(&self, populations: &Populations<S>, mut each: impl FnMut(Crossing)) {
+    fn crossings(&self, populations: &Populations<S>, mut each: impl FnMut(Exchange)) {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
         let mut begins = [0; 27];
         for (i, begin) in begins[..velocities.q()].iter_mut().enumerate() {
-            *begin = free_slip::first(populations, i);
+            *begin = links::first(populations, i);
         }
-        let mut straight = |patch: usize, link: Link, direction: usize| {
+        let straight = |patch: usize, link: Link, direction: usize| {
             let back = velocities.opposite[direction];
-            each(Crossing {
+            Exchange {
                 patch,
                 out: (numbers[link.out(parity)].to_f64(), direction),
                 into: (numbers[link.incoming(parity)].to_f64(), back),
                 cells: [link.near - begins[back]; 2],
-            });
+            }
         };
         for w in self.walls.links() {
-            straight(w.patch, w.link, w.direction);
+            each(straight(w.patch, w.link, w.direction));
         }
-        for p in &self.pressure_links {
-            straight(p.patch, p.link, p.direction);
-        }
-        for o in self.outflows.iter().chain(self.convective.links()) {
-            straight(o.patch, o.link, o.direction);
-        }
-        for m in &self.mirrors {
-            let (from, to) = m.ends(parity);
-            each(Crossing {
-                patch: m.patch,
-                out: (numbers[from].to_f64(), m.leaves),
-                into: (numbers[to].to_f64(), m.enters),
-                // Two cells beside each other, of which a body may hold one.
-                cells: m.cells,
-            });
+        for (n, patch) in self.patches.iter().enumerate() {
+            for kept in patch.rule.links() {
+                each(straight(n, kept.link, kept.direction));
+            }
+            for m in patch.rule.mirrors() {
+                let (from, to) = m.ends(parity);
+                each(Exchange {
+                    patch: n,
+                    out: (numbers[from].to_f64(), m.leaves),
+                    into: (numbers[to].to_f64(), m.enters),
+                    // Two cells beside each other, of which a body may hold one.
+                    cells: m.cells,
+                });
+            }
         }
     }
 
     /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose cells
     /// (positions within an array) `counts` holds. Walls let nothing through and are not walked.
-    pub fn mass_through<S: Stored>(
+    pub fn mass_through(
         &self,
         populations: &Populations<S>,
         counts: impl Fn(usize) -> bool,
@@ -146,11 +141,10 @@ impl Boundaries {
         for w in self.walls.moving() {
             add(w.patch, w.link, w.direction);
         }
-        for p in &self.pressure_links {
-            add(p.patch, p.link, p.direction);
-        }
-        for o in self.outflows.iter().chain(self.convective.links()) {
-            add(o.patch, o.link, o.direction);
+        for (n, patch) in self.patches.iter().enumerate() {
+            for kept in patch.rule.links() {
+                add(n, kept.link, kept.direction);
+            }
         }
     }
 }

@@ -3,73 +3,66 @@
 //! The population entering x along j is the one that left the cell x - t along i, where i is j with the components
 //! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
 
+use super::{Crossing, Giver, Mirror, Model, Moment, Nature, Place, Rule, Strength, Surface};
+use crate::error::Error;
 use crate::lbm::lanes::Stored;
-use crate::lbm::populations::{Parity, Populations};
+use crate::lbm::populations::Populations;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// One mirrored population.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Mirror {
-    from: [usize; 2],
-    to: [usize; 2],
-    /// The cells that the population leaves and enters: positions within an array.
-    pub(crate) cells: [u32; 2],
-    pub(crate) patch: usize,
-    /// Direction of the outgoing population.
-    pub(crate) leaves: usize,
-    /// Direction of the incoming population.
-    pub(crate) enters: usize,
+/// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated cells, because
+/// bounce-back links along the plane do not see the mirror image of the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct FreeSlip {}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Symmetry,
+    strength: Strength::Symmetry,
+};
+
+impl Model for FreeSlip {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
+        Ok(Box::<Links>::default())
+    }
 }
 
-impl Mirror {
-    /// The population that enters `cell` opposite to direction `i`, whose link crosses the faces marked `outside`.
-    pub(super) fn new<S: Stored>(
-        populations: &Populations<S>,
-        cell: usize,
-        i: usize,
-        outside: [bool; 3],
-        patch: usize,
-    ) -> Self {
-        let velocities = populations.velocities();
-        let enters = velocities.opposite[i];
-        let c = velocities.c[enters];
-        let mirrored: [i8; 3] = std::array::from_fn(|a| if outside[a] { -c[a] } else { c[a] });
-        let along: [i8; 3] = std::array::from_fn(|a| if outside[a] { 0 } else { c[a] });
-        let find = |v: [i8; 3]| velocities.c.iter().position(|&d| d == v).unwrap_or(0);
-        let leaves = find(mirrored);
-        let source = cell.wrapping_add_signed(-populations.offset(find(along)));
-        // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the set.
-        let out = populations.link(source, leaves);
-        let into = populations.link(cell, i);
-        Self {
-            from: [out.out(Parity::Home), out.out(Parity::Reversed)],
-            to: [into.incoming(Parity::Home), into.incoming(Parity::Reversed)],
-            // Both ends of a link lie in the array of their population behind the position of the cell.
-            cells: [
-                out.near - first(populations, velocities.opposite[leaves]),
-                into.near - first(populations, velocities.opposite[i]),
-            ],
-            patch,
-            leaves,
-            enters,
+/// The populations that a patch mirrors.
+#[derive(Debug, Default)]
+pub struct Links {
+    mirrors: Vec<Mirror>,
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        self.mirrors.push(Mirror::new(crossing));
+        Giver::Rule
+    }
+
+    fn walls_stand_alone(&self) -> bool {
+        self.mirrors.is_empty()
+    }
+
+    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+        let parity = populations.parity();
+        let numbers = populations.numbers_mut();
+        for m in &self.mirrors {
+            let (from, to) = m.ends(parity);
+            numbers[to] = numbers[from];
         }
     }
 
-    pub(crate) fn ends(&self, parity: Parity) -> (usize, usize) {
-        let k = usize::from(parity == Parity::Reversed);
-        (self.from[k], self.to[k])
-    }
-}
-
-/// Where the array of population `i` begins.
-pub(super) fn first<S: Stored>(populations: &Populations<S>, i: usize) -> u32 {
-    u32::try_from(populations.slot(0, i)).unwrap_or(u32::MAX)
-}
-
-pub(super) fn apply<S: Stored>(mirrors: &[Mirror], populations: &mut Populations<S>) {
-    let parity = populations.parity();
-    let numbers = populations.numbers_mut();
-    for m in mirrors {
-        let (from, to) = m.ends(parity);
-        numbers[to] = numbers[from];
+    fn mirrors(&self) -> &[Mirror] {
+        &self.mirrors
     }
 }

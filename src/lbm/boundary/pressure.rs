@@ -11,51 +11,178 @@
 //! velocity along the face the half sum holds no viscous stress, and the rule is second order. u_n, the normal velocity of
 //! the cell, enters only squared. Needs no special corner nodes, in two or three dimensions.
 
-use super::free_slip::Mirror;
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::{
+    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Place, Ramp,
+    Rule, Site, Strength, Surface,
+};
+use crate::error::Error;
 use crate::lbm::lanes::Stored;
-use crate::lbm::populations::{Link, Populations};
+use crate::lbm::populations::Populations;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// A cell at a pressure face with its links.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PressureCell {
-    pub(crate) cell: usize,
-    pub(crate) first: usize,
-    pub(crate) count: usize,
+/// Imposed pressure, with zero tangential velocity (Zou and He 1997).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Pressure {
+    /// Pressure above the reference [Pa].
+    pub value: f64,
+    /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
+    #[serde(default)]
+    pub ramp: Option<Change>,
 }
 
-/// One link through a pressure face.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PressureLink {
-    pub(crate) link: Link,
-    pub(crate) patch: usize,
-    pub(crate) direction: usize,
-    /// Where the population that is returned lies.
-    pub(crate) mirror: Mirror,
-    /// Axis normal to the face.
-    pub(crate) axis: usize,
-    pub(crate) weight: f64,
+/// A linear change in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Ramp")]
+pub struct Change {
+    /// Duration of the change [s], counted from the first fluid step, warm-up included.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub duration: f64,
+    /// Initial pressure [Pa].
+    #[serde(default)]
+    pub from: f64,
 }
 
-pub(super) fn apply<S: Stored>(
-    cells: &[PressureCell],
-    links: &[PressureLink],
-    density: impl Fn(usize) -> f64,
-    populations: &mut Populations<S>,
-    half_force: [f64; 3],
-) {
-    let parity = populations.parity();
-    for cell in cells {
-        // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
-        let (drho, momentum) = populations.outgoing_moments(cell.cell);
-        for link in &links[cell.first..cell.first + cell.count] {
-            let a = link.axis;
-            let normal = (momentum[a] - half_force[a]) / (1.0 + drho);
-            let wanted = density(link.patch);
-            let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
-            let (from, _) = link.mirror.ends(parity);
-            let numbers = populations.numbers_mut();
-            let value = 2.0 * link.weight * even - numbers[from].to_f64();
-            numbers[link.link.incoming(parity)] = S::from_f64(value);
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Pressure,
+};
+
+impl Pressure {
+    fn imposed(&self) -> ImposedPressure {
+        ImposedPressure {
+            field: "value",
+            start: self.ramp.as_ref().map_or(self.value, |r| r.from),
+            end: self.value,
+            ramp_time: self.ramp.as_ref().map_or(0.0, |r| r.duration),
         }
+    }
+}
+
+impl Model for Pressure {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn pressure(&self) -> Option<ImposedPressure> {
+        Some(self.imposed())
+    }
+
+    fn inflow(&self, _: &Site<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let imposed = self.imposed();
+        let ramp = Ramp {
+            start: units.pressure_to_density_deviation(imposed.start),
+            end: units.pressure_to_density_deviation(imposed.end),
+            steps: units.time_to_lattice(imposed.ramp_time),
+        };
+        Ok(Box::new(Links::new(place.site.face.axis(), ramp)))
+    }
+}
+
+/// A cell at the face with its links.
+#[derive(Clone, Copy, Debug)]
+struct PressureCell {
+    cell: usize,
+    first: usize,
+    count: usize,
+}
+
+/// Where the population that a link returns lies, and w_i.
+#[derive(Clone, Copy, Debug)]
+struct Returned {
+    mirror: Mirror,
+    weight: f64,
+}
+
+/// The links of a patch with imposed pressure.
+pub struct Links {
+    /// Axis normal to the face.
+    axis: usize,
+    /// Density deviation δρ_w = 3 p (pressure above the reference, in lattice units).
+    density: Ramp,
+    cells: Vec<PressureCell>,
+    links: Vec<FaceLink>,
+    /// For each link.
+    returned: Vec<Returned>,
+}
+
+impl Links {
+    /// The density deviation δρ = 3 p of a face normal to an axis.
+    #[must_use]
+    pub fn new(axis: usize, density: Ramp) -> Self {
+        Self {
+            axis,
+            density,
+            cells: Vec::new(),
+            links: Vec::new(),
+            returned: Vec::new(),
+        }
+    }
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        match self.cells.last_mut() {
+            Some(last) if last.cell == crossing.cell => last.count += 1,
+            _ => self.cells.push(PressureCell {
+                cell: crossing.cell,
+                first: self.links.len(),
+                count: 1,
+            }),
+        }
+        self.links.push(crossing.face_link());
+        self.returned.push(Returned {
+            mirror: Mirror::new(crossing),
+            weight: crossing.weight(),
+        });
+        Giver::Rule
+    }
+
+    fn ramp_end(&self) -> f64 {
+        self.density.steps
+    }
+
+    fn apply(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+        let parity = populations.parity();
+        let a = self.axis;
+        let wanted = self.density.at(moment.step);
+        for cell in &self.cells {
+            // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
+            let (drho, momentum) = populations.outgoing_moments(cell.cell);
+            let links = cell.first..cell.first + cell.count;
+            for (link, returned) in self.links[links.clone()].iter().zip(&self.returned[links]) {
+                let normal = (momentum[a] - moment.half_force[a]) / (1.0 + drho);
+                let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
+                let (from, _) = returned.mirror.ends(parity);
+                let numbers = populations.numbers_mut();
+                let value = 2.0 * returned.weight * even - numbers[from].to_f64();
+                numbers[link.link.incoming(parity)] = S::from_f64(value);
+            }
+        }
+    }
+
+    fn links(&self) -> &[FaceLink] {
+        &self.links
     }
 }

@@ -61,7 +61,6 @@ fn product(a: Turn, b: Turn) -> Turn {
 /// A patch with its links in a slab.
 #[derive(Debug)]
 pub(crate) struct Inlet {
-    pub(super) patch: usize,
     places: Vec<Place>,
     known: BTreeMap<[usize; 2], usize>,
     links: Vec<InletLink>,
@@ -77,7 +76,6 @@ pub(crate) struct Inlet {
 
 impl Inlet {
     pub(super) fn new(
-        patch: usize,
         (axis, upper): (usize, bool),
         synthetic: &Synthetic,
         cells: [usize; 3],
@@ -103,7 +101,6 @@ impl Inlet {
         let carried = synthetic.speed * inward;
         let across = axes.map(turns);
         Self {
-            patch,
             places: Vec::new(),
             known: BTreeMap::new(),
             links: Vec::new(),
@@ -194,7 +191,7 @@ impl Inlet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lbm::boundary::{Condition, Patch, Ramp};
+    use crate::lbm::boundary::{Patch, convective_outflow, velocity};
     use crate::lbm::collision::{Operator, cumulant};
     use crate::lbm::fluid::{Fluid, Force, Setup};
     use crate::lbm::lattice::VelocitySet;
@@ -208,23 +205,21 @@ mod tests {
     }
 
     fn tunnel(cells: [usize; 3], intensity: f64, upper: bool) -> Fluid<f64> {
-        let patch = |upper, condition| Patch {
+        let patch = |upper, rule| Patch {
             name: format!("{upper}"),
             axis: 0,
             upper,
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-            condition,
+            rule,
         };
         let speed = if upper { -0.1 } else { 0.1 };
-        let inlet = Condition::Turbulent(
-            Box::new(move |_| [speed, 0.0, 0.0]),
-            Ramp::constant(1.0),
-            Synthetic {
-                modes: modes(cells),
-                intensity,
-                speed: 0.1,
-            },
-        );
+        let synthetic = Synthetic {
+            modes: modes(cells),
+            intensity,
+            speed: 0.1,
+        };
+        let inlet = velocity::Links::uniform([speed, 0.0, 0.0]).turbulent(synthetic, (0, upper));
+        let outlet = convective_outflow::Links::new((0, !upper), None);
         let setup = Setup {
             set: VelocitySet::D3Q27,
             operator: Operator::Cumulant(cumulant::Parameters::default()),
@@ -234,8 +229,8 @@ mod tests {
             cells,
             periodic: [false, true, true],
             patches: vec![
-                patch(upper, inlet),
-                patch(!upper, Condition::Convective(None)),
+                patch(upper, Box::new(inlet)),
+                patch(!upper, Box::new(outlet)),
             ],
             saturation: None,
         };

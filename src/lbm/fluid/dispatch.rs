@@ -65,7 +65,7 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    pub(super) fn of(setup: &Setup, level: Level) -> Self {
+    pub(super) fn of<S: Stored>(setup: &Setup<S>, level: Level) -> Self {
         Self {
             operator: setup.operator,
             eddies: setup.turbulence,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::lbm::boundary::{Condition, Ramp};
+use crate::lbm::boundary::{Ramp, Rule, free_slip, outflow, pressure, velocity};
 use crate::lbm::collision::{bgk, cumulant, mrt, trt};
 use crate::lbm::turbulence::smagorinsky::Smagorinsky;
 use crate::lbm::turbulence::wale::Wale;
@@ -90,7 +90,7 @@ fn couette_is_exact() {
         axis: 1,
         upper: true,
         range: EVERYWHERE,
-        condition: Condition::Velocity(Box::new(|_| [0.01, 0.0, 0.0]), Ramp::constant(1.0)),
+        rule: Box::new(velocity::Links::uniform([0.01, 0.0, 0.0])),
     });
     let mut fluid = serial(1, s);
     for _ in 0..5000 {
@@ -212,7 +212,7 @@ fn the_gradient_beside_faces() {
         axis: 1,
         upper: true,
         range: EVERYWHERE,
-        condition: Condition::Velocity(Box::new(|_| [0.02, 0.0, 0.0]), Ramp::constant(1.0)),
+        rule: Box::new(velocity::Links::uniform([0.02, 0.0, 0.0])),
     });
     let mut fluid = serial(0, s);
     // 0 at the floor, 0.02 at the lid.
@@ -244,34 +244,29 @@ fn every_face(periodic: [bool; 3], set: VelocitySet, cells: [usize; 3]) -> Setup
     );
     s.periodic = periodic;
     s.force = Force::Constant([1e-5, -2e-5, 0.0]);
-    let patch = |axis, upper, condition| Patch {
+    let patch = |axis, upper, rule: Box<dyn Rule<f64>>| Patch {
         name: format!("{axis}{upper}"),
         axis,
         upper,
         range: EVERYWHERE,
-        condition,
+        rule,
     };
+    let pressure = Ramp {
+        start: 0.0,
+        end: 1e-3,
+        steps: 5.0,
+    };
+    let lid = |p: [f64; 3]| [0.0, 0.01 * p[0] / 9.0, 0.0];
     s.patches = vec![
-        patch(
-            0,
-            false,
-            Condition::Pressure(Ramp {
-                start: 0.0,
-                end: 1e-3,
-                steps: 5.0,
-            }),
-        ),
-        patch(0, true, Condition::Outflow),
-        patch(1, true, Condition::FreeSlip),
+        patch(0, false, Box::new(pressure::Links::new(0, pressure))),
+        patch(0, true, Box::<outflow::Links>::default()),
+        patch(1, true, Box::<free_slip::Links>::default()),
         patch(
             2,
             true,
-            Condition::Velocity(
-                Box::new(|p| [0.0, 0.01 * p[0] / 9.0, 0.0]),
-                Ramp::constant(1.0),
-            ),
+            Box::new(velocity::Links::new(Box::new(lid), Ramp::constant(1.0))),
         ),
-        patch(2, false, Condition::FreeSlip),
+        patch(2, false, Box::<free_slip::Links>::default()),
     ];
     s
 }
@@ -339,14 +334,14 @@ fn walls_may_be_given_early_or_late() {
                 axis: 0,
                 upper: true,
                 range: EVERYWHERE,
-                condition: Condition::Velocity(
+                rule: Box::new(velocity::Links::new(
                     Box::new(|p| [0.0, 0.01 * p[1], 0.0]),
                     Ramp {
                         start: 0.0,
                         end: 1.0,
                         steps: 20.0,
                     },
-                ),
+                )),
             }];
             let mut fluid = serial(1, s);
             fluid.threads = threads;

@@ -1,7 +1,7 @@
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 
 use super::*;
-use crate::lbm::boundary::{Condition, Patch, Ramp};
+use crate::lbm::boundary::{Patch, Ramp, Rule, free_slip, pressure, velocity};
 use crate::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lattice::VelocitySet;
@@ -358,12 +358,12 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
 fn inlets_and_outlets_before_rock_are_closed() {
     let (cells, bed, speed) = ([16_usize, 12, 1], 5_usize, 0.02);
     let everywhere = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
-    let patch = |name: &str, axis, upper, condition| Patch {
+    let patch = |name: &str, axis, upper, rule: Box<dyn Rule<f64>>| Patch {
         name: name.into(),
         axis,
         upper,
         range: everywhere,
-        condition,
+        rule,
     };
     for method in METHODS {
         let mut s = setup(
@@ -375,11 +375,12 @@ fn inlets_and_outlets_before_rock_are_closed() {
         );
         s.force = Force::None;
         s.periodic = [false, false, true];
-        let stream = Condition::Velocity(Box::new(move |_| [speed, 0.0, 0.0]), Ramp::constant(1.0));
+        let stream = Box::new(velocity::Links::uniform([speed, 0.0, 0.0]));
+        let still = Box::new(pressure::Links::new(0, Ramp::constant(0.0)));
         s.patches = vec![
             patch("in", 0, false, stream),
-            patch("out", 0, true, Condition::Pressure(Ramp::constant(0.0))),
-            patch("lid", 1, true, Condition::FreeSlip),
+            patch("out", 0, true, still),
+            patch("lid", 1, true, Box::<free_slip::Links>::default()),
         ];
         let mut fluid = serial(Axis::X, s);
         let position = |fluid: &Fluid<f64>, x: usize, y: usize| {

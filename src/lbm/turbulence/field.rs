@@ -5,7 +5,7 @@
 //! u_ghost = 2 u_1 - u_2 gives the one-sided difference; beside planes of symmetry it is the mirror image. The field is in f32: its
 //! rounding is 1e-7 of the velocity, and a model, not the flow, depends on it.
 
-use crate::lbm::boundary::{Condition, Frame, Patch, holder};
+use crate::lbm::boundary::{Frame, Patch, Surface, holder};
 use crate::lbm::lanes::{Lanes, Memory, Stored, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
@@ -136,7 +136,7 @@ impl Field {
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         frame: &Frame,
-        patches: &[Patch],
+        patches: &[Patch<S>],
         domain: &Domain,
     ) -> Result<Self, String> {
         let [slow, ..] = populations.order();
@@ -189,28 +189,22 @@ impl Field {
                     if frame.cells[axis] == 1 {
                         (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
                     }
-                    match holder.map(|p| &patches[p].condition) {
-                        None | Some(Condition::NoSlip) => {}
-                        Some(
-                            Condition::Velocity(profile, _) | Condition::Turbulent(profile, ..),
-                        ) => {
+                    // Without a patch a wall at rest.
+                    if let Some(rule) = holder.map(|p| &patches[p].rule) {
+                        if let Some(velocity) = rule.velocity(position) {
                             #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
-                            let scaled = profile(position).map(|u| (share * u) as f32);
+                            let scaled = velocity.map(|u| (share * u) as f32);
                             wall = scaled;
                             patch = holder;
-                        }
-                        Some(
-                            Condition::Pressure(_) | Condition::Outflow | Condition::Convective(_),
-                        ) => {
+                        } else if rule.nature().surface == Surface::Symmetry {
+                            (inner, outer) = ([1.0; 3], 0.0);
+                            inner[axis] = -1.0;
+                        } else {
                             (inner, outer) = if frame.cells[axis] == 1 {
                                 ([1.0; 3], 0.0)
                             } else {
                                 ([2.0; 3], -1.0)
                             };
-                        }
-                        Some(Condition::FreeSlip) => {
-                            (inner, outer) = ([1.0; 3], 0.0);
-                            inner[axis] = -1.0;
                         }
                     }
                     ghosts.push(Ghost {

@@ -11,10 +11,9 @@ use super::face_area;
 use crate::case::geometry::Face;
 use crate::coupling::FluidView;
 use crate::error::Error;
-use crate::lbm::boundary::{Flux, from_quanta, quanta};
+use crate::lbm::boundary::{Condition, Flux, Nature, Surface, from_quanta, quanta};
 use crate::lbm::lattice::Velocities;
 use crate::number::real;
-use crate::scene::boundaries::Condition;
 use crate::scene::flow::Flow;
 use crate::scene::grid::Grid;
 use decomposition::Communicator;
@@ -137,12 +136,13 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     let owner = (0..3)
                         .filter(|&a| outside[a])
                         .map(|a| Face::ALL[2 * a + usize::from(c[a] > 0)])
-                        .max_by_key(|face| strength(condition(*face, cell, flow)));
+                        .max_by_key(|face| nature(condition(*face, cell, flow)).strength);
                     if owner != Some(face) {
                         continue;
                     }
                     // A population leaves with c and comes back reversed, or mirrored at the faces it crosses.
-                    let mirrored = matches!(condition(face, cell, flow), Some(Condition::FreeSlip));
+                    let surface = nature(condition(face, cell, flow)).surface;
+                    let mirrored = surface == Surface::Symmetry;
                     for a in 0..3 {
                         if outside[a] || !mirrored {
                             sum[a] += 2 * i128::from(c[a]) * i128::from(quanta(*w));
@@ -166,22 +166,16 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
         .next()
 }
 
-/// The order in which conditions take the links of an edge.
-fn strength(condition: Option<&Condition>) -> u8 {
-    match condition {
-        Some(Condition::NoSlip) | None => 4,
-        Some(Condition::MovingWall(_) | Condition::Velocity { .. }) => 3,
-        Some(Condition::Pressure { .. }) => 2,
-        Some(Condition::Outflow | Condition::ConvectiveOutflow(_)) => 1,
-        Some(Condition::FreeSlip) => 0,
-    }
+/// What it is to what surrounds it; a wall at rest where nobody names a condition.
+fn nature(condition: Option<&Condition>) -> Nature {
+    condition.map_or(Nature::WALL, |condition| condition.model().nature())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::case::Document;
-    use crate::lbm::boundary::{self, Patch, Ramp};
+    use crate::lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, outflow, pressure};
     use crate::lbm::collision::{Operator, bgk};
     use crate::lbm::fluid::{Fluid, Force, Setup};
     use crate::lbm::lattice::VelocitySet;
@@ -232,6 +226,16 @@ mod tests {
         }
     }
 
+    /// What the case imposes, but for the pressure.
+    fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
+        match patch {
+            "in" => Box::new(pressure::Links::new(0, Ramp::constant(deviation))),
+            "out" => Box::<outflow::Links>::default(),
+            "top" => Box::<free_slip::Links>::default(),
+            _ => Box::new(no_slip::Links),
+        }
+    }
+
     fn still(deviation: f64) -> (Plan, Still) {
         let document = Document::read(CASE, &[], Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();
@@ -243,14 +247,7 @@ mod tests {
                 axis: patch.face.axis(),
                 upper: patch.face.is_max(),
                 range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-                condition: match patch.condition {
-                    Condition::Pressure { .. } => {
-                        boundary::Condition::Pressure(Ramp::constant(deviation))
-                    }
-                    Condition::Outflow => boundary::Condition::Outflow,
-                    Condition::FreeSlip => boundary::Condition::FreeSlip,
-                    _ => boundary::Condition::NoSlip,
-                },
+                rule: rule(&patch.name, deviation),
             })
             .collect();
         let setup = Setup {

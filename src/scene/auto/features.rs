@@ -2,7 +2,7 @@
 
 use super::coupling_of;
 use crate::case::Case;
-use crate::case::boundary::{Boundary, Condition};
+use crate::case::boundary::Boundary;
 use crate::case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
 use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
 use crate::case::geometry::Face;
@@ -214,22 +214,13 @@ fn smallest_grain(case: &Case) -> Option<f64> {
     grain_diameters(case).map(|(low, _)| low)
 }
 
-/// Whether water passes through a face, or is driven through it.
-fn passes(condition: &Condition) -> bool {
-    matches!(
-        condition,
-        Condition::Velocity { .. }
-            | Condition::Pressure { .. }
-            | Condition::Outflow {}
-            | Condition::ConvectiveOutflow { .. }
-    )
-}
-
 /// Axes with walls at both ends, and their lengths.
 fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
     let open = |axis: usize| {
         lbm.boundaries.iter().any(|boundary| {
-            boundary.patch.is_none() && boundary.face.axis() == axis && passes(&boundary.condition)
+            boundary.patch.is_none()
+                && boundary.face.axis() == axis
+                && boundary.condition.model().passes_water()
         })
     };
     let periodic = |axis: usize| case.domain.periodic.iter().any(|a| a.index() == axis);
@@ -244,7 +235,7 @@ fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
     let patch = boundary
         .patch
         .as_ref()
-        .filter(|_| passes(&boundary.condition))?;
+        .filter(|_| boundary.condition.model().passes_water())?;
     let axis = Face::axis(boundary.face);
     let (from, to) = (patch.from.0.iter(), patch.to.0.iter());
     let sides = from.zip(to).zip(&case.domain.size.0).enumerate();

@@ -17,7 +17,6 @@ use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, 
 use crate::lbm::collision::cumulant;
 use crate::lbm::turbulence::wale::Wale;
 use crate::scene::Scene;
-use crate::scene::boundaries::Condition;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
@@ -48,13 +47,8 @@ const DRAFT: f64 = 0.1;
 
 /// The smallest relaxation time at which two of them are stable.
 fn least_tau(flow: &Flow) -> f64 {
-    let passes = |condition: &Condition| {
-        !matches!(
-            condition,
-            Condition::NoSlip | Condition::FreeSlip | Condition::MovingWall(_)
-        )
-    };
-    if flow.patches().any(|patch| passes(&patch.condition)) {
+    let mut patches = flow.patches();
+    if patches.any(|patch| patch.condition.model().passes_water()) {
         LEAST_TAU_AT_OPENINGS
     } else {
         LEAST_TAU
@@ -164,9 +158,9 @@ fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec
 
 /// The largest pressure imposed, at the start, or of the water column \[Pa\].
 fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
-    let imposed = flow.patches().filter_map(|patch| match patch.condition {
-        Condition::Pressure { value, from, .. } => Some(value.abs().max(from.abs())),
-        _ => None,
+    let imposed = flow.patches().filter_map(|patch| {
+        let pressure = patch.condition.model().pressure()?;
+        Some(pressure.amplitude())
     });
     let start = match flow.initial {
         Initial::Uniform { pressure, .. } => pressure.abs(),

@@ -8,7 +8,7 @@ use crate::coupling::bounce_back::{BounceBack, Settings};
 use crate::coupling::{Flow as _, FluidView};
 use crate::dem::space::Plane;
 use crate::dem::{Body, Kind, Motion, Particles, alone};
-use crate::lbm::boundary::{Condition as FaceCondition, Flux, Patch, Ramp};
+use crate::lbm::boundary::{Flux, Patch, Ramp, pressure};
 use crate::lbm::collision::{Operator, trt};
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lattice::VelocitySet;
@@ -215,13 +215,14 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     let plan = plan();
     let units = plan.units.unwrap();
     let domain = domain();
-    let patch = |name: &str, upper, pressure| Patch {
+    let patch = |name: &str, upper, value| Patch {
         name: name.into(),
         axis: 0,
         upper,
         range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-        condition: FaceCondition::Pressure(Ramp::constant(
-            units.pressure_to_density_deviation(pressure),
+        rule: Box::new(pressure::Links::new(
+            0,
+            Ramp::constant(units.pressure_to_density_deviation(value)),
         )),
     };
     let setup = Setup {

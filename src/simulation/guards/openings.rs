@@ -21,7 +21,7 @@ use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::number::real;
 use crate::plan::Plan;
-use crate::scene::boundaries::{Condition, Patch};
+use crate::scene::boundaries::Patch;
 use crate::units::LatticeUnits;
 
 /// Times that sound crosses the domain in a window.
@@ -96,15 +96,10 @@ pub(super) struct Openings {
 
 impl Openings {
     pub(super) fn of(plan: &Plan) -> Self {
-        let closed = |patch: &Patch| {
-            matches!(
-                patch.condition,
-                Condition::NoSlip | Condition::FreeSlip | Condition::MovingWall(_)
-            )
-        };
+        let open = |patch: &Patch| patch.condition.model().passes_water();
         let flow = plan.scene.flow.as_ref();
         Self {
-            exist: flow.is_some_and(|flow| flow.patches().any(|patch| !closed(patch))),
+            exist: flow.is_some_and(|flow| flow.patches().any(open)),
             ..Self::default()
         }
     }

@@ -9,94 +9,144 @@
 //!
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else.
 
-use super::outflow::OutflowLink;
+use super::outflow::{NATURE, Upstream};
+use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule, Site};
+use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Convective outflow: df/dt + U df/dn = 0. Vortices leave with little reflection.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct ConvectiveOutflow {
+    /// Convection velocity U [m/s]. Default: the local velocity of the fluid at the face.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub velocity: Option<f64>,
+}
+
+impl Model for ConvectiveOutflow {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn pressure_floats(&self) -> bool {
+        true
+    }
+
+    fn inflow(&self, _: &Site<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let face = place.site.face;
+        let speed = self.velocity.map(|v| units.velocity_to_lattice(v));
+        Ok(Box::new(Links::new((face.axis(), face.is_max()), speed)))
+    }
+}
 
 /// One population with its face.
 #[derive(Clone, Copy, Debug)]
 struct Leaving {
     cell: usize,
-    axis: usize,
-    /// +1 at the upper end of the axis, -1 at the lower.
-    outward: f64,
-    /// U where it is given \[cells per step\].
-    speed: Option<f64>,
+    upstream: Upstream,
     /// f_j(x, t) and U of the coming step.
     before: f64,
     carried: f64,
 }
 
-/// All links of a slab through such faces.
-#[derive(Debug, Default)]
-pub(crate) struct Convective {
-    links: Vec<OutflowLink>,
+/// The links of a patch through which the fluid is carried out.
+#[derive(Debug)]
+pub struct Links {
+    axis: usize,
+    /// +1 at the upper end of the axis, -1 at the lower.
+    outward: f64,
+    /// U where it is given \[cells per step\].
+    speed: Option<f64>,
+    links: Vec<FaceLink>,
+    /// For each link.
     leaving: Vec<Leaving>,
 }
 
-impl Convective {
-    pub(super) fn is_empty(&self) -> bool {
-        self.links.is_empty()
-    }
-
-    pub(super) fn add(
-        &mut self,
-        link: OutflowLink,
-        cell: usize,
-        (axis, upper): (usize, bool),
-        speed: Option<f64>,
-    ) {
-        self.links.push(link);
-        self.leaving.push(Leaving {
-            cell,
+impl Links {
+    /// The fluid is carried out with a velocity \[cells per step\], without one with its own, through the face normal to an axis at its
+    /// upper end or its lower one.
+    #[must_use]
+    pub fn new((axis, upper): (usize, bool), speed: Option<f64>) -> Self {
+        Self {
             axis,
             outward: if upper { 1.0 } else { -1.0 },
             speed,
+            links: Vec::new(),
+            leaving: Vec::new(),
+        }
+    }
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        self.links.push(crossing.face_link());
+        self.leaving.push(Leaving {
+            cell: crossing.cell,
+            upstream: Upstream::new(crossing),
             before: 0.0,
             carried: 0.0,
         });
+        Giver::Rule
     }
 
-    pub(super) fn links(&self) -> &[OutflowLink] {
-        &self.links
+    fn walls_stand_alone(&self) -> bool {
+        self.links.is_empty()
     }
 
-    /// Notes the state before a pass.
-    pub(super) fn remember<S: Stored>(
-        &mut self,
-        populations: &Populations<S>,
-        half_force: [f64; 3],
-    ) {
+    fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
         let parity = populations.parity();
         let mut last = (usize::MAX, [0.0; 3]);
         for (link, leaving) in self.links.iter().zip(&mut self.leaving) {
             leaving.before = populations.numbers()[link.link.incoming(parity)].to_f64();
-            leaving.carried = leaving.speed.unwrap_or_else(|| {
+            leaving.carried = self.speed.unwrap_or_else(|| {
                 // Links of one cell stand together.
                 if last.0 != leaving.cell {
                     let (drho, momentum) = populations.moments(leaving.cell);
                     let u = std::array::from_fn(|a| (momentum[a] + half_force[a]) / (1.0 + drho));
                     last = (leaving.cell, u);
                 }
-                (leaving.outward * last.1[leaving.axis]).max(0.0)
+                (self.outward * last.1[self.axis]).max(0.0)
             });
         }
     }
 
-    pub(super) fn apply<S: Stored>(&self, populations: &mut Populations<S>) {
+    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
         let parity = populations.parity();
         let numbers = populations.numbers_mut();
         for (link, leaving) in self.links.iter().zip(&self.leaving) {
-            let upstream = numbers[link.upstream(parity)].to_f64();
+            let upstream = numbers[leaving.upstream.at(parity)].to_f64();
             let value = (leaving.before + leaving.carried * upstream) / (1.0 + leaving.carried);
             numbers[link.link.incoming(parity)] = S::from_f64(value);
         }
+    }
+
+    fn links(&self) -> &[FaceLink] {
+        &self.links
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::lbm::boundary::{Condition, Patch, Ramp};
+    use super::Links;
+    use crate::lbm::boundary::{Patch, Rule, outflow, velocity};
     use crate::lbm::collision::{Operator, trt};
     use crate::lbm::fluid::{Fluid, Force, Setup};
     use crate::lbm::lattice::VelocitySet;
@@ -105,15 +155,15 @@ mod tests {
     const SPEED: f64 = 0.1;
     const CELLS: [usize; 3] = [80, 48, 1];
 
-    fn stream(length: usize, outlet: Condition) -> Fluid<f64> {
-        let patch = |upper, condition| Patch {
+    fn stream(length: usize, outlet: Box<dyn Rule<f64>>) -> Fluid<f64> {
+        let patch = |upper, rule| Patch {
             name: format!("{upper}"),
             axis: 0,
             upper,
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-            condition,
+            rule,
         };
-        let inlet = Condition::Velocity(Box::new(|_| [SPEED, 0.0, 0.0]), Ramp::constant(1.0));
+        let inlet = Box::new(velocity::Links::uniform([SPEED, 0.0, 0.0]));
         let cells = [length, CELLS[1], 1];
         let setup = Setup {
             set: VelocitySet::D2Q9,
@@ -152,13 +202,21 @@ mod tests {
         (-1.5 * strength * strength, [SPEED + u, v, 0.0])
     }
 
+    fn convective(speed: Option<f64>) -> Box<dyn Rule<f64>> {
+        Box::new(Links::new((0, true), speed))
+    }
+
+    fn plain() -> Box<dyn Rule<f64>> {
+        Box::<outflow::Links>::default()
+    }
+
     /// What is left of a vortex after it has gone, against the same stream in a channel four times as long.
     #[test]
     fn a_vortex_leaves_with_less_reflection_than_without_gradient() {
         let left = |outlet| {
             let mut fluid = stream(CELLS[0], outlet);
-            let mut long = stream(4 * CELLS[0], Condition::Convective(Some(SPEED)));
-            let mut still = stream(CELLS[0], Condition::Outflow);
+            let mut long = stream(4 * CELLS[0], convective(Some(SPEED)));
+            let mut still = stream(CELLS[0], plain());
             still.initialise(&|_: [f64; 3]| (0.0, [SPEED, 0.0, 0.0]));
             fluid.initialise(&vortex);
             long.initialise(&vortex);
@@ -173,9 +231,9 @@ mod tests {
             }
             (largest, disturbance(&fluid, &long) / begun)
         };
-        let plain = left(Condition::Outflow);
-        let local = left(Condition::Convective(None));
-        let given = left(Condition::Convective(Some(SPEED)));
+        let plain = left(plain());
+        let local = left(convective(None));
+        let given = left(convective(Some(SPEED)));
         println!(
             "largest and last error over the vortex: none {plain:?}, local {local:?}, given {given:?}"
         );

@@ -1,0 +1,46 @@
+//! What a boundary is to the water and to the boundaries beside it.
+
+/// What the water meets at a boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surface {
+    /// A wall at rest.
+    Wall,
+    /// A wall that moves in its own plane.
+    MovingWall,
+    /// A surface without friction that nothing passes; what reaches it comes back as from a mirror.
+    Symmetry,
+    /// An opening: water passes through it, or is driven through it.
+    Opening,
+}
+
+/// The order in which boundaries take the links of edges and corners: the largest has them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Strength {
+    /// Planes of symmetry.
+    Symmetry,
+    /// The fluid leaves with the state that it has.
+    Outflow,
+    /// The pressure is imposed.
+    Pressure,
+    /// The velocity is imposed.
+    Velocity,
+    /// Walls at rest, which therefore always close their corners.
+    Wall,
+}
+
+/// What a boundary is to what surrounds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Nature {
+    /// What the water meets.
+    pub surface: Surface,
+    /// Whether it takes the links of an edge.
+    pub strength: Strength,
+}
+
+impl Nature {
+    /// A wall at rest.
+    pub const WALL: Self = Self {
+        surface: Surface::Wall,
+        strength: Strength::Wall,
+    };
+}

@@ -1,0 +1,286 @@
+//! A velocity over a face: uniform, a parabola, or a table.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::site::{Place, Site};
+use crate::error::Report;
+use crate::geometry::Vector;
+use crate::number::real;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Velocity on a face as a function of the position in cells (lattice units).
+pub type Profile = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
+
+/// Reads the table of a path that stands in a case, or says in a sentence what is wrong with it.
+pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
+
+/// A velocity over a face or patch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum VelocityProfile {
+    /// The same everywhere [m/s].
+    Uniform(Vector),
+    /// A parabola over the face or patch, along the inward normal; in 3-D the product of two parabolas.
+    Parabolic {
+        /// Velocity at the centre [m/s]. A positive value flows into the domain.
+        peak: f64,
+    },
+    /// From a table.
+    File {
+        /// CSV file with a header, relative to the case: tangential coordinates [m], then velocity components [m/s]. Values are
+        /// interpolated linearly between rows.
+        path: PathBuf,
+        /// Its rows, once they are read.
+        #[serde(skip)]
+        table: Option<Table>,
+    },
+}
+
+impl VelocityProfile {
+    /// Checks the vector and reads the table; `path` is that of the profile.
+    pub(super) fn resolve(
+        &mut self,
+        (site, path): (&Site<'_>, &str),
+        read: ReadTable<'_>,
+        report: &mut dyn Report,
+    ) {
+        match self {
+            Self::Uniform(velocity) => {
+                velocity.resolve(site.dimension, &format!("{path}.uniform"), report);
+            }
+            Self::Parabolic { .. } => {}
+            Self::File { path: file, table } => match read(file) {
+                Ok(rows) => *table = Some(rows),
+                Err(reason) => report.error(
+                    &format!("{path}.file.path"),
+                    reason,
+                    "correct the path (relative to the case) or the file".into(),
+                ),
+            },
+        }
+    }
+
+    /// The largest speed [m/s], after the field that decides it.
+    pub(super) fn fastest(&self) -> (&'static str, f64) {
+        match self {
+            Self::Uniform(velocity) => {
+                let squares = velocity.to_array().map(|x| x * x);
+                ("profile.uniform", squares.iter().sum::<f64>().sqrt())
+            }
+            Self::Parabolic { peak } => ("profile.parabolic.peak", peak.abs()),
+            Self::File { table, .. } => {
+                let fastest = table.as_ref().map_or(0.0, Table::fastest);
+                ("profile.file.path", fastest)
+            }
+        }
+    }
+
+    /// Mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
+    pub(super) fn mean_inflow(&self, site: &Site<'_>) -> Option<f64> {
+        match self {
+            Self::Uniform(velocity) => {
+                let (velocity, inward) = (velocity.to_array(), site.face.inward());
+                Some((0..3).map(|a| velocity[a] * inward[a]).sum())
+            }
+            Self::Parabolic { peak } => Some(
+                peak * if site.dimension == 2 {
+                    2.0 / 3.0
+                } else {
+                    4.0 / 9.0
+                },
+            ),
+            Self::File { .. } => None,
+        }
+    }
+
+    /// Mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles, and where it is not worth the
+    /// time.
+    pub(super) fn mean_of_table(&self, place: &Place<'_>) -> Option<f64> {
+        match self {
+            Self::File {
+                table: Some(table), ..
+            } if !table.is_empty() => mean_inflow(table, place),
+            _ => None,
+        }
+    }
+
+    /// The profile in lattice units.
+    pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> Profile {
+        match self {
+            Self::Uniform(velocity) => {
+                let u = velocity.to_array().map(|x| units.velocity_to_lattice(x));
+                Box::new(move |_| u)
+            }
+            Self::Parabolic { peak } => parabola(place, units.velocity_to_lattice(*peak)),
+            Self::File { table, .. } => {
+                let none = || Table::new(place.site.dimension, Vec::new());
+                of_table(table.clone().unwrap_or_else(none), place, *units)
+            }
+        }
+    }
+}
+
+/// Rows of a profile that are looked at before the run, at most.
+const MOST_LOOKS: usize = 20_000_000;
+
+fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
+    let Place { site, from, to } = place;
+    let (axis, inward) = (site.face.axis(), site.face.inward());
+    let cells = (0..3).map(|a| to[a].saturating_sub(from[a]));
+    let cells = cells.fold(1, usize::saturating_mul);
+    let looks = if site.dimension == 2 { 20 } else { table.len() };
+    if cells.saturating_mul(looks) > MOST_LOOKS || cells == 0 {
+        return None;
+    }
+    let mut sum = 0.0;
+    for z in from[2]..to[2] {
+        for y in from[1]..to[1] {
+            for x in from[0]..to[0] {
+                let centre = [x, y, z].map(|i| (real(i) + 0.5) * site.spacing);
+                let across: Vec<f64> = (0..site.dimension)
+                    .filter(|&a| a != axis)
+                    .map(|a| centre[a])
+                    .collect();
+                let u = table.at(&across);
+                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+            }
+        }
+    }
+    Some(sum / real(cells))
+}
+
+/// A parabola over the patch along the inward normal; in 3-D the product of two.
+fn parabola(place: &Place<'_>, peak: f64) -> Profile {
+    let (axis, dimension) = (place.site.face.axis(), place.site.dimension);
+    let (from, to) = (place.from.map(real), place.to.map(real));
+    let inward = if place.site.face.is_max() {
+        -peak
+    } else {
+        peak
+    };
+    Box::new(move |position| {
+        let mut speed = inward;
+        for a in (0..dimension).filter(|&a| a != axis) {
+            let s = ((position[a] - from[a]) / (to[a] - from[a])).clamp(0.0, 1.0);
+            speed *= 4.0 * s * (1.0 - s);
+        }
+        let mut u = [0.0; 3];
+        u[axis] = speed;
+        u
+    })
+}
+
+fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
+    let (axis, dimension) = (place.site.face.axis(), place.site.dimension);
+    Box::new(move |position| {
+        let across: Vec<f64> = (0..dimension)
+            .filter(|&a| a != axis)
+            .map(|a| position[a] * units.spacing)
+            .collect();
+        table.at(&across).map(|v| units.velocity_to_lattice(v))
+    })
+}
+
+/// A table of velocities over a face: in each row the tangential coordinates \[m\], then the velocity components [m/s].
+///
+/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    dimension: usize,
+    /// In rising order of the first coordinate.
+    rows: Arc<Vec<Vec<f64>>>,
+}
+
+impl Table {
+    /// The table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D dimensions.
+    #[must_use]
+    pub fn new(dimension: usize, rows: Vec<Vec<f64>>) -> Self {
+        Self {
+            dimension,
+            rows: Arc::new(rows),
+        }
+    }
+
+    /// How many rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// No row at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// The largest speed of any row [m/s].
+    #[must_use]
+    pub fn fastest(&self) -> f64 {
+        let speed = |row: &Vec<f64>| {
+            let squares = row[self.dimension - 1..].iter().map(|u| u * u);
+            squares.sum::<f64>().sqrt()
+        };
+        self.rows.iter().map(speed).fold(0.0, f64::max)
+    }
+
+    /// The velocity [m/s] at the tangential coordinates \[m\] of a place.
+    #[must_use]
+    pub fn at(&self, across: &[f64]) -> [f64; 3] {
+        let rows = &self.rows;
+        let mut velocity = [0.0; 3];
+        if rows.is_empty() {
+            return velocity;
+        }
+        if self.dimension == 2 {
+            let k = rows.partition_point(|row| row[0] < across[0]);
+            let (low, high) = (&rows[k.saturating_sub(1)], &rows[k.min(rows.len() - 1)]);
+            let width = high[0] - low[0];
+            let s = if width > 0.0 {
+                ((across[0] - low[0]) / width).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            for (to, c) in velocity.iter_mut().zip(1..3) {
+                *to = low[c] + s * (high[c] - low[c]);
+            }
+        } else {
+            let distance =
+                |row: &Vec<f64>| (row[0] - across[0]).powi(2) + (row[1] - across[1]).powi(2);
+            let nearest = rows
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            for (to, u) in velocity
+                .iter_mut()
+                .zip(nearest.iter().flat_map(|row| &row[2..]))
+            {
+                *to = *u;
+            }
+        }
+        velocity
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Table;
+
+    #[test]
+    fn rows_are_interpolated_and_the_fastest_is_known() {
+        let flat = Table::new(2, vec![vec![0.0, 2.0, 0.0], vec![1.0, 4.0, -3.0]]);
+        assert_eq!(flat.at(&[0.5]), [3.0, -1.5, 0.0]);
+        assert_eq!(flat.at(&[-1.0]), [2.0, 0.0, 0.0]);
+        assert_eq!(flat.at(&[9.0]), [4.0, -3.0, 0.0]);
+        assert_eq!(flat.fastest(), 5.0);
+        let rows = vec![vec![0.0, 0.0, 1.0, 0.0, 0.0], vec![1.0, 1.0, 0.0, 0.0, 2.0]];
+        let solid = Table::new(3, rows);
+        assert_eq!(solid.at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
+        assert_eq!(solid.fastest(), 2.0);
+    }
+}

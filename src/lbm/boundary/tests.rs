@@ -1,0 +1,149 @@
+//! A boundary is one file and one line: the toy is its file and its line in the list below.
+
+#![allow(unreachable_pub, reason = "a list of models makes public items")]
+
+use super::*;
+use crate::error::Remedy;
+use crate::geometry::Face;
+use crate::lbm::collision::{Operator, bgk};
+use crate::lbm::fluid::{Fluid, Force, Setup};
+use crate::lbm::lattice::VelocitySet;
+use decomposition::{Axis, Domain};
+
+boundaries! {
+    /// Boundaries of this test.
+    Toys:
+    toy Toy,
+}
+
+const CELLS: [usize; 3] = [6, 5, 1];
+
+fn site(path: &str) -> Site<'_> {
+    Site {
+        path,
+        face: Face::XMax,
+        dimension: 2,
+        spacing: 1.0,
+        cells: CELLS,
+        periodic: [false, false, true],
+    }
+}
+
+fn read(text: &str) -> Result<Toys, serde_json::Error> {
+    serde_json::from_str(text)
+}
+
+/// The paths of all findings.
+#[derive(Default)]
+struct Paths(Vec<String>);
+
+impl Report for Paths {
+    fn error(&mut self, path: &str, _: String, _: Remedy) {
+        self.0.push(path.into());
+    }
+
+    fn unknown_material(&mut self, path: &str, _: &str, _: &[&str]) {
+        self.0.push(path.into());
+    }
+}
+
+/// The boundary of a text and the paths of what is found about it.
+fn resolved(text: &str) -> (Toys, Vec<String>) {
+    let no_table = |_: &std::path::Path| Err("there is no table".to_owned());
+    let mut paths = Paths::default();
+    let toy = read(text)
+        .unwrap()
+        .resolved(&site("boundaries[0].condition"), &no_table, &mut paths);
+    (toy, paths.0)
+}
+
+#[test]
+fn a_boundary_is_read_and_checked_by_its_line() {
+    assert!(read(r#"{"toy": {"returned": 0.5, "magic": 1}}"#).is_err());
+    let (toy, findings) = resolved(r#"{"toy": {"returned": 0.5}}"#);
+    assert_eq!(findings, Vec::<String>::new());
+    assert_eq!(
+        serde_json::to_string(&toy).unwrap(),
+        r#"{"toy":{"returned":0.5}}"#
+    );
+    assert_eq!(toy.name(), "toy");
+    assert!(toy.model().passes_water() && toy.model().pressure().is_none());
+    let (_, findings) = resolved(r#"{"toy": {"returned": 2}}"#);
+    assert_eq!(findings, ["boundaries[0].condition.toy.returned"]);
+}
+
+/// The schema names each boundary and describes it by the documentation of its parameters.
+#[test]
+fn the_schema_takes_the_texts_of_the_boundaries() {
+    let schema = schemars::schema_for!(Toys).to_value();
+    let choice = &schema["oneOf"][0];
+    assert_eq!(
+        choice["description"],
+        "A toy. It returns a part of what reaches it."
+    );
+    assert_eq!(
+        choice["properties"]["toy"]["properties"]["returned"]["description"],
+        "The part r that is returned, without unit."
+    );
+}
+
+/// A box of fluid above its density at rest loses through the toy what the flux of the toy counts, and through nothing else.
+fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
+    let (toy, _) = resolved(&format!(r#"{{"toy": {{"returned": {returned}}}}}"#));
+    let place = Place {
+        site: site("boundaries[0].condition.toy"),
+        from: [0, 1, 0],
+        to: [1, 4, 1],
+    };
+    let units = LatticeUnits {
+        spacing: 1.0,
+        time_step: 1.0,
+        density: 1.0,
+        dimension: 2,
+    };
+    let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+    let setup = Setup::<S> {
+        set: VelocitySet::D2Q9,
+        operator: Operator::Bgk(bgk::Parameters {}),
+        relaxation_time: 0.8,
+        turbulence: None,
+        force: Force::None,
+        cells: CELLS,
+        periodic: [false, false, true],
+        patches: vec![Patch {
+            name: "toy".into(),
+            axis: 0,
+            upper: true,
+            range: [everywhere, [1.0, 4.0], everywhere],
+            rule: toy.rule(&place, &units).unwrap(),
+        }],
+        saturation: None,
+    };
+    let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, CELLS[0], false)).unwrap();
+    fluid.initialise(&|_: [f64; 3]| (0.01, [0.0; 3]));
+    let mass = |fluid: &Fluid<S>| {
+        let cells = fluid.populations().interior();
+        let masses = cells.map(|(_, cell)| fluid.populations().moments(cell).0);
+        masses.sum::<f64>()
+    };
+    let begun = mass(&fluid);
+    for _ in 0..5 {
+        let before = mass(&fluid);
+        fluid.advance();
+        let fluxes = fluid.fluxes();
+        let lost = from_quanta(fluxes[0].mass);
+        assert!((before - mass(&fluid) - lost).abs() < tolerance);
+        assert!(fluxes[1..].iter().all(|flux| flux.mass == 0));
+        let mut masses = Vec::new();
+        fluid.mass_through(|_| true, &mut masses);
+        assert_eq!(masses[0], fluxes[0].mass);
+    }
+    begun - mass(&fluid)
+}
+
+#[test]
+fn a_boundary_acts_in_the_fluid_by_its_line() {
+    assert!(leak::<f64>(0.5, 1e-15) > 1e-3);
+    assert!(leak::<f32>(0.5, 1e-7) > 1e-3);
+    assert!(leak::<f64>(1.0, 1e-15).abs() < 1e-15);
+}

@@ -1,0 +1,241 @@
+//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it ([`super::turbulent`]).
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::profile::{Profile, ReadTable, VelocityProfile};
+use super::turbulent::{Inlet, Synthetic};
+use super::{
+    Crossing, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule, Site,
+    Strength, Surface, wall,
+};
+use crate::error::{Error, Problem, Report, Severity};
+use crate::lbm::lanes::Stored;
+use crate::lbm::populations::Populations;
+use crate::lbm::synthetic::Fluctuations;
+use crate::number::real;
+use crate::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Imposed velocity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Velocity {
+    /// The profile over the face or patch.
+    pub profile: VelocityProfile,
+    /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub ramp_time: Option<f64>,
+    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
+    #[serde(default)]
+    pub turbulence: Option<Fluctuations>,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Velocity,
+};
+
+const OUTWARD: &str =
+    "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
+const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
+
+impl Model for Velocity {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    /// Turbulence enters with the mean flow.
+    fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
+        if let Some(turbulence) = &self.turbulence {
+            let path = format!("{}.turbulence", site.path);
+            turbulence.check(site.spacing, &path, report);
+            if self.profile.mean_inflow(site).is_some_and(|u| u <= 0.0) {
+                report.error(&path, OUTWARD.into(), TURN_ROUND.into());
+            }
+        }
+        let path = format!("{}.profile", site.path);
+        self.profile.resolve((site, &path), read, report);
+    }
+
+    /// Turbulence enters with the mean flow of a table too.
+    fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
+        let mean = || self.profile.mean_of_table(place);
+        if self.turbulence.is_some() && mean().is_some_and(|mean| mean <= 0.0) {
+            let path = format!("{}.turbulence", place.site.path);
+            report.error(&path, OUTWARD.into(), TURN_ROUND.into());
+        }
+    }
+
+    fn speed(&self) -> Option<ImposedSpeed> {
+        let (field, fastest) = self.profile.fastest();
+        Some(ImposedSpeed {
+            what: "the imposed velocity",
+            field,
+            value: fastest * Fluctuations::gusts(self.turbulence.as_ref()),
+        })
+    }
+
+    fn inflow(&self, site: &Site<'_>) -> Inflow {
+        self.profile
+            .mean_inflow(site)
+            .map_or(Inflow::Any, Inflow::Mean)
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let profile = self.profile.on_lattice(place, units);
+        let synthetic = match &self.turbulence {
+            None => None,
+            Some(written) => Some(synthetic(written, place, &profile, units)?),
+        };
+        let ramp = Ramp {
+            start: 0.0,
+            end: 1.0,
+            steps: units.time_to_lattice(self.ramp_time.unwrap_or(0.0)),
+        };
+        let mut links = Links::new(profile, ramp);
+        if let Some(synthetic) = synthetic {
+            let face = place.site.face;
+            links = links.turbulent(synthetic, (face.axis(), face.is_max()));
+        }
+        Ok(Box::new(links))
+    }
+}
+
+/// Turbulence carried in by the mean of a profile over the cells of its patch.
+fn synthetic(
+    written: &Fluctuations,
+    place: &Place<'_>,
+    profile: &Profile,
+    units: &LatticeUnits,
+) -> Result<Synthetic, Error> {
+    let Place { site, from, to } = place;
+    let (axis, inward) = (site.face.axis(), site.face.inward());
+    let (mut sum, mut cells) = (0.0, 0.0);
+    for x in from[0]..to[0] {
+        for y in from[1]..to[1] {
+            for z in from[2]..to[2] {
+                let mut at = [x, y, z].map(|n| real(n) + 0.5);
+                at[axis] = if site.face.is_max() {
+                    real(site.cells[axis])
+                } else {
+                    0.0
+                };
+                let u = profile(at);
+                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                cells += 1.0;
+            }
+        }
+    }
+    let speed = sum / f64::max(cells, 1.0);
+    if speed <= 0.0 {
+        return Err(Error::Case(vec![Problem {
+            path: site.path.into(),
+            value: format!("{speed} of the lattice into the domain on the mean"),
+            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
+                .into(),
+            remedy: TURN_ROUND.into(),
+            severity: Severity::Error,
+        }]));
+    }
+    let lengths = std::array::from_fn(|a| site.periodic[a].then(|| real(site.cells[a])));
+    Ok(Synthetic {
+        // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
+        modes: written.modes(site.dimension, units).periodic(lengths),
+        intensity: written.intensity,
+        speed,
+    })
+}
+
+/// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
+pub struct Links {
+    nature: Nature,
+    profile: Profile,
+    ramp: Ramp,
+    /// What fluctuates, and axis and end of the face.
+    turbulence: Option<(Synthetic, (usize, bool))>,
+    /// The links with fluctuations, from the first link on.
+    inlet: Option<Inlet>,
+}
+
+impl Links {
+    /// The profile times a ramp.
+    #[must_use]
+    pub fn new(profile: Profile, ramp: Ramp) -> Self {
+        Self {
+            nature: NATURE,
+            profile,
+            ramp,
+            turbulence: None,
+            inlet: None,
+        }
+    }
+
+    /// The same velocity everywhere and always \[cells per step\].
+    #[must_use]
+    pub fn uniform(velocity: [f64; 3]) -> Self {
+        Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
+    }
+
+    /// The same with turbulence over the profile; `side` is the axis of the face and whether it is at the upper end.
+    #[must_use]
+    pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
+        self.turbulence = Some((synthetic, side));
+        self
+    }
+
+    /// The same for a boundary of another nature.
+    pub(super) fn of_nature(mut self, nature: Nature) -> Self {
+        self.nature = nature;
+        self
+    }
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        self.nature
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        let u = (self.profile)(crossing.middle);
+        let (weight, c) = (crossing.weight(), crossing.velocity());
+        if let Some((synthetic, side)) = &self.turbulence {
+            let inlet = self
+                .inlet
+                .get_or_insert_with(|| Inlet::new(*side, synthetic, crossing.cells));
+            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+            let strength = synthetic.intensity * speed;
+            inlet.add(crossing.at, strength, crossing.link, weight, c);
+        }
+        Giver::Wall {
+            term: wall::term(weight, c, u),
+        }
+    }
+
+    fn velocity(&self, position: [f64; 3]) -> Option<[f64; 3]> {
+        Some((self.profile)(position))
+    }
+
+    fn factor(&self, step: f64) -> f64 {
+        self.ramp.at(step)
+    }
+
+    fn ramp_end(&self) -> f64 {
+        self.ramp.steps
+    }
+
+    fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+        if let Some(inlet) = &mut self.inlet {
+            inlet.apply(populations, moment.step, self.ramp.at(moment.step));
+        }
+    }
+}
