@@ -207,8 +207,7 @@ fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) 
     let mut through = 0.0;
     let mut first: Option<&Patch> = None;
     for patch in faces.iter().flatten() {
-        let site = site(grid, patch.face, PATH);
-        match patch.condition.model().inflow(&site) {
+        match patch.condition.model().inflow(&patch.place(grid, PATH)) {
             Inflow::None => {}
             Inflow::Any => return,
             Inflow::Mean(normal) => {

@@ -10,7 +10,7 @@
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else.
 
 use super::outflow::{NATURE, Upstream};
-use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule, Site};
+use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
@@ -38,7 +38,7 @@ impl Model for ConvectiveOutflow {
         true
     }
 
-    fn inflow(&self, _: &Site<'_>) -> Inflow {
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
         Inflow::Any
     }
 

@@ -88,8 +88,8 @@ pub trait Model {
     }
 
     /// What flows into the domain.
-    fn inflow(&self, site: &Site<'_>) -> Inflow {
-        let _ = site;
+    fn inflow(&self, place: &Place<'_>) -> Inflow {
+        let _ = place;
         Inflow::None
     }
 

@@ -4,7 +4,7 @@
 //! initial state). Waves reflect less than at a prescribed pressure.
 
 use super::{
-    Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule, Site, Strength, Surface,
+    Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule, Strength, Surface,
 };
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
@@ -34,7 +34,7 @@ impl Model for Outflow {
         true
     }
 
-    fn inflow(&self, _: &Site<'_>) -> Inflow {
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
         Inflow::Any
     }
 

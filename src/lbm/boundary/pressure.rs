@@ -18,7 +18,7 @@
 
 use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Place, Ramp,
-    Rule, Site, Strength, Surface,
+    Rule, Strength, Surface,
 };
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
@@ -77,7 +77,7 @@ impl Model for Pressure {
         Some(self.imposed())
     }
 
-    fn inflow(&self, _: &Site<'_>) -> Inflow {
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
         Inflow::Any
     }
 

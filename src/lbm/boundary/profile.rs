@@ -27,7 +27,8 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
 pub enum VelocityProfile {
     /// The same everywhere [m/s].
     Uniform(Vector),
-    /// A parabola over the face or patch, along the inward normal; in 3-D the product of two parabolas.
+    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s from 0 to 1 between
+    /// the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow: it has no factor.
     Parabolic {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
@@ -83,18 +84,18 @@ impl VelocityProfile {
     }
 
     /// Mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
-    pub(super) fn mean_inflow(&self, site: &Site<'_>) -> Option<f64> {
+    pub(super) fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::Uniform(velocity) => {
-                let (velocity, inward) = (velocity.to_array(), site.face.inward());
+                let (velocity, inward) = (velocity.to_array(), place.site.face.inward());
                 Some((0..3).map(|a| velocity[a] * inward[a]).sum())
             }
+            // The mean of 4 s (1 - s) is 2/3.
             Self::Parabolic { peak } => Some(
-                peak * if site.dimension == 2 {
-                    2.0 / 3.0
-                } else {
-                    4.0 / 9.0
-                },
+                bounded(place)
+                    .into_iter()
+                    .filter(|bounded| *bounded)
+                    .fold(*peak, |mean, _| mean * 2.0 / 3.0),
             ),
             Self::File { .. } => None,
         }
@@ -156,9 +157,18 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
     Some(sum / real(cells))
 }
 
-/// A parabola over the patch along the inward normal; in 3-D the product of two.
+/// The axes of the face along which the flow through a patch has ends: not a periodic axis that the patch spans.
+fn bounded(place: &Place<'_>) -> [bool; 3] {
+    let Place { site, from, to } = place;
+    std::array::from_fn(|a| {
+        let spans = from[a] == 0 && to[a] == site.cells[a];
+        a != site.face.axis() && a < site.dimension && !(site.periodic[a] && spans)
+    })
+}
+
+/// The product of a parabola for each axis of the patch that has ends, along the inward normal.
 fn parabola(place: &Place<'_>, peak: f64) -> Profile {
-    let (axis, dimension) = (place.site.face.axis(), place.site.dimension);
+    let (axis, bounded) = (place.site.face.axis(), bounded(place));
     let (from, to) = (place.from.map(real), place.to.map(real));
     let inward = if place.site.face.is_max() {
         -peak
@@ -167,7 +177,7 @@ fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     };
     Box::new(move |position| {
         let mut speed = inward;
-        for a in (0..dimension).filter(|&a| a != axis) {
+        for a in (0..3).filter(|&a| bounded[a]) {
             let s = ((position[a] - from[a]) / (to[a] - from[a])).clamp(0.0, 1.0);
             speed *= 4.0 * s * (1.0 - s);
         }
@@ -269,7 +279,63 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
-    use super::Table;
+    use super::{Table, VelocityProfile};
+    use crate::geometry::Face;
+    use crate::lbm::boundary::{Place, Site};
+    use crate::units::LatticeUnits;
+
+    /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean that is stated.
+    fn means(periodic: [bool; 3], from: [usize; 3], to: [usize; 3]) -> (f64, f64) {
+        let site = Site {
+            path: "",
+            face: Face::XMin,
+            dimension: 3,
+            spacing: 1.0,
+            cells: [20, 10, 30],
+            periodic,
+        };
+        let place = Place { site, from, to };
+        let units = LatticeUnits {
+            spacing: 1.0,
+            time_step: 1.0,
+            density: 1.0,
+            dimension: 3,
+        };
+        let parabola = VelocityProfile::Parabolic { peak: 1.0 };
+        let profile = parabola.on_lattice(&place, &units);
+        let (mut sum, mut cells) = (0.0, 0.0);
+        for y in from[1]..to[1] {
+            for z in from[2]..to[2] {
+                sum += profile([0.0, y as f64 + 0.5, z as f64 + 0.5])[0];
+                cells += 1.0;
+            }
+        }
+        (sum / cells, parabola.mean_inflow(&place).unwrap())
+    }
+
+    #[test]
+    fn a_parabola_has_a_factor_for_each_axis_with_ends() {
+        // The mean of a parabola over n cells is 2/3 + 1/(3 n²).
+        let parabola = |n: f64| 2.0 / 3.0 + 1.0 / (3.0 * n * n);
+        let whole = ([0; 3], [1, 10, 30]);
+        let (walls, across, along) = ([false; 3], [false, false, true], [false, true, true]);
+        for (periodic, (from, to), mean, stated) in [
+            (walls, whole, parabola(10.0) * parabola(30.0), 4.0 / 9.0),
+            (across, whole, parabola(10.0), 2.0 / 3.0),
+            (along, whole, 1.0, 1.0),
+            // A slot that ends within the period has edges there.
+            (
+                across,
+                ([0, 0, 5], [1, 10, 25]),
+                parabola(10.0) * parabola(20.0),
+                4.0 / 9.0,
+            ),
+        ] {
+            let (found, said) = means(periodic, from, to);
+            approx::assert_abs_diff_eq!(found, mean, epsilon = 1e-14);
+            approx::assert_abs_diff_eq!(said, stated, epsilon = 1e-14);
+        }
+    }
 
     #[test]
     fn rows_are_interpolated_and_the_fastest_is_known() {

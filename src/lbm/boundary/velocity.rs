@@ -50,22 +50,19 @@ impl Model for Velocity {
         NATURE
     }
 
-    /// Turbulence enters with the mean flow.
     fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
         if let Some(turbulence) = &self.turbulence {
             let path = format!("{}.turbulence", site.path);
             turbulence.check(site.spacing, &path, report);
-            if self.profile.mean_inflow(site).is_some_and(|u| u <= 0.0) {
-                report.error(&path, OUTWARD.into(), TURN_ROUND.into());
-            }
         }
         let path = format!("{}.profile", site.path);
         self.profile.resolve((site, &path), read, report);
     }
 
-    /// Turbulence enters with the mean flow of a table too.
+    /// Turbulence enters with the mean flow.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
-        let mean = || self.profile.mean_of_table(place);
+        let mean =
+            || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
         if self.turbulence.is_some() && mean().is_some_and(|mean| mean <= 0.0) {
             let path = format!("{}.turbulence", place.site.path);
             report.error(&path, OUTWARD.into(), TURN_ROUND.into());
@@ -81,9 +78,9 @@ impl Model for Velocity {
         })
     }
 
-    fn inflow(&self, site: &Site<'_>) -> Inflow {
+    fn inflow(&self, place: &Place<'_>) -> Inflow {
         self.profile
-            .mean_inflow(site)
+            .mean_inflow(place)
             .map_or(Inflow::Any, Inflow::Mean)
     }
 
