@@ -154,10 +154,10 @@ impl Scene {
             })
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
-        let contact = contact::ContactTable::resolve(case, &mut findings);
         let walls = walls::walls(case, &grid, &names, &mut findings);
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);
+        let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
         // A run that goes on has left its start behind.
         if like.is_none() {

@@ -35,7 +35,9 @@ pub enum GrainSource {
     Deposition(Deposition),
     /// A sample saved before.
     File {
-        /// CSV file with the columns that `save` writes, relative to the case.
+        /// CSV file, relative to the case. Columns: `x`, `y`, `z` and `radius` [m]; where they are there also `material`,
+        /// `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`, `angular_velocity_y`, `angular_velocity_z` [rad/s] and
+        /// `id`, in whose order grains then stand. In 2-D without `z`, `velocity_z` and the rotations about x and y.
         path: PathBuf,
     },
     /// One by one.

@@ -2,6 +2,7 @@
 
 use super::Scene;
 use super::findings::Findings;
+use super::grains::{GrainSource as Resolved, Grains};
 use super::has_polyhedra;
 use crate::case::Case;
 use crate::case::grains::GrainSource;
@@ -26,7 +27,11 @@ impl ContactTable {
         self.law.model()
     }
 
-    pub(crate) fn resolve(case: &Case, findings: &mut Findings) -> Option<Self> {
+    pub(crate) fn resolve(
+        case: &Case,
+        sample: Option<&Grains>,
+        findings: &mut Findings,
+    ) -> Option<Self> {
         let written = case.contact.as_ref()?;
         let materials: Vec<MaterialFacts> = case
             .materials
@@ -50,7 +55,7 @@ impl ContactTable {
                 Some(GrainSource::File { .. } | GrainSource::List(_)) | None => Preparation::Listed,
             },
             bond_at_start: grains.is_some_and(|grains| grains.bond_at_start),
-            fastest_approach: fastest_approach(case),
+            fastest_approach: fastest_approach(case, sample),
         };
         Some(Self {
             law: written.resolve(&facts, findings)?,
@@ -72,7 +77,7 @@ impl Scene {
 
 /// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the start and that of a
 /// fall through the domain.
-pub(crate) fn fastest_approach(case: &Case) -> f64 {
+pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
     for body in &case.bodies {
@@ -80,9 +85,11 @@ pub(crate) fn fastest_approach(case: &Case) -> f64 {
             speeds.extend(velocity.as_ref().map(|v| size(v.to_array())));
         }
     }
-    if let Some(GrainSource::List(list)) = case.grains.as_ref().map(|grains| &grains.initial) {
-        let velocities = list.iter().filter_map(|grain| grain.velocity.as_ref());
-        speeds.extend(velocities.map(|v| size(v.to_array())));
+    if let Some(Resolved::List(grains) | Resolved::File { grains, .. }) =
+        sample.map(|grains| &grains.source)
+    {
+        let moving = grains.iter().map(|grain| size(grain.velocity));
+        speeds.extend(moving.filter(|speed| *speed > 0.0));
     }
     let velocities = case.walls.iter().filter_map(|wall| wall.velocity.as_ref());
     speeds.extend(velocities.map(|v| size(v.to_array())));

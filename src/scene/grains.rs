@@ -94,14 +94,7 @@ pub(crate) fn grains(
     let (source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
         Written::Deposition(written) => falls(case, written, grid, findings)?,
-        Written::File { path } => sample(
-            &case.directory.join(path),
-            path,
-            grid,
-            names,
-            index,
-            findings,
-        ),
+        Written::File { path } => sample(case, path, grid, (names, index), findings),
         Written::List(list) => {
             if list.is_empty() {
                 findings.error(
@@ -111,8 +104,12 @@ pub(crate) fn grains(
                 );
             }
             let mut resolved = Vec::with_capacity(list.len());
+            let narrowest = grid.size[..grid.dimension]
+                .iter()
+                .fold(f64::INFINITY, |least, size| size.min(least));
             for (n, grain) in list.iter().enumerate() {
                 let plain = grain.position.0.len() == grid.dimension
+                    && 2.0 * grain.radius <= narrowest
                     && grid.contains(grain.position.to_array())
                     && grain.velocity.is_none()
                     && grain.angular_velocity.is_none()
@@ -145,6 +142,7 @@ pub(crate) fn grains(
                         "move it inside",
                     );
                 }
+                fits_period(grid, grain.radius, &format!("{path}.radius"), findings);
                 let own = grain.material.as_ref().map(|name| {
                     needs_density(case, name, findings);
                     material(names, name, &format!("{path}.material"), findings).unwrap_or(0)
@@ -184,15 +182,15 @@ fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
 
 /// A saved sample, or findings.
 fn sample(
-    file: &Path,
+    case: &Case,
     written: &Path,
     grid: &Grid,
-    names: &[String],
-    material: usize,
+    (names, material): (&[String], usize),
     findings: &mut Findings,
 ) -> Source {
     let path = "grains.initial.file.path";
-    let read = io::plain::text(file, io::plain::LONGEST_INPUT)
+    let file = case.directory.join(written);
+    let read = io::plain::text(&file, io::plain::LONGEST_INPUT)
         .map_err(|e| e.to_string())
         .and_then(|text| {
             sample::read(&text, grid.dimension, names, material)
@@ -213,15 +211,37 @@ fn sample(
             "use the domain the sample was made for",
         );
     }
+    let widest = grains.iter().map(|grain| grain.radius).fold(0.0, f64::max);
+    fits_period(grid, widest, path, findings);
+    for (n, name) in names.iter().enumerate() {
+        if n != material && grains.iter().any(|grain| grain.material == n) {
+            needs_density(case, name, findings);
+        }
+    }
     let (radii, expected) = (bounds(&grains), grains.len());
-    (
-        GrainSource::File {
-            path: file.to_path_buf(),
-            grains,
-        },
-        radii,
-        expected,
-    )
+    (GrainSource::File { path: file, grains }, radii, expected)
+}
+
+/// Refuses a grain that would overlap its own image round a periodic axis.
+pub(crate) fn fits_period(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
+    let periods = (0..grid.dimension).filter(|a| grid.periodic[*a]);
+    let narrowest = periods.min_by(|a, b| grid.size[*a].total_cmp(&grid.size[*b]));
+    // As wide as the period, but for rounding, closes it.
+    if let Some(axis) = narrowest.filter(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)) {
+        let name = ["x", "y", "z"][axis];
+        findings.error(
+            path,
+            format!(
+                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, the length of the domain",
+                number(2.0 * radius),
+                number(grid.size[axis])
+            ),
+            format!(
+                "use a radius of at most {} m, a longer domain, or take {name} out of domain.periodic; radii are in m",
+                number(0.5 * grid.size[axis])
+            ),
+        );
+    }
 }
 
 /// A radius distribution that can be used, or findings.

@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
-use super::grains::check_radii;
+use super::grains::{check_radii, fits_period};
 use super::grid::Grid;
 use super::{material, unique};
 use crate::case::Case;
@@ -129,7 +129,10 @@ pub(crate) fn regions(
                 at_most,
             } => {
                 let path = format!("{path}.action.generate");
-                check_radii(radii, &format!("{path}.radii"), findings);
+                if check_radii(radii, &format!("{path}.radii"), findings) {
+                    let (_, largest) = radii.bounds();
+                    fits_period(grid, largest, &format!("{path}.radii"), findings);
+                }
                 let velocity = velocity.as_ref().map_or([0.0; 3], |v| {
                     Block::vector(grid, v, &format!("{path}.velocity"), findings)
                 });

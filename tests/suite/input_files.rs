@@ -5,8 +5,9 @@ use crate::ranks::{SOLVER, Study, beside_others, run};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::{EXAMPLES, find};
-use solver::error::Problem;
+use solver::error::{Problem, Severity};
 use solver::plan::Plan;
+use solver::scene::grains::GrainSource;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -228,6 +229,77 @@ fn what_is_no_plain_file_is_refused_wherever_it_is_named() {
         );
     }
     ends(&["info", fifo], 5, "it is a pipe");
+}
+
+#[test]
+fn a_sample_is_read_in_full_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let mut case = example("collision");
+    case["grains"]["initial"] = json!({"file": {"path": "sample.csv"}});
+    let path = "grains.initial.file.path";
+    let with = |text: &str, change: &[(&str, Value)]| {
+        std::fs::write(here.join("sample.csv"), text).unwrap();
+        let mut case = case.clone();
+        for (key, value) in change {
+            case[*key] = value.clone();
+        }
+        case
+    };
+    let good = "x,y,radius,velocity_x,angular_velocity_z,id\n0.12,0.05,0.01,-1,0,9\n0.08,0.05,0.01,1,3,4\n";
+    let document = Document::read(&with(good, &[]).to_string(), &[], here).unwrap();
+    let plan = Plan::prepare(document).unwrap();
+    let Some(GrainSource::File { grains, .. }) = plan.scene.grains.map(|grains| grains.source)
+    else {
+        panic!("the grains are those of the file");
+    };
+    assert_eq!(grains[0].velocity, [1.0, 0.0, 0.0]);
+    assert_eq!(grains[0].angular_velocity, [0.0, 0.0, 3.0]);
+    assert_eq!(grains[1].velocity, [-1.0, 0.0, 0.0]);
+    for (text, reason) in [
+        (
+            "x,y,radius,velocity\n0.1,0.05,0.01,1\n",
+            "did you mean `velocity_",
+        ),
+        ("x,y,radius,z\n0.1,0.05,0.01,1\n", "two dimensions"),
+        (
+            "x,y,radius,id\n0.1,0.05,0.01,-1\n",
+            "line 2: the id is `-1`",
+        ),
+        ("x,y,radius,velocity_y\n0.1,0.05,0.01,up\n", "`velocity_y`"),
+        ("x,y,radius,material\n0.1,0.05,0.01,light\n", "no material"),
+    ] {
+        says(&with(text, &[]), here, path, reason);
+    }
+    let wide = "x,y,radius\n0.1,0.05,0.06\n";
+    let domain = json!({"size": [0.2, 0.1], "spacing": 0.005, "periodic": ["y"]});
+    says(
+        &with(wide, &[("domain", domain)]),
+        here,
+        path,
+        "overlap itself round the periodic axis y: its diameter is at most 0.1 m",
+    );
+    let weightless = json!({"glass": {"density": 2500}, "light": {}});
+    let mixed = "x,y,radius,material\n0.1,0.05,0.01,light\n";
+    let weightless = with(mixed, &[("materials", weightless)]);
+    says(
+        &weightless,
+        here,
+        "materials.light.density",
+        "needs the density",
+    );
+    // A gate may have held the sample when it was made; here it holds nothing.
+    let gate = json!([{
+        "name": "gate", "material": "glass", "during": "preparation",
+        "shape": {"plane": {"point": [0.15, 0], "normal": [-1, 0]}}
+    }]);
+    let held = with(good, &[("walls", gate)]);
+    says(&held, here, "walls[0].during", "never stands");
+    assert!(
+        problems(&held, here)
+            .iter()
+            .all(|p| p.severity == Severity::Warning)
+    );
 }
 
 /// A channel whose inlet has the velocities of a table.

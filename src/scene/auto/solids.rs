@@ -100,7 +100,7 @@ pub(crate) fn choose_contact(
         contact: Some(law),
         ..case.clone()
     };
-    scene.contact = ContactTable::resolve(&with_law, findings);
+    scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
 }
 
 /// The law of discs and spheres, and why.
@@ -141,7 +141,10 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
         .flow
         .as_ref()
         .and_then(|flow| step::fastest(scene, flow));
-    let speed = in_water.map_or_else(|| fastest_approach(case), |speed| speed.value);
+    let speed = in_water.map_or_else(
+        || fastest_approach(case, scene.grains.as_ref()),
+        |speed| speed.value,
+    );
     let moving = moving(scene);
     let impact = |part: f64| {
         let needed =
