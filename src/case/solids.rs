@@ -31,7 +31,8 @@ pub enum WallStage {
     /// During the preparation and the run.
     #[default]
     Always,
-    /// Only during the preparation, such as a gate or a plug in an opening.
+    /// Only during the preparation, such as a gate or a plug in an opening. It acts on grains that are deposited, or that come to rest
+    /// after they are bonded.
     Preparation,
 }
 

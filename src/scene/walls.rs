@@ -6,6 +6,7 @@ use super::grid::Grid;
 use super::{material, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::Face;
+use crate::case::grains::GrainSource;
 use crate::case::solids::{WallShape, WallStage};
 use crate::dem::Surface;
 use crate::error::Remedy;
@@ -71,6 +72,9 @@ pub(crate) fn walls(
             Block::vector(grid, v, &format!("{path}.velocity"), findings)
         });
         let index = material(names, &wall.material, &format!("{path}.material"), findings);
+        if wall.during == WallStage::Preparation {
+            has_a_preparation(case, &path, findings);
+        }
         walls.push(Wall {
             name: wall.name.clone(),
             point: plane.0,
@@ -138,6 +142,37 @@ pub(crate) fn walls(
         });
     }
     walls
+}
+
+/// A wall of the preparation needs one in which grains move: a deposition, or the rest of bonded grains. A sample from a file may have
+/// been held by such a wall when it was made: there it is only said.
+fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
+    let source = case.grains.as_ref().map(|grains| &grains.initial);
+    let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);
+    let (what, held_before) = match source {
+        Some(GrainSource::Deposition(_)) => return,
+        Some(_) if bonded => return,
+        Some(GrainSource::List(_)) => ("listed grains start where they are", false),
+        Some(GrainSource::File { .. }) => ("grains from a file start where they are", true),
+        Some(GrainSource::Growth(_)) => ("growing grains meet the faces of their box only", false),
+        None => ("there are no grains in this case", false),
+    };
+    let at = format!("{path}.during");
+    let reason = format!(
+        "this wall never stands: {what}, nothing else is prepared, and the wall is gone as the run begins"
+    );
+    let keep = "write always to keep the wall during the run";
+    let remedy = if held_before {
+        Remedy::from(format!("{keep}, or take the wall out"))
+    } else {
+        Remedy::from(format!("{keep}, or use a deposition or bond_at_start"))
+    }
+    .set(&*at, "always");
+    if held_before {
+        findings.warn(&at, reason, remedy);
+    } else {
+        findings.error(&at, reason, remedy);
+    }
 }
 
 /// The facets of a wall that is not a plane, or findings.

@@ -490,6 +490,32 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "grains.initial.file.path",
     ),
     (
+        "a grain wider than its period",
+        "collision",
+        Set(&[
+            "domain.periodic=[\"y\"]",
+            "grains.initial.list=[{\"position\": [0.1, 0.05], \"radius\": 0.0501}]",
+        ]),
+        "grains.initial.list[0].radius",
+    ),
+    (
+        "new grains wider than their period",
+        "collision",
+        Set(&[
+            "domain.periodic=[\"y\"]",
+            "regions=[{\"name\": \"new\", \"box\": {\"from\": [0, 0], \"to\": [0.04, 0.1]}, \"action\": {\"generate\": {\"rate\": 1, \"radii\": {\"uniform\": {\"min\": 0.01, \"max\": 0.051}}}}}]",
+        ]),
+        "regions[0].action.generate.radii",
+    ),
+    (
+        "a gate before listed grains",
+        "collision",
+        Set(&[
+            "walls=[{\"name\": \"gate\", \"shape\": {\"plane\": {\"point\": [0.15, 0], \"normal\": [-1, 0]}}, \"material\": \"glass\", \"during\": \"preparation\"}]",
+        ]),
+        "walls[0].during",
+    ),
+    (
         "wall without a direction",
         "piping",
         Set(&[
