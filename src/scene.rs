@@ -14,6 +14,7 @@ pub mod findings;
 pub mod flow;
 pub mod grading;
 pub mod grains;
+pub(crate) mod gravity;
 pub mod grid;
 pub mod initial;
 mod motion;

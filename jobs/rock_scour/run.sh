@@ -115,7 +115,7 @@ rock() {
     dry_incline) echo "rock: block: $(sliding_law "$folder/probe_slides.csv" 30 20 1)" ;;
     # The witness reaches the floor after 4.8 s.
     avalanche) echo "rock: witness: $(sliding_law "$folder/probe_witness.csv" 45 30 4)" ;;
-    incline) echo "rock: weight, water, contact: $(balance "$folder/probe_sticks.csv" 7.6518 -13.2533 0.2)" ;;
+    incline) echo "rock: weight, water, contact: $(balance "$folder/probe_sticks.csv" 0.8009 -15.2826 0.2)" ;;
     stagnation) echo "rock: face: $(stagnation "$folder/probe_face.csv")" ;;
   esac
 }

@@ -95,7 +95,7 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "incline",
-        summary: "two blocks under a stream down an incline: one sticks, one slides as its weight in water says",
+        summary: "two blocks under a stream down an incline, which pushes both: one sticks, one slides",
         text: include_str!("examples/incline.json"),
     },
     Example {

@@ -65,16 +65,44 @@ pub struct LatticeBoltzmann {
     /// Body force that drives the fluid [N/m3], in addition to gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,
-    /// Whether gravity acts on the fluid. If not, pressure is the excess over the hydrostatic pressure, and solids have their buoyant
-    /// weight.
+    /// Where gravity acts on the fluid. Where it does not, pressure is the excess over the hydrostatic pressure, and solids have their
+    /// buoyancy.
     #[serde(default)]
-    pub gravity_acts_on_fluid: bool,
+    pub gravity_acts_on_fluid: GravityOnFluid,
     /// Initial velocity and pressure.
     #[serde(default)]
     pub initial: Initial,
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
+}
+
+/// Along which axes gravity acts on the fluid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+pub enum GravityOnFluid {
+    /// Along all axes, or along none.
+    All(bool),
+    /// By axis.
+    Where(Where),
+}
+
+impl Default for GravityOnFluid {
+    fn default() -> Self {
+        Self::Where(Where::Auto)
+    }
+}
+
+/// Along which axes gravity acts on the fluid, in a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Where {
+    /// As `along_periodic_axes` below a surface, a face of free slip that gravity points away from; else along none.
+    Auto,
+    /// Along the periodic axes, where it drives a stream down its slope.
+    AlongPeriodicAxes,
 }
 
 /// Velocity set of the lattice.

@@ -169,9 +169,9 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             pressure.abs(),
         ));
     }
-    if flow.gravity_acts {
+    if flow.gravity_acts.contains(&true) {
         let head: f64 = (0..scene.grid.dimension)
-            .filter(|a| !scene.grid.periodic[*a])
+            .filter(|a| flow.gravity_acts[*a] && !scene.grid.periodic[*a])
             .map(|a| flow.density * scene.gravity[a].abs() * scene.grid.size[a])
             .sum();
         sources.push((

@@ -8,6 +8,7 @@ use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
+use crate::scene::gravity;
 use serde::Serialize;
 
 /// A model and why.
@@ -125,6 +126,9 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 |model| model.describe(),
             );
             choose("turbulence", model, reason);
+            if let Some((model, reason)) = gravity::describe(scene.gravity, flow.gravity_acts) {
+                choose("gravity on the fluid", model, reason);
+            }
             choose(
                 "populations",
                 match flow.storage {

@@ -4,6 +4,7 @@ use super::block::Block;
 use super::boundaries::{Patch, faces};
 pub(crate) use super::findings::LATTICE_PATH as PATH;
 use super::findings::{Findings, at_most, number};
+use super::gravity;
 use super::grid::Grid;
 use super::initial::{Initial, initial};
 use crate::case::Case;
@@ -43,8 +44,8 @@ pub struct Flow {
     pub fixed_by: &'static str,
     /// Force per volume beside gravity.
     pub body_force: BodyForce,
-    /// Whether gravity acts on the fluid.
-    pub gravity_acts: bool,
+    /// Along which axes gravity acts on the fluid.
+    pub gravity_acts: [bool; 3],
     /// Fluid at the start.
     pub initial: Initial,
     /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
@@ -133,15 +134,7 @@ impl Flow {
         let body_force = body_force(lbm, grid, findings);
         let initial = initial(lbm, grid, &case.directory, findings);
         let faces = faces(lbm, grid, &case.directory, findings);
-        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
-        if lbm.gravity_acts_on_fluid && gravity.iter().all(|g| *g == 0.0) {
-            findings.warn(
-                &format!("{PATH}.gravity_acts_on_fluid"),
-                "there is no gravity in this case",
-                Remedy::from("add `gravity`, or leave this out")
-                    .set(format!("{PATH}.gravity_acts_on_fluid"), false),
-            );
-        }
+        let acts = gravity::acts(case, lbm, grid, (&faces, &body_force), findings);
         let (time_step, fixed_by) = time_step(lbm, grid, findings)?;
         let units = LatticeUnits {
             spacing: grid.spacing,
@@ -168,7 +161,7 @@ impl Flow {
             relaxation_time,
             fixed_by,
             body_force,
-            gravity_acts: lbm.gravity_acts_on_fluid,
+            gravity_acts: acts,
             initial,
             faces,
         })

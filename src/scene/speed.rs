@@ -207,8 +207,23 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     .unwrap_or((grid.size[axis], full))
 }
 
+/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the others it makes
+/// pressure.
+fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
+    let body = flow.body_force.largest();
+    std::array::from_fn(|a| {
+        let drives = flow.gravity_acts[a] && scene.grid.periodic[a];
+        body[a]
+            + if drives {
+                flow.density * scene.gravity[a]
+            } else {
+                0.0
+            }
+    })
+}
+
 fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
-    let force = flow.body_force.largest();
+    let force = driving_force(scene, flow);
     let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
     let axis = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
     if size == 0.0 || !scene.grid.periodic[axis] {
@@ -243,10 +258,9 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
 /// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film under a surface
 /// without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies as far as these hold it.
 fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
-    let weight = if flow.gravity_acts { flow.density } else { 0.0 };
-    let body = flow.body_force.largest();
+    let forces = driving_force(scene, flow);
     let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
-    let along = along.map(|a| (a, body[a] + weight * scene.gravity[a]));
+    let along = along.map(|a| (a, forces[a]));
     let (axis, force) = along.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
     let force = force.abs();
     if force == 0.0 {

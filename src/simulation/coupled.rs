@@ -18,11 +18,17 @@ use crate::units::LatticeUnits;
 
 /// Force per volume of a solid [N/m3] that the lattice does not know of.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
-    match &plan.scene.flow {
-        // The pressure of the lattice is then the excess over hydrostatic.
-        Some(flow) if !flow.gravity_acts => plan.scene.gravity.map(|g| -flow.density * g),
-        _ => [0.0; 3],
-    }
+    let Some(flow) = &plan.scene.flow else {
+        return [0.0; 3];
+    };
+    // Where gravity does not act the pressure of the lattice is the excess over hydrostatic.
+    std::array::from_fn(|a| {
+        if flow.gravity_acts[a] {
+            0.0
+        } else {
+            -flow.density * plan.scene.gravity[a]
+        }
+    })
 }
 
 /// A fluid with the coupling of the plan; links that bounce where it names none.

@@ -62,7 +62,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
 
 fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
     let weight = |a: usize| {
-        if flow.gravity_acts {
+        if flow.gravity_acts[a] {
             flow.density * plan.scene.gravity[a]
         } else {
             0.0

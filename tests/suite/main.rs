@@ -28,6 +28,7 @@ mod proposals;
 mod ranks;
 mod same_bits;
 mod seepage;
+mod slopes;
 mod speaking;
 mod stopping;
 mod sweep;

@@ -167,7 +167,7 @@ fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
         _ => 0.0,
     };
     let column: f64 = (0..scene.grid.dimension)
-        .filter(|a| flow.gravity_acts && !scene.grid.periodic[*a])
+        .filter(|a| flow.gravity_acts[*a] && !scene.grid.periodic[*a])
         .map(|a| flow.density * scene.gravity[a].abs() * scene.grid.size[a])
         .sum();
     imposed.chain([start, column]).fold(0.0, f64::max)

@@ -1,0 +1,143 @@
+//! A stream down a slope: the weight of its water drives it, and it pushes what stands in it down the slope.
+
+use crate::ranks::{Study, beside_others};
+use serde_json::{Value, json};
+use solver::case::Document;
+use solver::error::{Problem, Severity};
+use solver::plan::Plan;
+use std::path::Path;
+
+/// Syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
+fn stream(gravity_acts: &Value) -> Value {
+    json!({
+        "domain": {"size": [0.2, 0.08, 0.08], "spacing": 0.01, "periodic": ["x", "y"]},
+        "gravity": [0.513_416, 0, -9.796_556],
+        "materials": {"rock": {"density": 2600}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 0.01, "relaxation_time": 1,
+            "gravity_acts_on_fluid": gravity_acts,
+            "boundaries": [{"name": "surface", "face": "z_max", "condition": {"free_slip": {}}}]
+        }},
+        "bodies": [{
+            "name": "cube", "shape": {"cuboid": {"edges": [0.03, 0.03, 0.03]}}, "position": [0.1, 0.04, 0.015],
+            "motion": {"fixed": {}}, "material": "rock"
+        }],
+        "coupling": {"partially_saturated": {}},
+        "time": {"end": 4},
+        "probes": [
+            {"name": "cube", "every": 0.5, "at": {"body": {"name": "cube"}}},
+            {"name": "bed", "every": 0.5, "at": {"wall": {"face": "z_min"}}}
+        ]
+    })
+}
+
+/// The values of a column of a table of a run.
+fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
+    let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let place = lines.next().unwrap().split(',').position(|n| n == name);
+    let place = place.unwrap_or_else(|| panic!("{table} has no {name}"));
+    lines
+        .map(|line| line.split(',').nth(place).unwrap().parse().unwrap())
+        .collect()
+}
+
+fn problems(case: &Value) -> Vec<Problem> {
+    match Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[test]
+fn the_weight_of_a_stream_is_borne_by_its_bed_and_what_stands_in_it() {
+    let _beside = beside_others();
+    // The choice of the program, and the same stated.
+    for acts in [json!("auto"), json!("along_periodic_axes")] {
+        let study = Study::new(&stream(&acts).to_string());
+        study.run("run", 1, 1, &[]).expect(0);
+        let last = |table: &str, name: &str| *column(&study, "run", table, name).last().unwrap();
+        let (cube, bed) = (
+            last("probe_cube.csv", "fluid_force_x"),
+            last("probe_bed.csv", "force_x"),
+        );
+        let water = 0.2 * 0.08 * 0.08 - 0.03_f64.powi(3);
+        let weight = 1000.0 * 0.513_416 * water;
+        println!("cube {cube} N, bed {bed} N, weight along the slope {weight} N");
+        assert!(
+            cube > 0.05 * weight,
+            "the stream pushes the cube down: {cube}"
+        );
+        assert!(
+            (cube + bed - weight).abs() < 1e-3 * weight,
+            "{cube} + {bed} N, not {weight}"
+        );
+        // Across the slope the lattice holds the excess over hydrostatic, and the cube its buoyancy.
+        let lift = last("probe_cube.csv", "fluid_force_z");
+        let buoyancy = 1000.0 * 9.796_556 * 0.03_f64.powi(3);
+        assert!(
+            (lift - buoyancy).abs() < 0.1 * buoyancy,
+            "{lift} {buoyancy}"
+        );
+    }
+}
+
+#[test]
+fn the_stream_of_the_example_pushes_its_blocks_down_the_slope() {
+    let _beside = beside_others();
+    let study = Study::of("incline", &[("time.end", "0.1"), ("output", "{}")]);
+    study.run("run", 1, 1, &[]).expect(0);
+    for block in ["sticks", "slides"] {
+        let force = column(
+            &study,
+            "run",
+            &format!("probe_{block}.csv"),
+            "fluid_force_x",
+        );
+        let later = &force[force.len() / 2..];
+        println!("{block}: {later:?} N");
+        assert!(later.iter().sum::<f64>() > 0.0, "{block}: {force:?}");
+    }
+    let x = column(&study, "run", "probe_sticks.csv", "x");
+    assert!((x[x.len() - 1] - 0.1).abs() < 1e-4, "{x:?}");
+    let x = column(&study, "run", "probe_slides.csv", "x");
+    assert!(x[x.len() - 1] > 0.1 + 1e-4, "{x:?}");
+}
+
+#[test]
+fn the_weight_of_the_water_counts_once() {
+    let path = "fluid.lattice_boltzmann.gravity_acts_on_fluid";
+    let found = problems(&stream(&json!(false)));
+    let told = found.iter().find(|p| p.path == path).unwrap();
+    assert_eq!(told.severity, Severity::Warning);
+    assert!(told.reason.contains("surface `surface`") && told.reason.contains("along x"));
+    assert!(
+        problems(&stream(&json!("auto")))
+            .iter()
+            .all(|p| p.path != path)
+    );
+    // A closed conduit may hold its water.
+    let mut conduit = stream(&json!(false));
+    conduit["fluid"]["lattice_boltzmann"]["boundaries"] = json!([]);
+    assert!(problems(&conduit).iter().all(|p| p.path != path));
+    // The weight as a body force beside the full buoyancy, and beside gravity that acts.
+    for (acts, why) in [
+        (json!(false), "solids get the buoyancy"),
+        (json!("auto"), "gravity acts on the water"),
+        (json!(true), "gravity acts on the water"),
+    ] {
+        let mut twice = stream(&acts);
+        twice["fluid"]["lattice_boltzmann"]["body_force"] = json!({"constant": [513.4, 0, 0]});
+        let found = problems(&twice);
+        let body = "fluid.lattice_boltzmann.body_force.constant";
+        let told = found.iter().find(|p| p.path == body).unwrap();
+        assert_eq!(told.severity, Severity::Error, "{acts}");
+        assert!(told.reason.contains(why), "{}", told.reason);
+        for set in told.remedy.proposal() {
+            let key = set.path.rsplit('.').next().unwrap();
+            twice["fluid"]["lattice_boltzmann"][key] = set.value.clone();
+        }
+        let found = problems(&twice);
+        assert!(found.iter().all(|p| p.path != body), "{found:#?}");
+    }
+}
