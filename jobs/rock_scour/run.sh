@@ -74,7 +74,7 @@ sliding_law() {
     }' "$1"
 }
 
-# Means over the second half of a run of weight, force of the water and force of the contact (N) on a block that stays, along x and z.
+# Means from a time (s) on of weight, force of the water and force of the contact (N) on a block, along x and z.
 balance() {
   awk -F, -v weight_x="$2" -v weight_z="$3" -v from="$4" '
     NR == 1 { for (n = 1; n <= NF; n++) column[$n] = n; next }
@@ -115,7 +115,7 @@ rock() {
     dry_incline) echo "rock: block: $(sliding_law "$folder/probe_slides.csv" 30 20 1)" ;;
     # The witness reaches the floor after 4.8 s.
     avalanche) echo "rock: witness: $(sliding_law "$folder/probe_witness.csv" 45 30 4)" ;;
-    incline) echo "rock: weight, water, contact: $(balance "$folder/probe_sticks.csv" 0.8009 -15.2826 0.2)" ;;
+    incline) echo "rock: weight, water, contact: $(balance "$folder/probe_rough.csv" 7.6518 -13.2533 0.05)" ;;
     stagnation) echo "rock: face: $(stagnation "$folder/probe_face.csv")" ;;
   esac
 }

@@ -95,7 +95,7 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "incline",
-        summary: "two blocks under a stream down an incline, which pushes both: one sticks, one slides",
+        summary: "two blocks under a stream down an incline, which sweeps both away",
         text: include_str!("examples/incline.json"),
     },
     Example {
