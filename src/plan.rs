@@ -9,6 +9,7 @@ pub(crate) mod critical_step;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
+mod impacts;
 pub mod interval;
 mod linear_stability;
 pub mod margin;

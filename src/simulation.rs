@@ -171,7 +171,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.guards.check(
             now.step,
             now.lattice(),
-            &now.particles,
+            (&now.particles, now.dem.as_ref().map(Dem::deepest)),
             &now.plan,
             &now.domain,
         )?;
@@ -185,9 +185,9 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// When the numbers fail.
     fn look(&mut self) -> Result<(), Error> {
         let now = &self.now;
-        let (flow, particles) = (now.lattice(), &now.particles);
+        let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
         self.guards
-            .finish(now.step, flow, particles, &now.plan, &now.domain)?;
+            .finish(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
         self.phases.done(Phase::Guards);
         Ok(())
     }

@@ -127,6 +127,11 @@ pub struct Guards {
     /// bodies are excluded, because moving bodies compress them. Corners of fast lid-driven flows may need more than the default.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
+    /// Overlap of a contact over the radius of the smaller body above which the run ends (exit code 4) [1]; of a polyhedron the radius is
+    /// that from its centroid to the nearest face. Every solid step counts. At 1 the centre of a body has come to the surface of the
+    /// other: a thin wall is passed through.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub max_overlap: f64,
     /// Memory of all nodes of the run together [GiB]. Default: the memory of this node.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub memory_gib: Option<f64>,
@@ -154,6 +159,7 @@ impl Default for Guards {
             max_lattice_velocity: 0.3,
             warn_compression: 0.05,
             max_compression: 0.2,
+            max_overlap: 0.5,
             memory_gib: None,
             limits: Limits::Refuse,
         }

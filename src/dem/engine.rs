@@ -29,6 +29,7 @@ mod parts;
 mod report;
 
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
+use super::deepest::{Deepest, Other, Record, inner_radius};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
@@ -120,6 +121,9 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
     scratch: L::Scratch,
+    /// The deepest contact of this step, if it is deeper than all before.
+    record: Record,
+    pub(super) deepest: Deepest,
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
@@ -166,6 +170,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             failures: Vec::new(),
             wall_failures: Vec::new(),
             scratch: L::Scratch::default(),
+            record: Record::default(),
+            deepest: Deepest::default(),
         }
     }
 
@@ -181,7 +187,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.rebuild(particles, domain)?;
         }
         if largest(domain, flag(!particles.loaded)) > 0.5 {
-            L::forces(self, particles, 0.0);
+            self.all_forces(particles, 0.0);
         }
         particles.loaded = true;
         Ok(())
@@ -229,7 +235,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     self.activate(particles);
                 }
             }
-            L::forces(self, particles, dt);
+            self.all_forces(particles, dt);
         }
         if steps > 0 {
             self.law.finish(particles, &kick);
@@ -318,6 +324,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
+    /// Contact loads of all owned bodies; the deepest contact is noted.
+    fn all_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+        self.record = Record::beyond(self.deepest.part);
+        L::forces(self, particles, dt);
+        let id = |entry: u32| self.names[entry as usize].0;
+        if let Some(deeper) = self.record.named(id) {
+            self.deepest = deeper;
+        }
+    }
+
     /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\].
     fn sphere_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         self.tested += self.active.len() as u64;
@@ -346,7 +362,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
             for (&k, span) in block.iter().zip(spans.iter()) {
                 let pair = &mut self.pairs[k as usize];
-                let Some(action) = act::<S, L>(&self.rows, pair, motion, span, dt) else {
+                let record = &mut self.record;
+                let Some(action) = act::<S, L>(&self.rows, pair, motion, span, record, dt) else {
                     continue;
                 };
                 let first = &mut contact[pair.first as usize];
@@ -363,6 +380,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         for pair in &mut self.wall_pairs {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut contact[pair.grain as usize];
+            let load = (load, &mut self.record);
             let failure = act_at_plane::<S, L>(pair, wall, motion, load, dt);
             self.wall_failures.extend(failure);
         }

@@ -60,6 +60,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         ));
     }
     super::contacts::check(scene, clock, &mut margins, findings);
+    super::impacts::check(scene, &mut margins, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
     let impact = |law: &ContactTable| law.model().impact_speed();

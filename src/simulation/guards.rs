@@ -7,6 +7,8 @@
 //!   once, and in each line of the log while it lasts. Cells that bodies shut in are left out there: bodies that move squeeze them. The warm-up is looked at in the same way. A look takes 9, 30 and 40 ns a cell
 //!   with 9, 19 and 27 populations in f64 where reading them once takes 7, 16 and 24 (one core of a busy machine); a step reads and
 //!   writes them, so that a look each 100 steps costs 0.6 to 0.9 % of the steps where these wait for the memory, and less elsewhere.
+//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]); a look ends the run where it
+//!   is deeper than `guards.max_overlap`. A soft contact is pierced by what it cannot stop: then positions are no longer those of bodies.
 //! * *Openings*: at each look inflow and outflow are taken beside each other ([`openings`]).
 //! * *Balance*: in one step of [`BALANCE_EVERY`] the mass of the lattice before and after is held against what the faces let
 //!   through (moving bounce-back lets nothing through), and the momentum of the water outside the bodies against bodies, body force
@@ -21,6 +23,7 @@ mod openings;
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Precision;
 use crate::coupling::lattice::LatticeFlow;
+use crate::dem::deepest::{Deepest, With};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -55,6 +58,7 @@ pub struct State {
     squeezed: Option<(Option<f64>, Option<u64>)>,
     openings: openings::State,
     warned: [bool; 2],
+    overlap: Option<f64>,
 }
 
 /// The guards of a run.
@@ -75,6 +79,8 @@ pub struct Guards {
     /// The step of the last look.
     looked: Option<u64>,
     openings: Openings,
+    /// Largest overlap over the smaller radius of any contact so far; of all ranks at looks.
+    overlap: Option<f64>,
     /// The compression, and the openings, have been warned of.
     warned: [bool; 2],
     news: Vec<String>,
@@ -104,6 +110,7 @@ impl Guards {
             squeezed: self.squeezed[1].map(|at| (Some(at.value), Some(at.cell))),
             openings: self.openings.state(),
             warned: self.warned,
+            overlap: self.overlap,
         }
     }
 
@@ -118,6 +125,7 @@ impl Guards {
             .map(|(value, cell)| At { value, cell });
         self.openings.restore(state.openings);
         self.warned = state.warned;
+        self.overlap = state.overlap;
     }
 
     /// Largest relative error of the mass balance of any step that was balanced.
@@ -142,6 +150,45 @@ impl Guards {
     #[must_use]
     pub fn compression(&self) -> Option<f64> {
         self.squeezed[1].map(|at| at.value.abs())
+    }
+
+    /// Largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last look; none where nothing moves.
+    #[must_use]
+    pub fn overlap(&self) -> Option<f64> {
+        self.overlap
+    }
+
+    /// Takes note of the deepest contact of this rank; returns that of all. Collective.
+    pub fn note_overlap(
+        &mut self,
+        deepest: Option<Deepest>,
+        communicator: &Communicator,
+    ) -> Option<Deepest> {
+        let mine = deepest?;
+        let part = communicator.all_reduce_max_f64(mine.part);
+        self.overlap = larger(self.overlap, Some(part));
+        // Of equal ones that of the smallest id, and what it is in with the smallest number: bodies before walls.
+        const WALLS: u64 = 1 << 62;
+        let holds = mine.part >= part && mine.with != With::Unknown;
+        let body = if holds { mine.body } else { u64::MAX };
+        let first = communicator.all_reduce_min_u64(body);
+        let other = match mine.with {
+            _ if body != first => u64::MAX,
+            With::Body(id) => id,
+            With::Wall(wall) => WALLS + u64::from(wall),
+            With::Unknown => u64::MAX,
+        };
+        let other = communicator.all_reduce_min_u64(other);
+        let with = match other {
+            u64::MAX => With::Unknown,
+            wall if wall >= WALLS => With::Wall(u32::try_from(wall - WALLS).unwrap_or(u32::MAX)),
+            id => With::Body(id),
+        };
+        Some(Deepest {
+            part,
+            body: first,
+            with,
+        })
     }
 
     /// Another observer saw this largest speed over C: what it writes is never above what is said here.
@@ -355,12 +402,12 @@ impl Guards {
         &mut self,
         step: u64,
         flow: Option<&dyn LatticeFlow<Sp, S>>,
-        particles: &Particles<Sp>,
+        (particles, deepest): (&Particles<Sp>, Option<Deepest>),
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
         if step == plan.clock.steps || step.is_multiple_of(self.every) {
-            self.finish(step, flow, particles, plan, domain)
+            self.finish(step, flow, (particles, deepest), plan, domain)
         } else {
             Ok(())
         }
@@ -374,7 +421,7 @@ impl Guards {
         &mut self,
         step: u64,
         flow: Option<&dyn LatticeFlow<Sp, S>>,
-        particles: &Particles<Sp>,
+        (particles, deepest): (&Particles<Sp>, Option<Deepest>),
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
@@ -389,6 +436,13 @@ impl Guards {
             self.openings.look(step, self.every, flow, communicator);
         }
         self.inspect(When::Step(step), flow, particles, plan, domain)?;
+        let deepest = self.note_overlap(deepest, domain.communicator());
+        if let Some(deepest) = deepest
+            && deepest.part > plan.scene.guards.max_overlap
+        {
+            let text = failure::of_overlap(&deepest, plan);
+            return Err(Error::Numerical(format!("{}: {text}", When::Step(step))));
+        }
         if !self.warned[1]
             && let Some(text) = self.unbalanced(plan)
         {
@@ -561,4 +615,31 @@ fn totals<Sp: Space, S: Stored>(
         }
     }
     sums.map(|s| sum(communicator, s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::{Document, examples};
+    use std::path::Path;
+
+    /// What rounding explains is not spoken of; what is above it is.
+    #[test]
+    fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
+        let text = examples::find("poiseuille").unwrap().text;
+        let document = Document::read(text, &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let said = |mass: f64, momentum: f64| {
+            let mut guards = Guards::new(&plan);
+            guards.mass_error = Some(mass);
+            guards.momentum_error = Some(momentum);
+            guards.warnings(&plan)
+        };
+        assert_eq!(said(1e-7, 1e-7), Vec::<String>::new());
+        let momentum = said(0.0, 2e-6);
+        assert_eq!(momentum.len(), 1);
+        assert!(momentum[0].contains("the balance of momentum of a step is off by 2.0e-6"));
+        assert!(said(2e-6, 0.0)[0].contains("the balance of mass"));
+        assert_eq!(said(f64::NAN, f64::NAN).len(), 2);
+    }
 }

@@ -287,3 +287,47 @@ fn tables_and_summary_agree_on_the_mach_number() {
     assert!(largest > 0.0 && mach >= largest, "{mach} {largest}");
     assert!(eroded.number("steps") < 1000.0);
 }
+
+/// A ball that flies at 5 m/s onto a thin plate.
+fn flight(stiffness: f64) -> Value {
+    json!({
+        "domain": {"size": [0.2, 0.2, 0.2], "spacing": 0.01},
+        "materials": {"rock": {"density": 2650}},
+        "grains": {"material": "rock", "initial": {"list": [
+            {"position": [0.1, 0.1, 0.15], "radius": 0.01, "velocity": [0, 0, -5]},
+            {"position": [0.1, 0.13, 0.15], "radius": 0.01, "velocity": [0, 0, -4]}
+        ]}},
+        "walls": [{"name": "plate", "material": "rock", "shape": {"polygon": [
+            [0, 0, 0.1], [0.2, 0, 0.1], [0.2, 0.2, 0.1], [0, 0.2, 0.1]
+        ]}}],
+        "contact": {"linear": {"normal_stiffness": {"absolute": stiffness}}},
+        "time": {"end": 0.03, "solid_time_step_safety": 0.02}
+    })
+}
+
+#[test]
+fn a_contact_that_is_pierced_is_named() {
+    let case = flight(1000.0);
+    let pierced = ran(0, &case, &[]).done.expect(4);
+    let said = pierced.stderr;
+    for words in [
+        "grain 0 overlapped wall plate by 0.",
+        " of the smaller radius, above guards.max_overlap = 0.5",
+        "of the plan's limits the nearest is `overlap of an impact / radius`",
+        "the contact is too soft",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    // delta/R = v (m/k)^1/2/R, of the faster ball, whatever the ranks.
+    let stiffness = 1e6;
+    let mass = 2650.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
+    let exact = 5.0 * (mass / stiffness).sqrt() / 0.01;
+    let alone = ran(0, &flight(stiffness), &[]).number("overlap");
+    assert!((alone - exact).abs() < 1e-3 * exact, "{alone} {exact}");
+    let shared = ran(2, &flight(stiffness), &[]).number("overlap");
+    assert_eq!(alone.to_bits(), shared.to_bits());
+    // The limit is the user's.
+    let mut strict = flight(stiffness);
+    strict["guards"] = json!({"max_overlap": 0.01});
+    ran(0, &strict, &[]).done.expect(4);
+}

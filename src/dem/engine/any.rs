@@ -27,6 +27,10 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
     /// What this rank has now.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
+    /// The deepest contact so far, on this rank.
+    fn deepest(&self) -> Deepest;
+    /// Counts the deepest contact anew.
+    fn forget_deepest(&mut self);
     /// Solid steps done.
     fn steps(&self) -> u64;
     /// Solid steps done times the time step \[s\].
@@ -85,6 +89,14 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
     fn statistics(&self, particles: &Particles<S>) -> Statistics {
         self.statistics(particles)
+    }
+
+    fn deepest(&self) -> Deepest {
+        self.deepest
+    }
+
+    fn forget_deepest(&mut self) {
+        self.deepest = Deepest::default();
     }
 
     fn steps(&self) -> u64 {

@@ -55,6 +55,7 @@ impl<S: Space> Engine<S, Blocks> {
             ..self.world(particles)
         };
         let mut calls = 0;
+        let mut record = self.record;
         facets.next.clear();
         for place in 0..facets.active.len() {
             let at = facets.active[place] as usize;
@@ -67,7 +68,7 @@ impl<S: Space> Engine<S, Blocks> {
                     &self.walls,
                     motion,
                     &mut contact,
-                    &mut failures,
+                    (&mut failures, &mut record),
                     dt,
                 );
                 continue;
@@ -86,6 +87,7 @@ impl<S: Space> Engine<S, Blocks> {
                 let Some(touch) = world.meet_face(k, wall, face, narrow) else {
                     continue;
                 };
+                world.note_at_wall(&touch, pair.grain, pair.wall, &mut record);
                 let facet = face[0][0];
                 let held = facets.held(&pair).iter().find(|held| held.facet == facet);
                 let mut memory = held.map_or(History::default(), |held| held.memory);
@@ -98,6 +100,7 @@ impl<S: Space> Engine<S, Blocks> {
         }
         std::mem::swap(&mut facets.held, &mut facets.next);
         self.tested += calls;
+        self.record = record;
         self.facets = facets;
         self.scratch.narrows = narrows;
         self.scratch.order = order;
@@ -114,6 +117,7 @@ impl<S: Space> Engine<S, Blocks> {
             offsets: &self.offsets,
             periodic: self.settings.region.any_periodic(),
             time_step: 0.0,
+            deepest: self.record.part(),
         }
     }
 
@@ -133,13 +137,14 @@ impl<S: Space> Engine<S, Blocks> {
             time_step: dt,
             ..self.world(particles)
         };
-        let calls = world.act_on_pieces(
+        let tally = world.act_on_pieces(
             (&self.active, 0),
             &mut pairs,
             &mut actions,
             &mut narrows[..count],
         );
-        self.tested += calls;
+        self.tested += tally.calls;
+        self.record = self.record.or(tally.deepest);
         self.scratch.narrows = narrows;
         self.pairs = pairs;
         self.actions = actions;
@@ -167,21 +172,24 @@ impl<S: Space> Engine<S, Blocks> {
             ..self.world(particles)
         };
         let mut calls = 0;
+        let mut record = self.record;
         for pair in &mut at_planes {
             let wall = &self.walls[pair.wall as usize];
             let k = pair.grain as usize;
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
-                act_at_plane::<S, Blocks>(pair, wall, motion, &mut contact[k], dt);
+                let load = (&mut contact[k], &mut record);
+                act_at_plane::<S, Blocks>(pair, wall, motion, load, dt);
             } else if let Some(narrow) = narrows.first_mut() {
                 calls += 1;
-                if let Some(load) = world.act_at_plane(pair, wall, narrow) {
+                if let Some(load) = world.act_at_plane(pair, wall, narrow, &mut record) {
                     contact[k].force += load.force;
                     contact[k].torque += load.torque;
                 }
             }
         }
         self.tested += calls;
+        self.record = record;
         self.wall_pairs = at_planes;
         self.scratch.narrows = narrows;
         particles.contact = contact;

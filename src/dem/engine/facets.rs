@@ -67,7 +67,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         walls: &[Wall<S>],
         motion: &[Motion<S>],
         contact: &mut [Load<S>],
-        failures: &mut Vec<WallFailure<S>>,
+        (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
         dt: f64,
     ) {
         let pair = &mut self.pairs[k];
@@ -93,6 +93,12 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 continue;
             }
             let normal = S::from_volume(&one.normal);
+            record.note(
+                pair.radius - one.distance,
+                pair.radius,
+                pair.grain,
+                Other::Wall(pair.wall),
+            );
             let failure = act_at_wall::<S, L>(
                 (&pair.constants, &mut memory),
                 (pair.radius, one.distance, &normal),
@@ -227,10 +233,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             motion, contact, ..
         } = particles;
         let (facets, failures) = (&mut self.facets, &mut self.wall_failures);
+        let record = &mut self.record;
         facets.next.clear();
         for k in 0..facets.active.len() {
             let k = facets.active[k] as usize;
-            facets.act_on_sphere::<S, L>(k, &self.walls, motion, contact, failures, dt);
+            let found = (&mut *failures, &mut *record);
+            facets.act_on_sphere::<S, L>(k, &self.walls, motion, contact, found, dt);
         }
         std::mem::swap(&mut facets.held, &mut facets.next);
     }

@@ -80,7 +80,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     pair: &mut WallPair<L::Constants, L::History>,
     wall: &Wall<S>,
     motion: &[Motion<S>],
-    load: &mut Load<S>,
+    (load, record): (&mut Load<S>, &mut Record),
     dt: f64,
 ) -> Option<WallFailure<S>> {
     let grain = &motion[pair.grain as usize];
@@ -89,6 +89,12 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
         pair.memory = L::History::default();
         return None;
     }
+    record.note(
+        pair.radius - distance,
+        pair.radius,
+        pair.grain,
+        Other::Wall(pair.wall),
+    );
     let mode = act_at_wall::<S, L>(
         (&pair.constants, &mut pair.memory),
         (pair.radius, distance, &wall.normal),
@@ -186,6 +192,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     pair: &mut Pair<L::Scale, L::History>,
     motion: &[Motion<S>],
     (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
+    record: &mut Record,
     dt: f64,
 ) -> Option<Action<S>> {
     if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
@@ -194,6 +201,8 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     }
     let normal = *between * inverse;
     let overlap = pair.reach - distance;
+    let smaller = pair.radius.min(pair.reach - pair.radius);
+    record.note(overlap, smaller, pair.first, Other::Entry(pair.second));
     let first_arm = pair.radius - 0.5 * overlap;
     let second_arm = distance - first_arm;
     let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);

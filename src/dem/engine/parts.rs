@@ -28,15 +28,17 @@ struct Crossing<S: Space> {
     places: Vec<u32>,
     seconds: Vec<u32>,
     actions: Vec<Action<S>>,
+    deepest: Record,
 }
 
-/// Bonds of a part that failed.
+/// Bonds of a part that failed, and its deepest contact.
 #[derive(Debug)]
 struct Failed<S: Space> {
     /// Its place.
     part: usize,
     pairs: Vec<(u32, Failure)>,
     at_walls: Vec<WallFailure<S>>,
+    deepest: Record,
 }
 
 /// The parts of one rank; none where one thread does it all.
@@ -89,11 +91,13 @@ impl<S: Space> Parts<S> {
             places: Vec::new(),
             seconds: Vec::new(),
             actions: Vec::new(),
+            deepest: Record::default(),
         });
         self.failed.extend((0..count).map(|part| Failed {
             part,
             pairs: Vec::new(),
             at_walls: Vec::new(),
+            deepest: Record::default(),
         }));
     }
 
@@ -129,6 +133,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
     motion: &'a [Motion<S>],
     walls: &'a [Wall<S>],
     time_step: f64,
+    /// The deepest contact before this step, over the smaller radius.
+    deepest: f64,
 }
 
 /// What one part writes: its listed pairs, its pairs with planes, and the loads of its grains.
@@ -147,6 +153,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         pairs: &mut [Pair<L::Scale, L::History>],
     ) {
         let mut spans = Spans::default();
+        let mut record = Record::beyond(self.deepest);
         let places = crossing.places.chunks(BLOCK);
         for (places, actions) in places.zip(crossing.actions.chunks_mut(BLOCK)) {
             let mut block = [0; BLOCK];
@@ -157,10 +164,18 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             spans.measure::<L, PERIODIC>(block, pairs, from.pairs, self.motion, self.offsets);
             for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
                 let pair = &mut pairs[k as usize - from.pairs];
-                let found = act::<S, L>(self.rows, pair, self.motion, span, self.time_step);
+                let found = act::<S, L>(
+                    self.rows,
+                    pair,
+                    self.motion,
+                    span,
+                    &mut record,
+                    self.time_step,
+                );
                 *action = found.unwrap_or_default();
             }
         }
+        crossing.deepest = record;
     }
 
     /// The loads of the grains of a part.
@@ -179,6 +194,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         loads.fill(Load::default());
         failed.pairs.clear();
         failed.at_walls.clear();
+        let mut record = Record::beyond(self.deepest);
         for earlier in &crossings[..failed.part] {
             for (&second, action) in earlier.seconds.iter().zip(&earlier.actions) {
                 if let Some(load) = loads.get_mut((second as usize).wrapping_sub(from.grains)) {
@@ -211,7 +227,14 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                     next = crosses.next();
                     continue;
                 }
-                let found = act::<S, L>(self.rows, pair, self.motion, span, self.time_step);
+                let found = act::<S, L>(
+                    self.rows,
+                    pair,
+                    self.motion,
+                    span,
+                    &mut record,
+                    self.time_step,
+                );
                 let Some(action) = found else {
                     continue;
                 };
@@ -231,9 +254,11 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         for pair in planes {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut loads[pair.grain as usize - from.grains];
-            let failure = act_at_plane::<S, L>(pair, wall, self.motion, load, self.time_step);
+            let failure =
+                act_at_plane::<S, L>(pair, wall, self.motion, (load, &mut record), self.time_step);
             failed.at_walls.extend(failure);
         }
+        failed.deepest = record;
     }
 }
 
@@ -272,6 +297,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             motion: &particles.motion,
             walls: &self.walls,
             time_step: dt,
+            deepest: self.record.part(),
         };
         let Parts {
             cuts,
@@ -301,7 +327,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let ends = [&cuts[part], &cuts[part + 1]];
             world.load::<PERIODIC>(ends, crossings, &mut failed[0], share);
         });
+        for crossing in crossings {
+            let record = std::mem::take(&mut crossing.deepest);
+            self.record = self.record.or(record);
+        }
         for failed in failed {
+            self.record = self.record.or(failed.deepest);
             self.failures.append(&mut failed.pairs);
             self.wall_failures.append(&mut failed.at_walls);
         }

@@ -5,6 +5,7 @@
 
 use super::look::Order;
 use crate::coupling::lattice::LatticeFlow;
+use crate::dem::deepest::{Deepest, With};
 use crate::dem::escape::Escape;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
@@ -211,6 +212,37 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     parts.push("`solver plan` shows all limits".into());
     parts.join("; ")
 }
+
+/// What is said of a contact that is deeper than `guards.max_overlap`.
+pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
+    let with = match deepest.with {
+        With::Unknown => "another body".into(),
+        With::Body(id) => name(id, plan),
+        With::Wall(wall) => {
+            let wall = plan.scene.walls.get(wall as usize);
+            wall.map_or_else(|| "a wall".into(), |wall| format!("wall {}", wall.name))
+        }
+    };
+    let body = if deepest.with == With::Unknown {
+        "a body".into()
+    } else {
+        name(deepest.body, plan)
+    };
+    let mut parts = vec![format!(
+        "{body} overlapped {with} by {} of the smaller radius, above guards.max_overlap = {}",
+        number(deepest.part),
+        plan.scene.guards.max_overlap
+    )];
+    parts.extend(nearest(plan, |limit| limit.starts_with(IMPACT)).map(limit));
+    parts.push(
+        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part that is too much stops it"
+            .into(),
+    );
+    parts.join("; ")
+}
+
+/// How the limit of [`crate::plan`] of impacts begins.
+pub(super) const IMPACT: &str = "overlap of an impact";
 
 /// What the engine of the solids says of a failure, with what is nearest and what helped.
 #[must_use]

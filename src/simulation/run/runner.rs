@@ -10,6 +10,7 @@ use super::super::resume;
 use super::super::watch::Watch;
 use super::{Ended, Start};
 use crate::checkpoint::Saved;
+use crate::dem::Dem;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::group::RankGroup;
@@ -226,6 +227,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
         simulation.outputs.sync(&simulation.now.domain)?;
+        let deepest = simulation.now.dem.as_ref().map(Dem::deepest);
+        let communicator = simulation.now.domain.communicator();
+        simulation.guards.note_overlap(deepest, communicator);
         let recorders = Recorders {
             recorder: simulation.recorder.state(&simulation.now.domain)?,
             collapse: simulation.collapse.state(&simulation.now.domain)?,

@@ -252,6 +252,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 particles.forget_loads();
                 engine.prepare(&mut particles, &domain)?;
             }
+            // What the preparation pressed is not the run's.
+            engine.forget_deepest();
             if plan.scene.follows_grains() {
                 particles.mark_start();
             }

@@ -58,6 +58,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "momentum_error": simulation.guards.momentum_error(),
             "mach": simulation.guards.mach(),
             "compression": simulation.guards.compression(),
+            "overlap": simulation.guards.overlap(),
             "inflow": null,
             "outflow": null,
             "flow_imbalance": simulation.guards.imbalance(),

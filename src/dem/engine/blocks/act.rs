@@ -12,6 +12,15 @@ pub(super) struct World<'a, S: Space> {
     pub(super) offsets: &'a [S::Vector],
     pub(super) periodic: bool,
     pub(super) time_step: f64,
+    /// The deepest contact before this step, over the smaller radius.
+    pub(super) deepest: f64,
+}
+
+/// What a piece of work counts.
+pub(super) struct Tally {
+    /// Calls of the narrow phase.
+    pub(super) calls: u64,
+    pub(super) deepest: Record,
 }
 
 /// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both meet.
@@ -71,7 +80,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &mut BlockPair,
         narrow: &mut Narrow,
-        calls: &mut u64,
+        tally: &mut Tally,
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
@@ -83,12 +92,18 @@ impl<'a, S: Space> World<'a, S> {
             let distance = span.squared.sqrt();
             let measured = (&span.between, span.squared, distance, 1.0 / distance);
             let motion = &self.view.motion;
-            return act::<S, Blocks>(self.rows, pair, motion, measured, self.time_step);
+            let record = &mut tally.deepest;
+            return act::<S, Blocks>(self.rows, pair, motion, measured, record, self.time_step);
         }
-        *calls += 1;
+        tally.calls += 1;
         let between = S::to_volume(&span.between);
         let mut memory = pair.memory;
         let (touch, swapped) = self.meet(pair, &between, &mut memory, narrow);
+        if let Some(touch) = &touch {
+            let smaller = self.inner(i).min(self.inner(j));
+            let other = Other::Entry(pair.second);
+            tally.deepest.note(touch.depth, smaller, pair.first, other);
+        }
         let action = touch.map(|touch| {
             let (first, second, separation) = if swapped {
                 (j, i, -between)
@@ -141,14 +156,14 @@ impl<'a, S: Space> World<'a, S> {
     }
 
     /// [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from `base` in
-    /// `pairs`. Returns the calls of the narrow phase.
+    /// `pairs`. Returns the calls of the narrow phase and the deepest contact.
     pub(super) fn act_on_pieces(
         &self,
         (active, base): (&[u32], usize),
         pairs: &mut [BlockPair],
         actions: &mut [Action<S>],
         narrows: &mut [Narrow],
-    ) -> u64 {
+    ) -> Tally {
         if narrows.len() > 1 && active.len() > 1 {
             let middle = active.len() / 2;
             let cut = active[middle] as usize;
@@ -160,16 +175,28 @@ impl<'a, S: Space> World<'a, S> {
                 || self.act_on_pieces((left, base), left_pairs, left_actions, left_narrows),
                 || self.act_on_pieces((right, cut), right_pairs, right_actions, right_narrows),
             );
-            return a + b;
+            return Tally {
+                calls: a.calls + b.calls,
+                deepest: a.deepest.or(b.deepest),
+            };
         }
-        let mut calls = 0;
+        let mut tally = Tally {
+            calls: 0,
+            deepest: Record::beyond(self.deepest),
+        };
         if let Some(narrow) = narrows.first_mut() {
             for (&k, action) in active.iter().zip(actions) {
                 let pair = &mut pairs[k as usize - base];
-                *action = self.act(pair, narrow, &mut calls).unwrap_or_default();
+                *action = self.act(pair, narrow, &mut tally).unwrap_or_default();
             }
         }
-        calls
+        tally
+    }
+
+    /// Radius of a sphere; of a block from its centroid to the nearest face \[m\].
+    fn inner(&self, k: usize) -> f64 {
+        self.shape(k)
+            .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
     /// A block at a plane, where it is one that touches.
@@ -202,9 +229,13 @@ impl<'a, S: Space> World<'a, S> {
         pair: &mut BlockAtPlane,
         wall: &Wall<S>,
         narrow: &mut Narrow,
+        record: &mut Record,
     ) -> Option<Load<S>> {
         let mut memory = pair.memory;
         let touch = self.meet_plane(pair, wall, &mut memory, narrow);
+        if let Some(touch) = &touch {
+            self.note_at_wall(touch, pair.grain, pair.wall, record);
+        }
         let action = touch.map(|touch| {
             self.act_at_wall(
                 pair.grain as usize,
@@ -240,6 +271,11 @@ impl<'a, S: Space> World<'a, S> {
             force: S::from_volume(&-action.force),
             torque: out_of_space(&action.on_first),
         }
+    }
+
+    /// Notes how deep block `k` is in a wall.
+    pub(super) fn note_at_wall(&self, touch: &Geometry, k: u32, wall: u32, record: &mut Record) {
+        record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
     }
 
     /// Where block `k` meets a face, given by those of its facets that are near.

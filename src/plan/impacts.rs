@@ -1,0 +1,420 @@
+//! How deep impacts press contacts.
+//!
+//! A body of mass m that meets a spring k with dashpot c at speed v presses it by
+//!
+//! ```text
+//! delta = v (m/k)^½ exp(-zeta/(1 - zeta²)^½ arctan((1 - zeta²)^½/zeta)),   zeta = c/(2 (m k)^½)
+//! delta = (15 m v²/(8 K))^(2/5)       where the stiffness hardens as K delta^½
+//! ```
+//!
+//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics, 1985, sections 4.2 and
+//! 11.4). Contacts are small beside the bodies: at delta = 0.1 R the circle of contact with a plane has 0.44 R, far from the small contact
+//! that all laws assume (Johnson, section 4.1), and the plan warns. At delta = R the centre of the body is in the surface: it leaves a
+//! thin wall on the other side, and two bodies change places. Runs beyond that were seen to do so.
+//!
+//! The speed is what is known before the run: the largest difference between the velocity of a body and that of all else at the start,
+//! driven bodies and walls included, and the fall to the end of the domain of what touches nothing at the start. In the water of a lattice
+//! nothing falls faster than it settles.
+
+use super::margin::{Margin, margin};
+use crate::dem::contact::{ContactModel, Depth, StaticContact};
+use crate::error::Remedy;
+use crate::number::to_u32;
+use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
+use crate::scene::findings::{Findings, at_least, number};
+use crate::scene::grains::GrainSource;
+use crate::scene::observe::Action;
+use crate::scene::pairs::{self, Ball};
+use crate::scene::speed::settling;
+use nalgebra::Vector3;
+use std::ops::ControlFlow;
+
+/// Part of the radius from which on an overlap is no longer small.
+const LARGE: f64 = 0.1;
+/// Part of the radius at which a body is through.
+const THROUGH: f64 = 1.0;
+/// Nearer than this, over the radius, a body rests on what is beside it rather than falls onto it.
+const BESIDE: f64 = 0.05;
+
+/// What moves by forces.
+struct Moving {
+    path: String,
+    material: usize,
+    mass: f64,
+    /// Of a polyhedron that of the largest sphere in it.
+    radius: f64,
+    /// Round it.
+    reach: f64,
+    velocity: [f64; 3],
+    at: [f64; 3],
+    /// Whether it may fall from there.
+    falls: bool,
+}
+
+/// All that moves, and what stands or is driven: its velocity, and where it is round.
+fn all(scene: &Scene) -> (Vec<Moving>, Vec<[f64; 3]>, Vec<Ball>) {
+    let (mut moving, mut others, mut standing) = (Vec::new(), Vec::new(), Vec::new());
+    for (n, body) in scene.bodies.iter().enumerate() {
+        let solid = body.solid.as_ref();
+        if body.mobility == Mobility::Free {
+            let volume = solid.map(|solid| solid.shape.volume());
+            moving.push(Moving {
+                path: format!("bodies[{n}].motion"),
+                material: body.material,
+                mass: volume.map_or_else(
+                    || scene.mass(body.material, body.radius),
+                    |volume| scene.density(body.material) * volume,
+                ),
+                radius: body.thickness().map_or(body.radius, |wide| 0.5 * wide),
+                reach: body.radius,
+                velocity: body.velocity,
+                at: body.position,
+                falls: true,
+            });
+        } else {
+            others.push(body.velocity);
+            standing.push(Ball {
+                at: body.position,
+                reach: (1.0 + BESIDE) * body.radius,
+            });
+        }
+    }
+    for block in scene.blocks.iter().flat_map(|blocks| &blocks.list) {
+        let solid = &block.solid;
+        if block.fixed {
+            others.push([0.0; 3]);
+        } else {
+            let faces = solid.shape.half_spaces().iter();
+            moving.push(Moving {
+                path: "blocks.initial".into(),
+                material: block.material,
+                mass: scene.density(block.material) * solid.shape.volume(),
+                radius: faces.map(|face| face.offset).fold(f64::INFINITY, f64::min),
+                reach: solid.shape.radius(),
+                velocity: block.velocity,
+                at: solid.position.into(),
+                // A block of a rock mass leans on others.
+                falls: false,
+            });
+        }
+    }
+    let mut grain = |path: String, material, radius, velocity, at, falls| {
+        let mass = scene.mass(material, radius);
+        let reach = radius;
+        moving.push(Moving {
+            path,
+            material,
+            mass,
+            radius,
+            reach,
+            velocity,
+            at,
+            falls,
+        });
+    };
+    if let Some(grains) = &scene.grains {
+        match &grains.source {
+            GrainSource::List(list) => {
+                for (n, g) in list.iter().enumerate() {
+                    let path = format!("grains.initial.list[{n}]");
+                    grain(path, g.material, g.radius, g.velocity, g.position, true);
+                }
+            }
+            GrainSource::File { grains: list, .. } => {
+                for g in list {
+                    let path = "grains.initial.file".into();
+                    grain(path, g.material, g.radius, g.velocity, g.position, true);
+                }
+            }
+            // What is prepared lies at rest.
+            GrainSource::Growth { .. } | GrainSource::Rain { .. } => {
+                for radius in grains.radii.iter().flat_map(|(low, high)| [*low, *high]) {
+                    let path = "grains.initial".into();
+                    grain(path, grains.material, radius, [0.0; 3], [0.0; 3], false);
+                }
+            }
+        }
+    }
+    for (n, region) in scene.regions.iter().enumerate() {
+        if let Action::Generate {
+            radii,
+            material,
+            velocity,
+            ..
+        } = &region.action
+        {
+            let highest = std::array::from_fn(|a| {
+                let block = &region.block;
+                if scene.gravity[a] < 0.0 {
+                    block.to[a]
+                } else {
+                    block.from[a]
+                }
+            });
+            let (low, high) = radii.bounds();
+            for radius in [low, high] {
+                let path = format!("regions[{n}].action.generate");
+                grain(path, *material, radius, *velocity, highest, true);
+            }
+        }
+    }
+    others.extend(scene.walls.iter().map(|wall| wall.velocity));
+    moving.retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < scene.materials.len());
+    (moving, others, standing)
+}
+
+/// Takes from what touches something at the start that it falls.
+fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
+    let mut balls: Vec<Ball> = moving
+        .iter()
+        .map(|one| Ball {
+            at: one.at,
+            reach: (1.0 + BESIDE) * one.reach,
+        })
+        .collect();
+    balls.extend_from_slice(standing);
+    let mut touches = vec![false; balls.len()];
+    let _ = pairs::near(&balls, [None; 3], |one, other| {
+        touches[one] = true;
+        touches[other] = true;
+        ControlFlow::Continue(())
+    });
+    for (one, touches) in moving.iter_mut().zip(touches) {
+        let beside_wall = scene.walls.iter().any(|wall| {
+            let away = wall.surface.as_ref().map_or_else(
+                || {
+                    (0..3)
+                        .map(|a| (one.at[a] - wall.point[a]) * wall.normal[a])
+                        .sum::<f64>()
+                },
+                |surface| surface.clearance(&Vector3::from(one.at)),
+            );
+            away < (1.0 + BESIDE) * one.reach
+        });
+        one.falls &= !touches && !beside_wall;
+    }
+}
+
+/// Overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
+fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), speed: f64) -> f64 {
+    let hardens = law.impact_speed().is_some();
+    let known = 2e-4 * one.radius;
+    let springs = law.springs(&StaticContact {
+        materials: [to_u32(one.material), other],
+        diameter: 2.0 * one.radius,
+        radius: one.radius,
+        mass,
+        overlap: hardens.then_some(known),
+        depth: Depth::Start,
+        bonded: false,
+    });
+    let (stiffness, dashpot) = (springs.stiffness[0], springs.dashpots[0]);
+    if hardens {
+        return (15.0 * mass * speed * speed / (8.0 * stiffness / known.sqrt())).powf(0.4);
+    }
+    let damping = 0.5 * dashpot / (mass * stiffness).sqrt();
+    let rest = (1.0 - damping * damping).max(0.0).sqrt();
+    let decay = if rest > 1e-6 {
+        damping / rest * (rest / damping.max(1e-300)).atan()
+    } else {
+        1.0
+    };
+    speed * (mass / stiffness).sqrt() * (-decay).exp()
+}
+
+/// The deepest impact that is to be expected.
+struct Impact<'a> {
+    one: &'a Moving,
+    speed: f64,
+    /// Of it what comes of a fall.
+    fall: f64,
+    /// Overlap over the radius.
+    part: f64,
+}
+
+fn deepest<'a>(
+    scene: &Scene,
+    law: &dyn ContactModel,
+    moving: &'a [Moving],
+    others: &[[f64; 3]],
+) -> Option<Impact<'a>> {
+    let mut range = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for velocity in moving.iter().map(|one| &one.velocity).chain(others) {
+        for a in 0..3 {
+            range[0][a] = range[0][a].min(velocity[a]);
+            range[1][a] = range[1][a].max(velocity[a]);
+        }
+    }
+    let settling = scene.flow.as_ref().map(|flow| {
+        let fastest = settling::fastest(scene, flow);
+        fastest.map_or(0.0, |(_, speed)| speed)
+    });
+    let heaviest = if others.is_empty() {
+        moving.iter().map(|one| one.mass).fold(0.0, f64::max)
+    } else {
+        f64::INFINITY
+    };
+    let mut met: Vec<usize> = scene.walls.iter().map(|wall| wall.material).collect();
+    met.extend(scene.bodies.iter().map(|body| body.material));
+    met.extend(moving.iter().map(|one| one.material));
+    met.sort_unstable();
+    met.dedup();
+    let mut deepest: Option<Impact<'_>> = None;
+    for one in moving {
+        let squared: f64 = (0..3)
+            .map(|a| {
+                let v = one.velocity[a];
+                (v - range[0][a]).max(range[1][a] - v).powi(2)
+            })
+            .sum();
+        let mut fall = 0.0;
+        if one.falls {
+            let energy: f64 = (0..scene.grid.dimension)
+                .map(|a| {
+                    let g = scene.gravity[a];
+                    let below = if g < 0.0 {
+                        one.at[a]
+                    } else {
+                        scene.grid.size[a] - one.at[a]
+                    };
+                    2.0 * g.abs() * (below - one.reach).max(0.0)
+                })
+                .sum();
+            fall = energy.sqrt().min(settling.unwrap_or(f64::INFINITY));
+        }
+        let speed = (squared + fall * fall).sqrt();
+        if speed <= 0.0 {
+            continue;
+        }
+        let mass = one.mass / (1.0 + one.mass / heaviest);
+        for &other in &met {
+            let part = overlap(law, one, (to_u32(other), mass), speed) / one.radius;
+            if part.is_finite() && deepest.as_ref().is_none_or(|known| part > known.part) {
+                deepest = Some(Impact {
+                    one,
+                    speed,
+                    fall,
+                    part,
+                });
+            }
+        }
+    }
+    deepest
+}
+
+/// Compares the overlaps of impacts with the radii.
+pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
+    let Some(contact) = &scene.contact else {
+        return;
+    };
+    let (mut moving, others, standing) = all(scene);
+    at_rest(scene, &mut moving, &standing);
+    let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
+        return;
+    };
+    margins.push(margin(
+        "overlap of an impact / radius",
+        impact.part,
+        LARGE,
+        "contact",
+    ));
+    if impact.part <= LARGE {
+        return;
+    }
+    let where_from = if impact.fall > 0.5 * impact.speed {
+        ", fallen to the end of the domain,"
+    } else {
+        ""
+    };
+    let harder = if contact.model().impact_speed().is_some() {
+        (impact.part / LARGE).powf(2.5)
+    } else {
+        (impact.part / LARGE).powi(2)
+    };
+    let reason = format!(
+        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a contact is small up to {LARGE} of it",
+        impact.one.path,
+        number(impact.one.mass),
+        number(impact.speed),
+        number(impact.part),
+        number(impact.one.radius),
+    );
+    let remedy = Remedy::from(format!(
+        "use {} times the normal stiffness, or slower bodies",
+        number(at_least(harder))
+    ));
+    if impact.part >= THROUGH {
+        findings.unstable(
+            "contact",
+            format!("{reason}; from {THROUGH} on bodies go through thin walls and each other"),
+            remedy,
+        );
+    } else {
+        findings.warn("contact", reason, remedy);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::Document;
+    use crate::error::Severity;
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    /// A disc that meets another, or the floor after a fall.
+    fn planned(change: &[&str]) -> Plan {
+        let text = crate::case::examples::find("collision").unwrap().text;
+        let change: Vec<String> = change.iter().map(|set| (*set).to_owned()).collect();
+        let document = Document::read(text, &change, Path::new(".")).unwrap();
+        Plan::prepare(document).unwrap()
+    }
+
+    fn part(plan: &Plan) -> f64 {
+        let margins = plan.margins.iter();
+        let mut found = margins.filter(|margin| margin.limit.starts_with("overlap of an impact"));
+        found.next().map_or(0.0, |margin| margin.value)
+    }
+
+    fn severity(plan: &Plan) -> Option<Severity> {
+        let mut found = plan.warnings.iter().filter(|p| p.path == "contact");
+        found.next().map(|problem| problem.severity)
+    }
+
+    #[test]
+    fn an_impact_presses_as_far_as_an_oscillation_swings() {
+        // Two equal discs: half the mass of 0.785 kg at 2 m/s on 1e7 N/m, damped by 0.1.
+        let plan = planned(&[]);
+        let mass = 2500.0 * std::f64::consts::PI * 1e-4 / 2.0;
+        let rest = 0.99_f64.sqrt();
+        let exact = 2.0 * (mass / 1e7_f64).sqrt() * (-0.1 / rest * (rest / 0.1).atan()).exp();
+        approx::assert_relative_eq!(part(&plan), exact / 0.01, max_relative = 1e-9);
+        assert_eq!(severity(&plan), None);
+        // All at the same speed: nothing meets.
+        let together = planned(&["grains.initial.list[1].velocity=[1,0]"]);
+        assert_eq!(part(&together), 0.0);
+    }
+
+    #[test]
+    fn soft_contacts_are_warned_of_and_those_that_are_passed_are_unstable() {
+        let with = |stiffness: &str| {
+            let set = format!("contact.linear.normal_stiffness.absolute={stiffness}");
+            planned(&[&set])
+        };
+        assert_eq!(severity(&with("1e7")), None);
+        assert_eq!(severity(&with("1e6")), Some(Severity::Warning));
+        assert_eq!(severity(&with("1e4")), Some(Severity::Unstable));
+        // A driven wall counts, and so does a fall of what touches nothing.
+        let still = "grains.initial.list=[{\"position\": [0.08, 0.05], \"radius\": 0.01}]";
+        let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \"material\": \"glass\", \"velocity\": [200, 0]}]";
+        assert_eq!(severity(&planned(&[still])), None);
+        assert_eq!(severity(&planned(&[still, wall])), Some(Severity::Unstable));
+        let fall = planned(&[still, "gravity=[0, -9.81]"]);
+        let mass = 2500.0 * std::f64::consts::PI * 1e-4;
+        let speed = (2.0 * 9.81 * 0.04_f64).sqrt();
+        assert!(part(&fall) > 0.0 && part(&fall) < speed * (mass / 1e7_f64).sqrt() / 0.01);
+        let lies = "grains.initial.list=[{\"position\": [0.08, 0.01], \"radius\": 0.01}]";
+        let floor = "box_walls=[\"y_min\"]";
+        assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
+    }
+}
