@@ -31,6 +31,7 @@
 mod blocks;
 mod columns;
 pub mod contact;
+pub mod deepest;
 mod engine;
 pub mod escape;
 mod ghost_plan;
@@ -50,6 +51,7 @@ mod table;
 pub mod walls;
 
 pub use contact::{Failure, Law, PairProperties, PairTable};
+pub use deepest::Deepest;
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
 pub use region::Region;
@@ -282,6 +284,17 @@ impl<S: Space> Dem<S> {
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
         self.engine.statistics(particles)
+    }
+
+    /// The deepest contact of any solid step so far, on this rank.
+    #[must_use]
+    pub fn deepest(&self) -> Deepest {
+        self.engine.deepest()
+    }
+
+    /// Counts the deepest contact anew.
+    pub fn forget_deepest(&mut self) {
+        self.engine.forget_deepest();
     }
 
     /// Solid steps done.

@@ -89,6 +89,20 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         )
     }
 
+    /// The eddy viscosity asks for gradients beside the links.
+    fn tell_gradients(&mut self) {
+        if self.fluid.velocities().is_none() {
+            return;
+        }
+        let links = self.map.links().iter().map(Vec::as_slice);
+        let bodies = links.zip(self.map.motion());
+        if Sp::DIMENSION == 2 {
+            self.fluid.know_links::<2>(bodies);
+        } else {
+            self.fluid.know_links::<3>(bodies);
+        }
+    }
+
     fn clear_loads(&mut self, n: usize) {
         self.loads.clear();
         self.loads.resize(n, [0; 6]);
@@ -166,6 +180,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             self.fresh = false;
             self.map
                 .update_bodies(particles, self.fluid.populations(), None);
+            self.tell_gradients();
             log::debug!(
                 "rank {}: {} bodies on the lattice by {} links",
                 domain.rank(),
@@ -178,6 +193,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let mut loads = std::mem::take(&mut self.loads);
         self.map
             .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
+        self.tell_gradients();
         let reduced = particles.reduce_to_owners(&mut loads, domain);
         self.loads = loads;
         reduced?;

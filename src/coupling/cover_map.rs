@@ -123,6 +123,14 @@ impl CoverMap {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
     }
 
+    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out.
+    pub fn surface_cells(&self) -> impl Iterator<Item = usize> {
+        let cells = self.bodies.iter().flat_map(|body| &body.cells);
+        cells
+            .filter(|(_, part)| (0.0..DEEP).contains(&part.abs()))
+            .map(|(position, _)| *position as usize)
+    }
+
     /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units.
     pub fn update_bodies<Sp: Space>(
         &mut self,

@@ -199,6 +199,14 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         if let Some(cover) = self.fluid.cover_mut() {
             self.map.update_bodies(particles, cover, velocity, spin);
         }
+        if self.fluid.velocities().is_some() {
+            let surfaces = self.map.surface_cells();
+            if Sp::DIMENSION == 2 {
+                self.fluid.know_covered::<2>(surfaces);
+            } else {
+                self.fluid.know_covered::<3>(surfaces);
+            }
+        }
         if self.fresh {
             self.fresh = false;
             self.begin();

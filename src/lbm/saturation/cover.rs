@@ -296,6 +296,53 @@ impl Cover {
         mean
     }
 
+    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are its local
+    /// coordinates. Ghost cells count, what is behind walls does not.
+    #[must_use]
+    pub fn velocity_beside<const D: usize>(
+        &self,
+        position: usize,
+        at: [i32; 3],
+        offset: [f64; 3],
+    ) -> [f64; 3] {
+        let owner = self.owner[position];
+        let of = |slot: u32| {
+            let Some(solid) = self.solids.get(slot as usize) else {
+                return [0.0; 3];
+            };
+            let raw = solid.raw(at);
+            let mut arm = [0.0; 3];
+            for a in 0..D {
+                arm[a] = f64::from(raw[a]) + 0.5 + offset[a] - solid.motion.position[a];
+            }
+            surface_velocity::<D>(&solid.motion, arm)
+        };
+        if owner & SHARED == 0 {
+            return of(owner);
+        }
+        let shares = self.shared.get((owner & !SHARED) as usize);
+        let shares = shares.map_or(&[][..], Vec::as_slice);
+        let all = total(shares);
+        let mut mean = [0.0; 3];
+        for share in shares {
+            let v = of(share.slot);
+            let part = f64::from(share.fraction) / all;
+            for a in 0..D {
+                mean[a] += part * v[a];
+            }
+        }
+        mean
+    }
+
+    /// The part of a cell or ghost cell that bodies fill; none behind a wall.
+    #[must_use]
+    pub fn part(&self, position: usize) -> f64 {
+        match self.owner[position] {
+            NONE | STILL => 0.0,
+            _ => f64::from(self.fraction[position].abs().min(1.0)),
+        }
+    }
+
     /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw frame.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
         for sums in &mut self.sums {

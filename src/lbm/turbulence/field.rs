@@ -4,6 +4,17 @@
 //! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2; beside open faces
 //! u_ghost = 2 u_1 - u_2 gives the one-sided difference; beside planes of symmetry it is the mirror image. The field is in f32: its
 //! rounding is 1e-7 of the velocity, and a model, not the flow, depends on it.
+//!
+//! Beside bodies in the lattice the neighbour is no water. There the derivative is that of the parabola through the velocities u_l, u_h of
+//! the surfaces at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
+//!
+//! ```text
+//! du/dx = [l² (u_h - u) + h² (u - u_l)] / [l h (l + h)]
+//! ```
+//!
+//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so that the difference
+//! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
+//! each cell says where they stand, and only cells that have one leave the vector path.
 
 use crate::lbm::boundary::{Frame, Patch, Surface, holder};
 use crate::lbm::lanes::{Lanes, Memory, Stored, prefetch};
@@ -23,6 +34,47 @@ pub(crate) struct View {
     pub(crate) write: [*mut f32; 3],
     strides: [usize; 3],
     dimension: usize,
+    /// One more than the place in `beside` of each cell, 0 for most; null where no cell has bodies beside it.
+    places: *const u32,
+    beside: *const Beside,
+}
+
+/// What is on both sides of a cell along each axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Beside {
+    cell: u32,
+    /// Distance and velocity of a surface, low and high; water where the distance is 0.
+    walls: [[(f32, [f32; 3]); 2]; 3],
+}
+
+impl Beside {
+    /// Gradient by the velocities of water `read` at numbers relative to the cell.
+    fn gradient(
+        &self,
+        dimension: usize,
+        strides: [usize; 3],
+        read: impl Fn(usize, isize) -> f64,
+    ) -> [[f64; 3]; 3] {
+        let mut gradient = [[0.0; 3]; 3];
+        for b in 0..dimension {
+            let side = |n: usize| {
+                let (distance, velocity) = self.walls[b][n];
+                let stride = strides[b].cast_signed() * if n == 0 { -1 } else { 1 };
+                if distance > 0.0 {
+                    (f64::from(distance), velocity.map(f64::from))
+                } else {
+                    (1.0, [0, 1, 2].map(|a| read(a, stride)))
+                }
+            };
+            let ((l, low), (h, high)) = (side(0), side(1));
+            for a in 0..3 {
+                let u = read(a, 0);
+                let rise = l * l * (high[a] - u) + h * h * (u - low[a]);
+                gradient[a][b] = rise / (l * h * (l + h));
+            }
+        }
+        gradient
+    }
 }
 
 impl View {
@@ -32,6 +84,8 @@ impl View {
         write: [std::ptr::null_mut(); 3],
         strides: [0; 3],
         dimension: 0,
+        places: std::ptr::null(),
+        beside: std::ptr::null(),
     };
 
     /// Asks for the lines of the field that the cells `ahead` numbers after this one will need.
@@ -60,6 +114,7 @@ impl View {
     pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize) -> [[N; 3]; 3]
     where
         f32: Memory<N>,
+        f64: Memory<N>,
     {
         let mut gradient = [[N::splat(0.0); 3]; 3];
         unroll!(axes b < 3 => {
@@ -77,7 +132,67 @@ impl View {
                 });
             }
         });
+        if !self.places.is_null() {
+            let mut any = 0;
+            for lane in 0..N::WIDTH {
+                // SAFETY: the caller's promise: rows have room for whole vectors.
+                any |= unsafe { self.places.add(cell + lane).read() };
+            }
+            if any != 0 {
+                // SAFETY: the caller's promise.
+                unsafe { self.correct::<N>(cell, &mut gradient) };
+            }
+        }
         gradient
+    }
+
+    /// The gradients of the cells that have bodies beside them.
+    ///
+    /// # Safety
+    /// As for [`Self::gradient`].
+    #[cold]
+    #[inline(never)]
+    unsafe fn correct<N: Lanes>(&self, cell: usize, gradient: &mut [[N; 3]; 3])
+    where
+        f64: Memory<N>,
+    {
+        const WIDEST: usize = 8;
+        let mut lanes = [[[0.0; WIDEST]; 3]; 3];
+        for (to, from) in lanes
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(gradient.as_flattened())
+        {
+            // SAFETY: an array of at least the lanes' width.
+            unsafe { <f64 as Memory<N>>::store(to.as_mut_ptr(), *from) };
+        }
+        for lane in 0..N::WIDTH {
+            let here = cell + lane;
+            // SAFETY: the caller's promise.
+            let place = unsafe { self.places.add(here).read() } as usize;
+            if place == 0 {
+                continue;
+            }
+            // SAFETY: places are those of the list.
+            let beside = unsafe { &*self.beside.add(place - 1) };
+            let own = beside.gradient(self.dimension, self.strides, |a, by| {
+                // SAFETY: neighbours of an interior cell, ghosts included, lie in the array.
+                f64::from(unsafe { self.read[a].offset(here.cast_signed() + by).read() })
+            });
+            for a in 0..3 {
+                for b in 0..3 {
+                    lanes[a][b][lane] = own[a][b];
+                }
+            }
+        }
+        for (to, from) in gradient
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(lanes.as_flattened())
+        {
+            // SAFETY: an array of at least the lanes' width.
+            *to = unsafe { <f64 as Memory<N>>::load(from.as_ptr()) };
+        }
     }
 
     /// Leaves the velocity of `N::WIDTH` cells.
@@ -126,6 +241,9 @@ pub struct Field {
     plane: Vec<usize>,
     /// First cell of the ghost plane below, the first, the last and the ghost plane above.
     planes: [usize; 4],
+    /// One more than the place in `beside` of each cell, 0 for most; empty before there is a body.
+    places: Vec<u32>,
+    beside: Vec<Beside>,
 }
 
 impl Field {
@@ -248,7 +366,44 @@ impl Field {
                 at_plane(last),
                 at_plane(last + 1),
             ],
+            places: Vec::new(),
+            beside: Vec::new(),
         })
+    }
+
+    /// Forgets the surfaces of bodies, before they are named anew.
+    pub fn forget_walls(&mut self) {
+        for one in &self.beside {
+            self.places[one.cell as usize] = 0;
+        }
+        self.beside.clear();
+    }
+
+    /// The surface of a body beside a cell of the slab: along an axis, at the upper side or the lower, at this distance \[cells\] and with this
+    /// velocity \[cells per step\].
+    pub fn wall(
+        &mut self,
+        cell: usize,
+        (axis, upper): (usize, bool),
+        distance: f64,
+        velocity: [f64; 3],
+    ) {
+        if self.places.is_empty() {
+            // Rows have room for whole vectors.
+            self.places = vec![0; self.array];
+        }
+        let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        if self.places[cell] == 0 {
+            self.beside.push(Beside {
+                cell: number(cell),
+                ..Beside::default()
+            });
+            self.places[cell] = number(self.beside.len());
+        }
+        let place = self.places[cell] as usize - 1;
+        #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+        let wall = (distance as f32, velocity.map(|u| u as f32));
+        self.beside[place].walls[axis][usize::from(upper)] = wall;
     }
 
     /// What the coming pass reads and writes.
@@ -268,6 +423,12 @@ impl Field {
             write: std::array::from_fn(|a| unsafe { write.add(a * array) }),
             strides: self.strides,
             dimension: self.dimension,
+            places: if self.beside.is_empty() {
+                std::ptr::null()
+            } else {
+                self.places.as_ptr()
+            },
+            beside: self.beside.as_ptr(),
         }
     }
 
@@ -340,6 +501,13 @@ impl Field {
     /// Gradient at one cell.
     #[must_use]
     pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
+        if let Some(place) = self.places.get(cell).filter(|place| **place > 0) {
+            let numbers = &self.numbers[self.old];
+            let beside = &self.beside[*place as usize - 1];
+            return beside.gradient(self.dimension, self.strides, |a, by| {
+                f64::from(numbers[(a * self.array + cell).wrapping_add_signed(by)])
+            });
+        }
         let mut gradient = [[0.0; 3]; 3];
         for b in 0..self.dimension {
             let high = self.velocity(cell + self.strides[b]);
@@ -355,5 +523,10 @@ impl Field {
     #[must_use]
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()
+            + self.places.len() * size_of::<u32>()
+            + self.beside.capacity() * size_of::<Beside>()
     }
 }
+
+#[cfg(test)]
+mod tests;
