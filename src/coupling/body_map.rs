@@ -234,6 +234,12 @@ impl BodyMap {
         self.bodies.is_empty()
     }
 
+    /// Whether the last update changed no cell and no link.
+    #[must_use]
+    pub fn is_as_before(&self) -> bool {
+        self.again.is_empty() && self.changes.is_empty()
+    }
+
     /// Motion of each entry in lattice units, as last refreshed.
     #[must_use]
     pub fn motion(&self) -> &[Rigid] {

@@ -19,7 +19,7 @@ use crate::error::Error;
 use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::{Load, Scheme, bounce};
+use crate::lbm::links::{Load, Rigid, Scheme, bounce};
 use crate::number::real;
 use crate::units::LatticeUnits;
 use decomposition::Domain;
@@ -47,6 +47,8 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
+    /// Motions by which gradients were told of the links.
+    told: Vec<Rigid>,
     /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
     fresh: bool,
     space: PhantomData<Sp>,
@@ -71,6 +73,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             settings,
             loads: Vec::new(),
             owned: 0,
+            told: Vec::new(),
             fresh: true,
             space: PhantomData,
         }
@@ -94,6 +97,11 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         if self.fluid.velocities().is_none() {
             return;
         }
+        if self.map.is_as_before() && self.told == self.map.motion() {
+            return;
+        }
+        self.told.clear();
+        self.told.extend_from_slice(self.map.motion());
         let links = self.map.links().iter().map(Vec::as_slice);
         let bodies = links.zip(self.map.motion());
         if Sp::DIMENSION == 2 {

@@ -27,7 +27,7 @@ use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
-use crate::lbm::saturation::cells;
+use crate::lbm::saturation::{Cover, cells};
 use crate::units::LatticeUnits;
 use decomposition::{Communicator, Domain};
 use std::marker::PhantomData;
@@ -199,7 +199,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         if let Some(cover) = self.fluid.cover_mut() {
             self.map.update_bodies(particles, cover, velocity, spin);
         }
-        if self.fluid.velocities().is_some() {
+        let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
+        if changed && self.fluid.velocities().is_some() {
             let surfaces = self.map.surface_cells();
             if Sp::DIMENSION == 2 {
                 self.fluid.know_covered::<2>(surfaces);

@@ -112,6 +112,7 @@ pub(super) fn inner_radius(shape: &Polyhedron) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::number::to_u32;
 
     #[test]
     fn the_deepest_does_not_depend_on_the_order() {
@@ -126,7 +127,7 @@ mod tests {
             let mut record = Record::beyond(0.0);
             for n in order {
                 let (overlap, smaller) = contacts[n];
-                record.note(overlap, smaller, n as u32, Other::Wall(4));
+                record.note(overlap, smaller, to_u32(n), Other::Wall(4));
             }
             record.named(|entry| 10 + u64::from(entry)).unwrap()
         };

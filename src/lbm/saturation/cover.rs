@@ -105,6 +105,8 @@ pub struct Cover {
     pub(super) sums: Vec<Sums>,
     /// From a cell to its neighbours.
     pub(super) offsets: [isize; 27],
+    /// Something changed since this was last asked.
+    changed: bool,
 }
 
 impl Cover {
@@ -137,7 +139,13 @@ impl Cover {
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
             offsets,
+            changed: true,
         }
+    }
+
+    /// Whether cells or motions have changed since this was last asked.
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
     }
 
     /// A wall at rest fills these ghost cells.
@@ -162,6 +170,7 @@ impl Cover {
     /// Who is in a slot and how it moves.
     pub fn set(&mut self, slot: u32, solid: Solid) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
+            self.changed |= there.motion != solid.motion || there.frame != solid.frame;
             *there = solid;
         }
     }
@@ -172,6 +181,7 @@ impl Cover {
         if owner == STILL {
             return;
         }
+        self.changed = true;
         let held = self.fraction[position];
         let sign = if held < 0.0 || fraction < 0.0 {
             -1.0

@@ -43,12 +43,56 @@ pub(crate) struct View {
 #[derive(Clone, Copy, Debug, Default)]
 struct Beside {
     cell: u32,
-    /// Distance and velocity of a surface, low and high; water where the distance is 0.
-    walls: [[(f32, [f32; 3]); 2]; 3],
+    axes: [Axis; 3],
+}
+
+/// Surfaces on both sides along an axis, and the derivative as a sum of velocities.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    /// Distance of a surface, low and high; 0 for water.
+    distance: [f32; 2],
+    /// Weights of the low side, of the cell and of the high side; 0 for a surface.
+    weights: [f64; 3],
+    /// What surfaces give, and what they are weighed with.
+    given: [f64; 3],
+    velocity: [[f32; 3]; 2],
+}
+
+impl Default for Axis {
+    fn default() -> Self {
+        Self {
+            distance: [0.0; 2],
+            weights: [-0.5, 0.0, 0.5],
+            given: [0.0; 3],
+            velocity: [[0.0; 3]; 2],
+        }
+    }
+}
+
+impl Axis {
+    fn wall(&mut self, upper: bool, distance: f32, velocity: [f32; 3]) {
+        self.distance[usize::from(upper)] = distance;
+        self.velocity[usize::from(upper)] = velocity;
+        let [l, h] = self
+            .distance
+            .map(|d| if d > 0.0 { f64::from(d) } else { 1.0 });
+        let whole = l * h * (l + h);
+        self.weights = [-h * h / whole, (h * h - l * l) / whole, l * l / whole];
+        self.given = [0.0; 3];
+        for (side, weight) in [(0, 0), (1, 2)] {
+            if self.distance[side] > 0.0 {
+                for a in 0..3 {
+                    self.given[a] += self.weights[weight] * f64::from(self.velocity[side][a]);
+                }
+                self.weights[weight] = 0.0;
+            }
+        }
+    }
 }
 
 impl Beside {
     /// Gradient by the velocities of water `read` at numbers relative to the cell.
+    #[inline(always)]
     fn gradient(
         &self,
         dimension: usize,
@@ -57,20 +101,11 @@ impl Beside {
     ) -> [[f64; 3]; 3] {
         let mut gradient = [[0.0; 3]; 3];
         for b in 0..dimension {
-            let side = |n: usize| {
-                let (distance, velocity) = self.walls[b][n];
-                let stride = strides[b].cast_signed() * if n == 0 { -1 } else { 1 };
-                if distance > 0.0 {
-                    (f64::from(distance), velocity.map(f64::from))
-                } else {
-                    (1.0, [0, 1, 2].map(|a| read(a, stride)))
-                }
-            };
-            let ((l, low), (h, high)) = (side(0), side(1));
+            let (axis, stride) = (&self.axes[b], strides[b].cast_signed());
+            let [low, middle, high] = axis.weights;
             for a in 0..3 {
-                let u = read(a, 0);
-                let rise = l * l * (high[a] - u) + h * h * (u - low[a]);
-                gradient[a][b] = rise / (l * h * (l + h));
+                gradient[a][b] = axis.given[a]
+                    + (low * read(a, -stride) + (middle * read(a, 0) + high * read(a, stride)));
             }
         }
         gradient
@@ -139,8 +174,11 @@ impl View {
                 any |= unsafe { self.places.add(cell + lane).read() };
             }
             if any != 0 {
+                // A copy, so that the gradients of all other cells stay in registers.
+                let mut corrected = gradient;
                 // SAFETY: the caller's promise.
-                unsafe { self.correct::<N>(cell, &mut gradient) };
+                unsafe { self.correct::<N>(cell, &mut corrected) };
+                gradient = corrected;
             }
         }
         gradient
@@ -402,8 +440,8 @@ impl Field {
         }
         let place = self.places[cell] as usize - 1;
         #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
-        let wall = (distance as f32, velocity.map(|u| u as f32));
-        self.beside[place].walls[axis][usize::from(upper)] = wall;
+        let (distance, velocity) = (distance as f32, velocity.map(|u| u as f32));
+        self.beside[place].axes[axis].wall(upper, distance, velocity);
     }
 
     /// What the coming pass reads and writes.

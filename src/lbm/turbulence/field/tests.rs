@@ -6,6 +6,7 @@ use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::Rigid;
 use crate::lbm::saturation::{Method, Solid, SolidOperator, Weighting};
 use crate::lbm::turbulence::EddyViscosity;
+use crate::number::single;
 use decomposition::{Axis, Domain};
 
 const TAU: f64 = 0.6;
@@ -63,7 +64,7 @@ fn stir(fluid: &mut Fluid<f64>, below: (usize, [f32; 3]), velocity: impl Fn([f64
     let cells: Vec<_> = fluid.populations().interior().collect();
     let field = fluid.velocities_mut().unwrap();
     for (at, cell) in cells {
-        let u = velocity(at.map(|n| n as f64 + 0.5)).map(|u| u as f32);
+        let u = velocity(at.map(|n| n as f64 + 0.5)).map(single);
         field.set_velocity(cell, if at[1] < below.0 { below.1 } else { u });
     }
     fluid.spread_velocities();
