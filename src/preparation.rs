@@ -85,13 +85,13 @@ pub fn prepare<S: Space>(
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
-        GrainSource::Rain {
+        GrainSource::Deposition {
             block,
             grading,
-            rain,
+            deposition,
         } => {
             let (grains, report) =
-                deposition_of(plan, engine, block, grading, rain).run(supervision)?;
+                deposition_of(plan, engine, block, grading, deposition).run(supervision)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
                 "{} of {} grains left of the deposition after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
@@ -108,7 +108,7 @@ pub fn prepare<S: Space>(
                 last.kinetic_energy,
                 unbalanced_text(last.unbalanced)
             );
-            prepared.report = json!({ "rain": report });
+            prepared.report = json!({ "deposition": report });
             grains
                 .iter()
                 .map(|(position, radius)| Grain {
@@ -151,9 +151,9 @@ pub fn prepare<S: Space>(
                 .collect()
         }
     };
-    if let GrainSource::Rain { rain, .. } = &scene.source
-        && let Some(level) = rain.trim_above
-        && let Some(top) = prepared.report["rain"]["top"].as_f64()
+    if let GrainSource::Deposition { deposition, .. } = &scene.source
+        && let Some(level) = deposition.trim_above
+        && let Some(top) = prepared.report["deposition"]["top"].as_f64()
         && top < level
     {
         prepared.line = format!(
@@ -162,7 +162,7 @@ pub fn prepare<S: Space>(
             level - top
         );
     }
-    if let GrainSource::Rain { .. } | GrainSource::Growth { .. } = &scene.source {
+    if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         numbering::along_curve(&mut all);
     }
     if let Some(path) = &scene.save {

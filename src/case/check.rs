@@ -626,7 +626,7 @@ mod tests {
         assert_eq!(problems[0].remedy.proposal().len(), 2);
 
         let mut tree: Value =
-            serde_json::from_str(crate::case::examples::find("rain").unwrap().text).unwrap();
+            serde_json::from_str(crate::case::examples::find("deposition").unwrap().text).unwrap();
         let initial = tree["grains"]["initial"].as_object_mut().unwrap();
         let written = initial.remove("deposition").unwrap();
         initial.insert("rain".into(), written);

@@ -64,9 +64,9 @@ pub const EXAMPLES: [Example; 18] = [
         text: include_str!("examples/seepage.json"),
     },
     Example {
-        name: "rain",
-        summary: "bonded spheres rain into a V of polygons, and the floor gives way",
-        text: include_str!("examples/rain.json"),
+        name: "deposition",
+        summary: "spheres are deposited between two inclined walls and bonded, then the floor is removed",
+        text: include_str!("examples/deposition.json"),
     },
     Example {
         name: "fissure-sand",

@@ -335,7 +335,7 @@ mod tests {
                 bonds_broken: grains,
                 bonds_broken_inside: 0,
                 bonds_broken_at_wall: grains,
-                mach: 0.05,
+                lattice_velocity: 0.05,
                 mass_error: 0.0,
             });
             let expected = law.1 * (shear - law.0).max(0.0) * 2.0 * LENGTH * dt / GRAIN;

@@ -32,7 +32,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 fn grains_path(source: &GrainSource) -> &'static str {
     match source {
         GrainSource::Growth { .. } => "grains.initial.growth.radii",
-        GrainSource::Rain { .. } => "grains.initial.deposition.grading",
+        GrainSource::Deposition { .. } => "grains.initial.deposition.grading",
         _ => "grains.initial",
     }
 }

@@ -565,8 +565,7 @@ impl ErosionRecorder {
             bonds_broken: self.state.bonds_inside + self.state.bonds_at_wall,
             bonds_broken_inside: self.state.bonds_inside,
             bonds_broken_at_wall: self.state.bonds_at_wall,
-            // Lattice velocities are in units of C.
-            mach: sums.speed,
+            lattice_velocity: sums.speed,
             mass_error,
         };
         self.state.last_row = Some(view.step);

@@ -50,7 +50,8 @@ const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 pub struct State {
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
-    mach: Option<f64>,
+    #[serde(alias = "mach")]
+    lattice_velocity: Option<f64>,
     /// Density deviation of largest size, and its cell.
     squeezed: Option<(Option<f64>, Option<u64>)>,
     openings: openings::State,
@@ -100,7 +101,7 @@ impl Guards {
         State {
             mass_error: self.mass_error,
             momentum_error: self.momentum_error,
-            mach: self.speed[1],
+            lattice_velocity: self.speed[1],
             squeezed: self.squeezed[1].map(|at| (Some(at.value), Some(at.cell))),
             openings: self.openings.state(),
             warned: self.warned,
@@ -111,7 +112,7 @@ impl Guards {
     pub fn restore(&mut self, state: State) {
         self.mass_error = state.mass_error;
         self.momentum_error = state.momentum_error;
-        self.speed[1] = state.mach;
+        self.speed[1] = state.lattice_velocity;
         self.squeezed[1] = state
             .squeezed
             .and_then(|(value, cell)| value.zip(cell))
@@ -132,9 +133,9 @@ impl Guards {
         self.momentum_error
     }
 
-    /// Largest speed of the water over the lattice velocity C of any look.
+    /// Largest fluid speed of all checks in lattice units, |u| dt/h.
     #[must_use]
-    pub fn mach(&self) -> Option<f64> {
+    pub fn lattice_velocity(&self) -> Option<f64> {
         self.speed[1]
     }
 

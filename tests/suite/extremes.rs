@@ -204,7 +204,7 @@ fn densities() -> Vec<Row> {
     ]
 }
 
-/// Relaxation times, Mach numbers, Reynolds numbers.
+/// Relaxation times, lattice velocities, Reynolds numbers.
 fn flows() -> Vec<Row> {
     // 0.3 m/s times a cosine and a sine of 0.995 each, times the decay: 0.2925 m/s.
     const DECAYED: End = Result(&[("velocity_x", 0.288, 0.298)]);
@@ -255,19 +255,19 @@ fn flows() -> Vec<Row> {
         // No part of the water is faster than the lid.
         // In the corner under the lid the density is 1.7 times that at rest.
         row(
-            "Mach 0.3",
+            "lattice velocity 0.3",
             LID,
             &["guards.max_compression=1"],
             Result(&[("largest_speed", 0.1, 1.0)]),
         ),
         row(
-            "Mach 0.31",
+            "lattice velocity 0.31",
             LID,
             &[".lattice_velocity=0.31"],
             Refused(".lattice_velocity", "at most 0.3"),
         ),
         row(
-            "Mach 0.3 at Re 16 000",
+            "lattice velocity 0.3 at Re 16 000",
             LID,
             &[".kinematic_viscosity=1e-6"],
             Fails("moves at lattice velocity"),
@@ -668,7 +668,7 @@ fn densities_near_and_far_from_that_of_water() {
 }
 
 #[test]
-fn relaxation_times_mach_and_reynolds_numbers() {
+fn relaxation_times_lattice_velocities_and_reynolds_numbers() {
     all_end_as_they_must(&flows());
 }
 

@@ -39,7 +39,7 @@ fn a_restart_on_other_ranks_gives_the_same_bits() {
 fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
     let _beside = beside_others();
     let study = Study::of(
-        "rain",
+        "deposition",
         &[
             (
                 "fluid",

@@ -291,7 +291,7 @@ mod tests {
             bonds_broken: 0,
             bonds_broken_inside: 0,
             bonds_broken_at_wall: 0,
-            mach: 0.0,
+            lattice_velocity: 0.0,
             mass_error: 0.0,
         }
     }

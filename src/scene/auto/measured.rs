@@ -33,8 +33,8 @@ pub struct Row {
     pub cells: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
-    /// Mach number U/C.
-    pub mach: f64,
+    /// Lattice velocity U dt/h.
+    pub lattice_velocity: f64,
     /// Reynolds number with the diameter or width; 0 for creeping flow.
     pub reynolds: f64,
     /// Largest relative error.

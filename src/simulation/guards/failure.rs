@@ -101,18 +101,18 @@ fn state<Sp: Space, S: Stored>(
     let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
     let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let guards = &plan.scene.guards;
-    let mach = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
+    let velocity = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
         number(units.velocity_to_si(speed))
     });
     let density = density(drho, plan);
     Some(match kind {
         Kind::NotFinite => "is not finite".into(),
         Kind::TooFast => format!(
-            "moves at {mach}, above guards.max_lattice_velocity = {}; its density is {density}",
+            "moves at {velocity}, above guards.max_lattice_velocity = {}; its density is {density}",
             guards.max_lattice_velocity
         ),
         Kind::TooDense => format!(
-            "has a density {density}, beyond guards.max_compression = {}; it moves at {mach}",
+            "has a density {density}, beyond guards.max_compression = {}; it moves at {velocity}",
             guards.max_compression
         ),
     })
@@ -275,7 +275,7 @@ fn limit(margin: &Margin) -> String {
 /// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
 /// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
 /// | wires across a channel without a gap | | every second wire taken out |
-/// | disc in a channel, Mach 0.3 in its gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
+/// | disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
 /// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
 fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));

@@ -56,7 +56,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "mass_error": simulation.guards.mass_error(),
             "mass_change": drift / real(cells.max(1)),
             "momentum_error": simulation.guards.momentum_error(),
-            "mach": simulation.guards.mach(),
+            "lattice_velocity": simulation.guards.lattice_velocity(),
             "compression": simulation.guards.compression(),
             "inflow": null,
             "outflow": null,
@@ -148,7 +148,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let named = |name: &str| measured(summary[name].as_f64());
             self.progress.note(&format!(
                 "largest lattice velocity {}, largest compression {}, inflow {}, outflow {} {}",
-                named("mach"),
+                named("lattice_velocity"),
                 named("compression"),
                 named("inflow"),
                 named("outflow"),
