@@ -1,15 +1,14 @@
-//! case.json as written: SI, nothing derived, unknown fields refused.
+//! The case file as written: SI units, no derived values, unknown fields are refused.
 //!
 //! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are generated from
-//! these comments. A case is read in four steps, and each reports everything it finds rather than the first thing:
+//! these comments. A case is read in four steps, and each step reports all errors that it finds:
 //!
-//! 1. [`text`]: JSON text to a tree; a key written twice is refused.
+//! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
-//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` becomes its value; where each value comes
-//!    from is kept.
-//! 4. [`check`]: the tree is walked against the schema: unknown, missing, of the wrong type, out of range.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each value is kept.
+//! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
 //!
-//! What the numbers mean together is checked afterwards, by [`crate::scene`] and [`crate::plan`].
+//! [`crate::scene`] and [`crate::plan`] then check whether the values are consistent.
 
 pub mod accuracy;
 pub mod annotation;

@@ -1,8 +1,8 @@
-//! State to named arrays and back, and the hash of the state.
+//! Conversion of the state to named arrays and back, and the hash of the state.
 //!
-//! A checkpoint holds the whole state in global order, so that any number of ranks can go on from it: every incoming
-//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run
-//! in its manifest. A run that goes on from it gives the same bits as one that was never interrupted.
+//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming population of
+//! every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run in its manifest. A
+//! continued run gives the same bits as an uninterrupted one.
 
 mod check;
 

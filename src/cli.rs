@@ -1,6 +1,6 @@
-//! The commands. This is the only room that prints to the terminal.
+//! The commands. Only this module prints to the terminal.
 //!
-//! All errors of a case are found before MPI starts, by every rank and with the same result; only the first rank reports them.
+//! All errors of a case are found before MPI starts, by every rank and with the same result. Only the first rank reports them.
 
 mod manual;
 mod reference;

@@ -1,8 +1,8 @@
-//! A fluid together with its action on grains.
+//! A fluid and its loads on grains.
 //!
-//! A [`Flow`] is a pair of fluid and coupling, so that nonsense pairs cannot be written. In a step the water moves first
-//! and loads the grains ([`Flow::advance`]); the grains move under that load in several solid steps; then the flow
-//! follows them ([`Flow::update_bodies`]).
+//! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid advances first
+//! and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in several solid steps. Finally
+//! the flow updates the positions of the bodies ([`Flow::update_bodies`]).
 
 pub mod body_map;
 pub mod bounce_back;

@@ -1,12 +1,12 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! The runs of one case differ only in the drive of the water, and the search halves the interval to the smallest drive that erodes. A
-//! run erodes if grains still leave in its second half: loose grains above an opening fall out as the gates open and are gone by then.
-//! The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report also
-//! gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and G_s the
-//! density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
+//! erodes. A run erodes if grains still leave in its second half; loose grains above an opening fall out when the gates open and have left
+//! by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report
+//! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
+//! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
-//! A search that was stopped continues when it is called again: finished runs are read, and a stopped one is resumed.
+//! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;

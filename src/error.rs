@@ -1,8 +1,8 @@
-//! The errors of a run and the exit code of each.
+//! The errors of a run and their exit codes.
 //!
 //! A [`Problem`] is one sentence about one field of the case; an [`Error`] ends the program. Exit codes:
 //! 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
-//! 75 stopped early with a good checkpoint (requeue), 101 panic.
+//! 75 stopped early with a valid checkpoint (requeue), 101 panic.
 
 use std::borrow::Cow;
 use std::fmt;

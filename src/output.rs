@@ -1,18 +1,18 @@
-//! Which fields and series, when, in SI.
+//! Output of fields and series: selection, schedule, and conversion to SI.
 //!
-//! [`Outputs`] stands between the run and the files: it knows what is due at a step, asks the [`View`] for it, converts
-//! through [`crate::units`] and hands named arrays to [`io`]. A step at which nothing is due costs one comparison.
+//! [`Outputs`] connects the run and the files. It determines the outputs due at a step, requests them from the [`View`], converts them with
+//! [`crate::units`] and passes named arrays to [`io`]. A step without output costs one comparison.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `together` | the ranks as a group that writes |
-//! | `schedule` | when something is due |
-//! | `view` | what there is to see of a run |
-//! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
-//! | `averages` | averages over time, and their profile |
-//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks in one order |
-//! | `probes` | numbers over time |
-//! | `info` | what is in a file or folder |
+//! | `group` | the ranks as a group that writes |
+//! | `schedule` | the steps of an output |
+//! | `view` | access to the state of a run |
+//! | `fluid`, `planes` | fields of the fluid, derivatives across slabs |
+//! | `averages` | time averages and their profile |
+//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order that does not depend on the ranks |
+//! | `probes` | values over time |
+//! | `info` | description of a file or folder |
 //!
 //! No file depends on the number of ranks.
 

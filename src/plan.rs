@@ -1,6 +1,6 @@
-//! Which models the scene needs, and why; the time steps; how far every limit is; what it will cost.
+//! The plan of a scene: its models with reasons, the time steps, the margin to every limit, and the costs.
 //!
-//! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
+//! [`Plan::prepare`] turns the text of a case into a plan. The plan owns the scene.
 
 mod added_mass;
 mod bodies;

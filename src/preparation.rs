@@ -1,11 +1,11 @@
-//! The grains at the start: grown, deposited, read or listed; then numbered, saved and cut; bonded and brought to rest.
+//! Preparation of the grains: grown, deposited, read or listed; then numbered, saved and cut; bonded and relaxed.
 //!
 //! | step | file |
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | numbers along a curve through space | [`numbering`] |
-//! | bonds at the contacts, then rest under damping | [`rest`] |
+//! | numbers along a space-filling curve | [`numbering`] |
+//! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
 //!
 //! Packing and deposition run on one rank, so that the sample depends on the seed only.

@@ -1,7 +1,7 @@
 //! The resolved problem: checked, complete, the same on every rank, without state.
 //!
-//! Names have become indices, boxes cells, missing choices their defaults. Numbers stay in SI. What it means for time
-//! steps, memory and stability is the business of [`crate::plan`].
+//! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI. [`crate::plan`] derives
+//! time steps, memory and stability.
 
 pub mod auto;
 pub mod block;

@@ -1,6 +1,6 @@
-//! Owns the state; step and run.
+//! The state of a run; steps and runs.
 //!
-//! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
+//! One step is one fluid step and the solid steps within it. [`Simulation::step`] is the algorithm.
 
 pub(crate) mod agreement;
 pub mod blocks;

@@ -1,18 +1,18 @@
-//! `solver sweep study.json`: the members of a study run one after the other or side by side, and a table of error against
-//! cost with the Pareto set marked.
+//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of error against
+//! cost with the Pareto set.
 //!
-//! | step | lives in |
+//! | step | module |
 //! |---|---|
 //! | the study as written, its schema | [`study`] |
-//! | every member's case, checked before anything runs | [`members`] |
-//! | a member as a process of this program; stopped, it is resumed | [`runner`] |
-//! | how a member ended and what it cost, in its folder | [`record`] |
+//! | every member's case, checked before any member runs | [`members`] |
+//! | a member as a process of this program; stopped members are resumed | [`runner`] |
+//! | outcome and cost of a member, in its folder | [`record`] |
 //! | outputs, errors, Pareto sets, `members.csv` | [`table`] |
 //! | `sweep.svg` and `map.svg` | [`picture`] |
 //! | a job array for Slurm | [`slurm`] |
 //!
-//! The output folder holds a folder for each member, named by what is varied. A member whose record there is that of the
-//! same case and the same version of the program is not run again.
+//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its folder holds the record
+//! of the same case and the same version of the program.
 
 pub mod members;
 pub mod picture;

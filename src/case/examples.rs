@@ -1,4 +1,4 @@
-//! Ready cases: each runs in under a minute on two ranks. `solver example` lists them.
+//! Example cases: each runs in under a minute on two ranks. `solver example` lists them.
 
 /// A ready case.
 #[derive(Clone, Copy, Debug)]

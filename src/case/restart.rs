@@ -1,6 +1,6 @@
-//! What a restart may change in its case, and what it may not, and why.
+//! The changes of a case that a restart allows and refuses, each with its reason.
 //!
-//! The list is shown by `solver schema` as `x-restart`: on the case itself all of it, and beside each field that it names.
+//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields concerned.
 
 use crate::error::{Problem, Severity};
 use serde_json::{Map, Value, json};

@@ -1,6 +1,5 @@
-//! JSON text to a tree, at a bounded cost. A key written twice is refused: the reader cannot know which of the two was
-//! meant. Objects of more keys than [`MOST_KEYS`] and texts of more values than [`MOST_VALUES`] are refused; brackets
-//! nest 127 deep at most.
+//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects with more keys than
+//! [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most 127 deep.
 
 mod plain;
 

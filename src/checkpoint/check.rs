@@ -1,4 +1,4 @@
-//! Whether a checkpoint can be one of a case: its manifest before anything is allocated, its grains and contacts after they are read.
+//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
 
 use super::{EARLIER, TABLES};
 use crate::dem::state::{Contacts, Table, Values};

@@ -7,27 +7,27 @@
 //! F = sum over cells of w [ -V grad p + b (q - eps v) ]      w: the part of the grain in the cell, b: of the drag law
 //! ```
 //!
-//! `q` is the Darcy flux and `eps v` the superficial velocity of the grain; with the pressure of the whole water
-//! `-V grad p` contains buoyancy. As printed in the fissure paper, both velocities are interstitial: `b (u - v)` with
-//! `u = -K/(mu eps) grad p`, and there is no buoyancy.
+//! `q` is the Darcy flux and `eps v` the superficial velocity of the grain. With the total pressure, `-V grad p` contains buoyancy. In the
+//! equations of the fissure paper both velocities are interstitial: `b (u - v)` with `u = -K/(mu eps) grad p`, and there is no buoyancy.
 //!
 //! A drag law is one file below this module and one line of the list in [`law`].
 //!
-//! Where a grain follows the water faster than the interval passes, the drag is that at the velocity `v*` at the end of it
-//! under all known forces (contacts of the last step, gravity, pressure, drag), which an implicit Euler step gives:
+//! **Semi-implicit drag.** Where a grain responds faster than the interval, the drag is that at the velocity `v*` at the end of the
+//! interval under all known forces (contacts of the last step, gravity, pressure, drag). An implicit Euler step gives
 //!
 //! ```text
 //! v* = [v + dt/m (F_contact + m g + F_pressure + b q)]/(1 + dt b eps/m)
 //! ```
 //!
-//! A grain that its contacts hold at rest has `v* = v = 0` in the long run and bears the full drag.
+//! A grain that its contacts hold at rest converges to `v* = v = 0` and bears the full drag.
 //!
-//! With Ergun's resistance the permeability falls with the gradient: solution and permeability are repeated until it stays. The
-//! gradient of a cell then grows by a power of the last error of at most one half in every round.
+//! **Ergun's resistance**: the permeability decreases with the gradient. Solution and permeability are iterated until they converge.
+//! Each iteration raises the ratio of a cell's permeability to its converged value to a power of magnitude at most one half.
 //!
-//! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
-//! the volume inside the walls of the cells that hold grains: in the others Darcy's resistance has nobody to act on. What is missing, relative to the larger of the two terms, is reported at every coupling; it is
-//! rounding with [`kozeny_carman`] and grains at rest, the misfit of drag law and permeability otherwise.
+//! **Closure of momentum**: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over the
+//! volume inside the walls of the cells that hold grains; in other cells Darcy's resistance acts on no grain. The difference, relative
+//! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with [`kozeny_carman`] and grains at rest, and the
+//! mismatch between drag law and permeability otherwise.
 
 pub mod dallavalle;
 pub mod di_felice;

@@ -1,4 +1,4 @@
-//! What a run asks of a lattice with bodies in it, however they are coupled.
+//! The interface between a run and a lattice with bodies, common to all couplings.
 
 use super::{Flow, FluidView};
 use crate::dem::space::Space;

@@ -1,4 +1,4 @@
-//! The fluid of a run with its coupling: one of the pairs, chosen at the start and asked once a step.
+//! The fluid of a run with its coupling: one of the combinations, chosen at the start and dispatched once per step.
 
 use super::Flow;
 use super::bounce_back::BounceBack;

@@ -1,8 +1,8 @@
 //! Permeability of a bed of grains from its porosity and a mean diameter.
 //!
-//! Empty cells (above the surface, in cavities) would conduct without bound: the porosity is capped, usually at 0.7.
+//! The permeability of empty cells (above the surface, in cavities) is unbounded; the porosity is therefore capped, usually at 0.7.
 //!
-//! A law of resistance is one file below this module and one line of the list.
+//! A resistance law is one file below this module and one line of the list.
 
 pub mod ergun;
 pub mod kozeny_carman;

@@ -1,19 +1,19 @@
-//! Pressure and flux of water in the pores: Darcy's law and the balance of mass.
+//! Pressure and flux of water in the pores: Darcy's law and the mass balance.
 //!
 //! ```text
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
 //! ```
 //!
-//! The unknown is the reduced pressure `phi`, so that water at rest is at rest exactly. Cell-centred finite volumes: each
-//! face passes `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area, so that the layers of
-//! a column are in series exactly and what leaves one cell enters the next. The matrix is never formed beyond its faces;
-//! conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it from the last solution.
+//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses cell-centred finite
+//! volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area. The layers of a column
+//! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
+//! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
 //!
-//! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
-//! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
+//! In the equations of the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and the velocity is
+//! interstitial ([`Equations::Paper`]). The signs are those of Darcy's law in both.
 //!
-//! Flux and gradient of a cell are the means of its two faces along each axis; then `-sum V grad phi` is exactly what the
-//! imposed pressures push with, which the closure of momentum rests on.
+//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
+//! pressures; the closure of momentum relies on this.
 
 use super::Error;
 use super::enclosure::Openness;

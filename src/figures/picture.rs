@@ -1,8 +1,8 @@
-//! Pictures of a run: water, grains and blocks at some times side by side, as one SVG file that any browser shows: `solver picture`.
+//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser: `solver picture`.
 //!
-//! In the plane the speed of the water (or another field) lies behind the grains; in space grains and blocks are seen from one
-//! side without perspective, lit from the viewer's left shoulder, or a section is cut, which shows the water too. All panels share one
-//! scale of colours. The raster is a PNG inside the SVG, text and streamlines are text and lines.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
+//! from the upper left, or a section is drawn, which shows the fluid as well. All panels share one colour scale. The raster is a PNG inside the
+//! SVG; text and streamlines are vector graphics.
 
 mod faces;
 mod section;

@@ -1,4 +1,4 @@
-//! What stands out in each row of a slab, found by all threads: for whoever looks for numbers that fail.
+//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a limit.
 
 use super::fluid::Fluid;
 use super::lanes::Stored;

@@ -1,7 +1,7 @@
 //! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of ranks.
 //!
-//! What is said of a block is said of each of its faces. `body` is the number of the named body, -1 for what has no name; `rotation` is the
-//! turn since the start, along its axis and as long as its angle.
+//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the rotation since the start
+//! as a vector: its direction is the axis, its length the angle.
 
 use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};

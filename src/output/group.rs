@@ -1,4 +1,4 @@
-//! The ranks of a run as the group that writes a file together, and what happens to its errors.
+//! The ranks of a run as the group that writes a file together, and the handling of its errors.
 
 use crate::error::Error;
 use decomposition::{Communicator, RawCommunicator};

@@ -1,11 +1,11 @@
-//! What is in a file or folder of a run, as text or JSON: `solver info`.
+//! Description of a file or folder of a run as text or JSON: `solver info`.
 //!
-//! | given | said |
+//! | given | output |
 //! |---|---|
 //! | a folder | outcome of the run, its series, tables and checkpoints |
 //! | `.vtkhdf`, `.h5` | step, time, datasets with shape and unit, provenance |
 //! | `.xmf` | steps and times of the series |
-//! | `checkpoint_*.json` | what it holds, and whether every bit is as it was written |
+//! | `checkpoint_*.json` | contents, and whether all checksums agree |
 //! | other `.json` | its content |
 //! | `.csv` | columns, number of rows, last row |
 

@@ -1,4 +1,4 @@
-//! What outputs, probes and analyses may see of a running simulation.
+//! Read access of outputs, probes and analyses to a running simulation.
 
 use super::averages::Averages;
 use crate::coupling::FluidView;

@@ -1,7 +1,6 @@
-//! Memory, disk and time before the run.
+//! Estimates of memory, disk space and time before the run.
 //!
-//! Rates are those of one core of a recent server, assumed here and replaced by the measured ones in the summary of a
-//! run.
+//! The rates are assumed values for one core of a recent server. The summary of a run contains measured values.
 
 use super::Clock;
 use crate::case::fluid::Precision;

@@ -1,11 +1,12 @@
-//! Linear stability over the steps of a run: waves that grow by themselves with multiple relaxation times.
+//! Linear stability over the steps of a run: growing waves with multiple relaxation times.
 //!
-//! Near tau = 1/2 nothing but eddies damps the shortest waves, and with rates that differ from moment to moment some of them grow in
-//! fluid at rest ([`crate::lbm::collision::linear_stability`]): with the rates of Suga by 0.075 % in a step at tau = 0.5001. A short run
-//! never shows it. Over G = gain times steps an amplitude becomes e^G times itself.
+//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the rates of the moments differ, some waves grow in fluid at rest
+//! ([`crate::lbm::collision::linear_stability`]): with the rates of Suga by 0.075 % per step at tau = 0.5001. A short run does not show
+//! this. Over G = gain times steps an amplitude grows by the factor e^G.
 //!
 //! Evidence: with the rates of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau = 0.5001 after 11,000
-//! steps (G = 8.3); with cells four times as wide it held for its 3907 (G = 3.6). Eddies may hold such waves, so the finding is a warning.
+//! steps (G = 8.3). With cells four times as wide it was stable for its 3907 steps (G = 3.6). Eddy viscosity may damp such waves, so that the
+//! finding is a warning.
 
 use super::Clock;
 use crate::error::Remedy;

@@ -1,4 +1,4 @@
-//! The models a scene gets, each with its reason; also those it does not pay for.
+//! The models of a scene, each with its reason, and the models that it does not need.
 
 use super::Clock;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};

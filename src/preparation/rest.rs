@@ -1,8 +1,7 @@
-//! Rest of bonded grains before the run, without the fluid.
+//! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the water moved, and
-//! the report gives their number. Everything stands still meanwhile, driven bodies too; then each grain and body gets the velocity of
-//! the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the flow started, and
+//! the report gives their number. Driven bodies are at rest meanwhile. Afterwards each grain and body gets the velocity of the case.
 
 use super::supervision::{Request, Requests};
 use crate::dem::particles::Particles;

@@ -1,4 +1,4 @@
-//! Reports, interruption and resumption of the making of a sample, which can take minutes.
+//! Reports, interruption and resumption of the preparation of a sample, which can take minutes.
 
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;

@@ -1,4 +1,4 @@
-//! The blocks of a scene: a jointed rock mass, a file or a list; their places, and that they start apart.
+//! The blocks of a scene: a jointed rock mass, a file or a list; their positions, and the check that they do not overlap.
 
 mod overlaps;
 

@@ -1,4 +1,4 @@
-//! The analysis of a ground that collapses, resolved: axes, boxes of the seepage points, and the thresholds as written.
+//! The resolved analysis of a ground collapse: axes, boxes of the seepage points, and the thresholds as written.
 
 use super::block::Block;
 use super::findings::{Findings, number};

@@ -1,4 +1,4 @@
-//! Collects what is wrong with a case, each finding with the value as it stands in the case.
+//! Collects the findings of a case, each with the value as it stands in the case.
 
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};

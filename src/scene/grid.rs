@@ -1,4 +1,4 @@
-//! The box as cells.
+//! The domain as a grid of cells.
 
 use super::findings::{Findings, length_of, number};
 use crate::case::domain::{Domain, Split};

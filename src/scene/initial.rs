@@ -1,4 +1,4 @@
-//! The flow at the start.
+//! The initial flow.
 
 use super::block::Block;
 use super::findings::{Findings, LATTICE_PATH as PATH};

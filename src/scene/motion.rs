@@ -1,4 +1,4 @@
-//! What bodies, blocks and grains share: the motion at the start, and the density that free motion needs.
+//! Common parts of bodies, blocks and grains: the initial motion, and the density that free motion requires.
 
 use super::block::Block;
 use super::findings::Findings;

@@ -1,7 +1,7 @@
-//! A prepared sample of grains as CSV, so that every run of a study can start from the same one.
+//! A prepared sample of grains as CSV, so that all runs of a study can start from the same sample.
 //!
 //! A header names the columns: `x`, `y`, `z` (3-D only), `radius` in m, and optionally `material`; other columns are
-//! skipped. Numbers are written with all their digits: a sample read back is the sample written.
+//! skipped. Numbers are written with all their digits, so that a sample is read back with the same bits.
 
 use io::csv::Reader;
 use serde::Serialize;

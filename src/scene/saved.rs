@@ -1,4 +1,4 @@
-//! Names of files that a case has written into the folder of its run: plain, and none of the run's own.
+//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's own files.
 
 use super::findings::Findings;
 use crate::case::Case;

@@ -1,4 +1,4 @@
-//! The seepage of a scene: its coarse grid, and a condition for parts of the faces.
+//! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
 use super::block::Block;
 use super::findings::{Findings, number};

@@ -1,7 +1,7 @@
-//! What became of the blocks, for `summary.json`: where they are in the mean, how fast, and their energies.
+//! The blocks in `summary.json`: mean position, mean velocity and energies.
 //!
-//! All blocks but those that never move, weighted by mass. The energy of position is that of gravity above the origin of the
-//! domain: what it and the energy of motion have lost together went into friction and dashpots, or sits in the springs. The sums are
+//! The values are means over all blocks that can move, weighted by mass. The potential energy is that of gravity above the origin of the
+//! domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots, or is stored in the springs. The sums are
 //! exact, so that they do not depend on the ranks.
 
 use crate::dem::particles::{Kind, Particles};

@@ -1,4 +1,4 @@
-//! Energy of motion of all that moves by forces, for `summary.json`.
+//! Kinetic energy of all bodies that forces move, for `summary.json`.
 
 use crate::dem::particles::{Kind, Particles};
 use crate::dem::space::{Components, Space};

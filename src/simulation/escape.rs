@@ -1,4 +1,4 @@
-//! What to do about a grain that left through an open face, in words of its case.
+//! Remedies for a grain that left through an open face, in terms of the case.
 
 use crate::case::geometry::{Extent, Face, Vector};
 use crate::case::observe::{Action, Region, When};

@@ -1,12 +1,12 @@
-//! The folder of a run: one run at a time uses it, and a new run never mixes its files with those of an earlier one.
+//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier one.
 //!
-//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process however that ends,
-//! and the host, process and start of the holder for whoever reads it. On a file system whose locks do not reach other hosts, a
-//! lock of another host counts while its file has been touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job
-//! that its batch system has requeued takes over from its earlier attempt at once.
+//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and which states host,
+//! process and start time of the holder. On a file system whose locks do not reach other hosts, a lock of another host is valid while its
+//! file was touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job that its batch system has requeued takes over
+//! from its earlier attempt at once.
 //!
-//! A fresh run refuses a folder that holds another run, unless told to replace it. Then all files of the earlier run go before the
-//! first file of the new one comes, checkpoints first: at no moment does a restart find a state that belongs to other files.
+//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run are then deleted before the
+//! first file of the new one is written, checkpoints first, so that a restart never finds a state that belongs to other files.
 
 use super::agreement;
 use super::progress::clock;

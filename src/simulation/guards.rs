@@ -1,18 +1,18 @@
-//! Guards: what goes wrong is named (cell, grain or opening) before it spoils a run, and the balance of mass and momentum is kept
-//! as a meter.
+//! Guards: checks of the state that end a run and name the cell, grain or opening, and meters of the mass and momentum balance.
 //!
-//! * *Look*: every `guards.check_every_steps` steps (100 unless the case says otherwise), and at the end however it comes, every cell
-//!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_lattice_velocity` and a compression above
-//!   `guards.max_compression` end the run; [`failure`] names the cell. A compression above `guards.warn_compression` is said at
-//!   once, and in each line of the log while it lasts. Cells that bodies shut in are left out there: bodies that move squeeze them. The warm-up is looked at in the same way. A look takes 9, 30 and 40 ns a cell
-//!   with 9, 19 and 27 populations in f64 where reading them once takes 7, 16 and 24 (one core of a busy machine); a step reads and
-//!   writes them, so that a look each 100 steps costs 0.6 to 0.9 % of the steps where these wait for the memory, and less elsewhere.
-//! * *Openings*: at each look inflow and outflow are taken beside each other ([`openings`]).
-//! * *Balance*: in one step of [`BALANCE_EVERY`] the mass of the lattice before and after is held against what the faces let
-//!   through (moving bounce-back lets nothing through), and the momentum of the water outside the bodies against bodies, body force
-//!   and the faces of the cells outside the bodies.
+//! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is checked ([`look`]). A
+//!   value that is not finite, a speed above `guards.max_lattice_velocity` and a compression above `guards.max_compression` end the run;
+//!   [`failure`] names the cell. A compression above `guards.warn_compression` is reported at once, and in each line of the log while it
+//!   lasts. Cells enclosed by bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same way. A
+//!   check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16 and 24 ns (one core of
+//!   a busy machine). A step reads and writes the populations, so that a check every 100 steps costs 0.6 to 0.9 % of memory-bound
+//!   steps, and less otherwise.
+//! * *Openings*: at each check inflow and outflow are compared ([`openings`]).
+//! * *Balance*: in one step of [`BALANCE_EVERY`] the change of the mass of the lattice is compared with the flux through the
+//!   faces (moving bounce-back passes no mass), and the change of the momentum of the water outside the bodies with the forces of bodies, body force and
+//!   the faces of the cells outside the bodies.
 //!
-//! What was never measured is none: tables print `-`, `summary.json` has `null`.
+//! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
 mod failure;
 mod look;

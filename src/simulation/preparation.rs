@@ -1,4 +1,4 @@
-//! The sample of a run: made on the first rank, saved in the folder of the run, the same errors on all ranks.
+//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all ranks.
 
 use super::agreement;
 use super::folder::RunFolder;

@@ -1,4 +1,4 @@
-//! What a person sees while a run goes on: a bar on a terminal, plain lines in a batch log.
+//! Progress of a run: a bar on a terminal, plain lines in a batch log.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! The states of what records a run, as a checkpoint holds them.
+//! The states of the recorders of a run in a checkpoint.
 
 use super::{collapse, erosion, guards, removal};
 use crate::error::Error;

@@ -1,8 +1,8 @@
-//! What a run goes on from: its newest checkpoint, and a case that fits it.
+//! Continuation of a run from its newest checkpoint, with a case that fits it.
 //!
-//! A checkpoint carries the case that it was written for. The case in the folder, with what `--set` changes, is compared with it field
-//! by field: what a restart may change ([`crate::case::restart`]) it does, anything else is refused by name. What both cases leave out
-//! stays as it was chosen for the run, so that a later end or another output moves no time step.
+//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by field. Changes that a
+//! restart allows ([`crate::case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
+//! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
 use super::setup;

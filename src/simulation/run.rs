@@ -1,8 +1,8 @@
-//! How runs are launched: on MPI and threads, in a folder that is theirs, afresh or from a checkpoint.
+//! Launch of runs: on MPI and threads, in a folder of their own, new or from a checkpoint.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `start` | the way to the first step: state from the plan or a checkpoint, preparation |
+//! | `start` | everything before the first step: state from the plan or a checkpoint, preparation |
 //! | `runner` | the loop, requests, checkpoints |
 //! | `summary` | the table at the end and `summary.json` |
 

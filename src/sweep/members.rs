@@ -1,4 +1,4 @@
-//! The members of a study: every combination of what is varied, and those listed, each with its case checked and planned.
+//! The members of a study: every combination of the variations, and the listed members, each with its case checked and planned.
 
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;

@@ -1,5 +1,5 @@
-//! `sweep.svg`: error against time and against memory, the Pareto set joined and named; and `map.svg`: which members
-//! finish over two varied fields, beside what the plan says of them.
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled. `map.svg`: the outcome of the
+//! members over two varied fields, with the prediction of the plan.
 
 use super::members::Member;
 use super::record::Outcome;

@@ -1,4 +1,4 @@
-//! How a member ended and what it cost: `member.json` in its folder.
+//! Outcome and cost of a member: `member.json` in its folder.
 
 use super::members::Member;
 use crate::error::Error;

@@ -1,11 +1,11 @@
 //! Members as processes of this program, one or several at a time.
 //!
-//! A member is asked to stop by the file `STOP` in its folder, at which a run writes a checkpoint and ends with 75 on any
-//! number of ranks; one that has not ended a minute later is ended by force. This happens when a signal, a file `STOP` in the folder
-//! of the sweep or its wall time ends the sweep, and when a member reaches its time limit.
+//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number of ranks. A
+//! member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP` in the folder of the sweep or
+//! its wall time ends the sweep, and when a member reaches its time limit.
 //!
-//! Environment, as for the scripts under `jobs`: SOLVER (the program; this one without it), LAUNCH (what starts MPI;
-//! `mpirun -n RANKS` without it, and nothing for one rank).
+//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command that starts MPI;
+//! default: `mpirun -n RANKS`, and none for one rank).
 
 use super::Report;
 use super::members::Member;

@@ -1,4 +1,4 @@
-//! A job array for Slurm: a task for each member, requeued from its checkpoint as often as needed.
+//! A job array for Slurm: one task for each member, requeued from its checkpoint until it is done.
 
 use super::study::Study;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Outputs, errors and costs of the members, and which of them are in the Pareto set: no other member has both a smaller error
+//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a smaller error
 //! and a smaller cost.
 
 use super::members::Member;

@@ -1,4 +1,4 @@
-//! What a run writes down about erosion, and how it is read back.
+//! The erosion records of a run: their columns, and how they are written and read.
 //!
 //! | file | row | one row per |
 //! |---|---|---|
@@ -7,9 +7,9 @@
 //! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
-//! Each struct is declared once, with the name and unit of every column beside the field, so that header, writer and
-//! reader cannot drift apart. Numbers are written with the shortest text that reads back to the same bits; a value
-//! that does not exist (the shear on a hole that is gone) is `NaN`.
+//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same declaration. Numbers
+//! are written with the shortest text that reads back to the same bits. Undefined values, such as the shear stress on a hole that no
+//! longer exists, are `NaN`.
 
 use crate::error::Error;
 use io::csv::Reader;

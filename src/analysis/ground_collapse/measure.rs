@@ -1,7 +1,6 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! The definitions stand in [`super`]. All functions are pure; a list of grains in another order may round differently, so
-//! give them by rising id.
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by rising id.
 
 use crate::number::real;
 use serde::{Deserialize, Serialize};

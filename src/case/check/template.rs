@@ -1,4 +1,4 @@
-//! A schema made ready for many values: a look without paths or words.
+//! A schema prepared for many values: a check without paths and messages.
 
 use serde_json::Value;
 

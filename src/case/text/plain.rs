@@ -1,4 +1,4 @@
-//! JSON text to a tree where nothing is wrong with it.
+//! JSON text to a tree, for texts without errors.
 
 use super::{MOST_KEYS, MOST_VALUES};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};

@@ -1,4 +1,4 @@
-//! The drag that closes the balance of momentum with the permeability.
+//! The drag that closes the momentum balance with the permeability.
 //!
 //! ```text
 //! f = V mu eps U/[K (1 - eps)]        sum over the grains of a cell at rest: eps mu q V_cell/K = -eps grad phi V_cell
@@ -7,9 +7,9 @@
 //! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on grains at rest balance the imposed
 //! pressures and the weight of the water. Each grain of a cell bears a share in proportion to its volume.
 //!
-//! `eps` is the porosity without limits, while `K` may rest on a limited one. In a cell overfull of grains the drag is zero. In a
-//! cell emptier than the cap of the porosity a grain bears the drag of a bed at the cap. Without this rule the few grains
-//! at a surface would bear the resistance of the whole cell, which is still that of the cap.
+//! `eps` is the unlimited porosity, while `K` may use a limited one. In a cell with a solid fraction of one or more the drag is zero. In a
+//! cell with a porosity above the cap, a grain bears the drag of a bed at the cap. Without this rule the few grains at a surface would
+//! bear the resistance of the whole cell, which still has the permeability of the cap.
 
 use super::law::{Bed, Grain, Law};
 

@@ -1,4 +1,4 @@
-//! What a drag law is, and the list of them.
+//! The interface of a drag law, and the list of drag laws.
 
 use super::dallavalle::Dallavalle;
 use super::di_felice::DiFelice;

@@ -1,4 +1,4 @@
-//! The choice of the pass: once at the start, by operator, force, eddies, solids, velocity set, number type and processor.
+//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage precision and processor.
 
 use super::Setup;
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Operator};

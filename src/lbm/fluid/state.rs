@@ -1,4 +1,4 @@
-//! What can be read from a fluid: force, state of cells, stress, and what crossed its faces.
+//! Quantities computed from a fluid: force, state of the cells, stress, and flux through its faces.
 
 use super::Fluid;
 use crate::lbm::boundary::Flux;

@@ -1,11 +1,11 @@
-//! What a number of cells is worth: errors of forces and flows against published numbers, measured with this program.
+//! Measured errors of forces and flows over the number of cells, relative to published values.
 //!
-//! A row of `measured.csv` is a problem with a known answer at one resolution. Its error is the largest of several places of the body
-//! between the nodes, at this and at every finer resolution measured: a staircase does not converge evenly, and nobody's body lies where
-//! it does best. Its cost is that of the water in a box of one diameter (a wall problem: one width d) over the time d²/nu.
+//! A row of `measured.csv` is a problem with a known solution at one resolution. Its error is the largest over several positions of the body
+//! relative to the nodes, at this and at every finer resolution: the error on a staircase boundary does not decrease evenly, and a body is
+//! not at the best position in general. Its cost is that of the fluid in a box of one diameter (a wall problem: one width d) over the time d²/nu.
 //!
-//! A run is another problem than that of the row, so the error of the row shall be at most half the target. Inertia makes layers as
-//! thin as d/Re^½: a row at a Reynolds number asks for cells in proportion to the root of that of the run.
+//! A run differs from the problem of the row, so that the error of the row must be at most half the target. Boundary layers have a thickness of
+//! d/Re^½: from a row at a given Reynolds number the number of cells is scaled with the square root of the Reynolds number of the run.
 
 use io::csv::Reader;
 use serde::{Deserialize, Serialize};

@@ -1,19 +1,19 @@
-//! Seepage between grains: how stiff contacts are and how often water and grains are coupled, where the case does not say.
+//! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two numbers without unit carry over from bed to bed. The grains at its foot bear at most the submerged bed above and the pressure
-//! that drives the water through it,
+//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the submerged weight of the bed
+//! and the pressure difference of the flow,
 //!
 //! ```text
 //! sigma = c (rho_s - rho) g H + dp,   c = 0.6
-//! overlap = sigma d/k                 part of a diameter by which a contact gives way under sigma d² (2-D: sigma/k, sigma d)
-//! interval = t/(d/a)^½                time between two couplings over that in which a grain without neighbours, under
+//! overlap = sigma d/k                 overlap of a contact under sigma d², in diameters (2-D: sigma/k, sigma d)
+//! interval = t/(d/a)^½                coupling interval over the time in which a grain without neighbours, under
 //!                                     a = sigma/(c rho_s H), moves half a diameter
 //! ```
 //!
-//! A bed that gives way closes its pores; a load that is kept too long drives grains on after they have moved. What the flow is then off
-//! stands in `measured_seepage.csv`: the largest error of two beds, one that the water nearly lifts and one that it presses down,
-//! at that and every smaller overlap or interval measured. Both errors add up; twice their sum is promised. Porosity is counted
-//! exactly: other ways were no cheaper at equal error.
+//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load. `measured_seepage.csv` lists the
+//! resulting errors of the flow: the largest error of two beds, one near the critical gradient and one that the flow presses down, at this and every
+//! smaller overlap or interval. Both errors add up, and the plan promises twice their sum. Porosity is computed from exact overlaps, because other
+//! methods cost as much at equal error.
 
 use super::step;
 use crate::darcy::Condition;

@@ -1,4 +1,4 @@
-//! How solids and water act on each other, and what holds solids apart, where the case does not say.
+//! Automatic choice of the coupling of solids and fluid, and of the contact law.
 
 use super::{seepage, step};
 use crate::case::Case;

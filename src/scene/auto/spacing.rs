@@ -1,4 +1,4 @@
-//! The spacing: as many cells across the smallest thing in the water as the accuracy needs, in whole numbers along every edge.
+//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
 
 use super::features::{self, Feature};
 use super::measured::{self, Row};

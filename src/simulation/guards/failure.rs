@@ -1,7 +1,7 @@
-//! What is said of a cell whose numbers fail: where it is, what is there, what is near, and what to try.
+//! The message about a cell that fails a check: its position, its values, its surroundings, and a remedy.
 //!
-//! A remedy is named only where it was tried on such a case: the scenes are those of `tests/suite/guards.rs`, which keeps what was
-//! seen. For all other failures the sentence says what is nearest and leads to `solver plan`.
+//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records the outcomes. For all other
+//! failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
 use crate::coupling::lattice::LatticeFlow;

@@ -1,15 +1,15 @@
-//! Inflow beside outflow: what enters and leaves a lattice through its openings.
+//! Comparison of inflow and outflow through the openings of a lattice.
 //!
-//! At every look the mass that crossed each patch in the last step is summed over the cells that no body holds, exactly and over all
-//! ranks. A patch through which more enters than leaves counts as inflow with its net rate, the others as outflow. Both are
-//! averaged over a *window* of looks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
-//! [`LEAST_LOOKS`] looks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up; they are
-//! judged when all ramps of the boundaries are over and two whole windows have passed since:
+//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly and over all
+//! ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are averaged over a *window* of
+//! checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least [`LEAST_LOOKS`] checks. A lattice fluid is
+//! compressible, so that inflow and outflow differ while pressure builds up. They are compared when all ramps of the boundaries have
+//! ended and two whole windows have passed since:
 //!
-//! * *imbalance*: (inflow - outflow) / max(inflow, outflow) of the window, larger in size than [`IMBALANCE`];
-//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the other way round.
+//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than [`IMBALANCE`];
+//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
 //!
-//! Both are warnings: of a domain that goes on filling the density ends the run (`guards.max_compression`).
+//! Both are warnings: the density ends the run of a domain that continues to fill (`guards.max_compression`).
 
 use decomposition::Communicator;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! A run that has begun: its loop, what it answers to requests, its checkpoints.
+//! A started run: its loop, its response to requests, its checkpoints.
 
 use super::super::Simulation;
 use super::super::escape;

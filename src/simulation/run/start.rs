@@ -1,4 +1,4 @@
-//! From a plan, or a checkpoint, to a run before its next step.
+//! From a plan or a checkpoint to a run before its next step.
 
 use super::super::agreement;
 use super::super::collapse::CollapseRecorder;

@@ -1,4 +1,4 @@
-//! What is said and written at the end of a run.
+//! The summary of a run: `summary.json` and the messages at its end.
 
 use super::super::agreement;
 use super::super::blocks;
