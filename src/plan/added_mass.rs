@@ -145,7 +145,7 @@ fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     kinds
 }
 
-/// Notes how light the lightest body is, and refuses or warns where such bodies were thrown away.
+/// Adds the margin of the lightest body, and refuses or reports bodies that were unstable.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
@@ -169,7 +169,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let name = &scene.materials[kind.material].name;
     let path = format!("materials.{name}.density");
     margins.push(margin(
-        "least density over that of the fluid",
+        "smallest density ratio of a free body and the fluid",
         bounds.holds,
         ratio,
         &path,
@@ -186,7 +186,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
-            "a free body of {} cells in radius is {} times as dense as the fluid: {word} {} it is thrown to and fro by its own load",
+            "a free body with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it unstable",
             number(kind.radius),
             number(ratio),
             number(bound)
@@ -232,7 +232,7 @@ mod tests {
     /// The bounds enclose the border of every run.
     #[test]
     fn no_measured_border_is_outside_the_bounds() {
-        let table = include_str!("../../benches/stability/light_bodies.csv");
+        let table = include_str!("../../benches/stability/added_mass.csv");
         let lines = table.lines().filter(|line| !line.starts_with('#')).skip(1);
         let mut rows = 0;
         for line in lines {
