@@ -291,11 +291,11 @@ impl BodyMap {
                     rigid.spin[a] = motion.spin.get(a) * spin;
                 }
             }
-            if let Some((shape, attitude)) = particles.polyhedron(k) {
+            if let Some((shape, state)) = particles.polyhedron(k) {
                 rigid.radius = body.radius / self.grid.spacing;
                 let turned = &mut self.blocks[k];
-                turned.quaternion = attitude.orientation.coords.into();
-                let (rotation, spacing) = (attitude.matrix(), self.grid.spacing);
+                turned.quaternion = state.orientation.coords.into();
+                let (rotation, spacing) = (state.matrix(), self.grid.spacing);
                 faces(
                     shape,
                     &rotation,

@@ -146,13 +146,12 @@ impl CoverMap {
             let pose = Pose {
                 centre: motion.position,
                 radius: motion.radius,
-                orientation: block
-                    .map_or([0.0; 4], |(_, attitude)| attitude.orientation.coords.into()),
+                orientation: block.map_or([0.0; 4], |(_, state)| state.orientation.coords.into()),
             };
             body.moved = body.at != Some(pose);
             body.at = Some(pose);
-            if let (true, Some((shape, attitude))) = (body.moved, block) {
-                let rotation = attitude.matrix();
+            if let (true, Some((shape, state))) = (body.moved, block) {
+                let rotation = state.matrix();
                 let spacing = self.grid.spacing;
                 faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
             }
@@ -356,7 +355,7 @@ fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
     std::array::from_fn(|a| f64::from(cell[a] - frame[a]))
 }
 
-/// Tells the lattice what is different between two lists by rising position.
+/// Passes the differences between two lists, sorted by position, to the lattice.
 fn tell(cover: &mut Cover, slot: u32, old: &[Cell], new: &[Cell]) {
     let (mut i, mut j) = (0, 0);
     loop {

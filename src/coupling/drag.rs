@@ -61,7 +61,7 @@ pub struct Settings {
     pub permeability: Permeability,
     /// The drag law.
     pub drag: DragLaw,
-    /// Which equations.
+    /// Form of the equations.
     pub equations: Equations,
     /// Whether the change of porosity is a source of water.
     pub transient: bool,
@@ -129,7 +129,7 @@ impl<Sp: Space> Seepage<Sp> {
         communicator: &Communicator,
     ) -> Self {
         let n = openness.grid.count();
-        log::info!("coupling of grains and seepage by drag, {n} cells of pores: {settings:?}");
+        log::info!("coupling of grains and seepage by drag, {n} seepage cells: {settings:?}");
         Self {
             settings,
             openness,

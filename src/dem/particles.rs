@@ -380,7 +380,7 @@ impl<S: Space> Particles<S> {
 
     /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
     ///
-    /// The next step makes new lists and tells every rank that holds the grain.
+    /// The next step makes new lists and updates every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
         self.mobility[k] = Mobility::of(&self.body[k]);

@@ -46,7 +46,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockPair,
         between: &Vector3<f64>,
-        memory: &mut History,
+        history: &mut History,
         narrow: &mut Narrow,
     ) -> (Option<Geometry>, bool) {
         let (i, j) = pair.ends();
@@ -56,7 +56,7 @@ impl<'a, S: Space> World<'a, S> {
             (Some(one), Some(two)) => {
                 let (one, two) = (placed(i, one), placed(j, two));
                 (
-                    narrow.blocks(&one, &two, between, self.model, memory),
+                    narrow.blocks(&one, &two, between, self.model, history),
                     false,
                 )
             }
@@ -75,7 +75,7 @@ impl<'a, S: Space> World<'a, S> {
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
-            pair.memory = History::default();
+            pair.history = History::default();
             return None;
         }
         let (i, j) = pair.ends();
@@ -87,8 +87,8 @@ impl<'a, S: Space> World<'a, S> {
         }
         *calls += 1;
         let between = S::to_volume(&span.between);
-        let mut memory = pair.memory;
-        let (touch, swapped) = self.meet(pair, &between, &mut memory, narrow);
+        let mut history = pair.history;
+        let (touch, swapped) = self.meet(pair, &between, &mut history, narrow);
         let action = touch.map(|touch| {
             let (first, second, separation) = if swapped {
                 (j, i, -between)
@@ -96,12 +96,12 @@ impl<'a, S: Space> World<'a, S> {
                 (i, j, between)
             };
             let approach = self.approach([first, second], separation, pair.scale.mass);
-            self.rows.at(pair.row).act(&touch, &mut memory, &approach)
+            self.rows.at(pair.row).act(&touch, &mut history, &approach)
         });
-        pair.memory = if touch.is_none() && self.rounded(pair) {
+        pair.history = if touch.is_none() && self.rounded(pair) {
             History::default()
         } else {
-            memory
+            history
         };
         action.map(|action| {
             let (force, on_first, on_second) = if swapped {
@@ -118,7 +118,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Whether one of a pair is a sphere: then the narrow phase does not look at the memory, nor lets go of it.
+    /// Whether one of a pair is a sphere: then the narrow phase does not look at the history, nor lets go of it.
     pub(super) fn rounded(&self, pair: &BlockPair) -> bool {
         let (i, j) = pair.ends();
         self.shape(i).is_none() || self.shape(j).is_none()
@@ -177,13 +177,13 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockAtPlane,
         wall: &Wall<S>,
-        memory: &mut History,
+        history: &mut History,
         narrow: &mut Narrow,
     ) -> Option<Geometry> {
         let k = pair.grain as usize;
         let height = wall.distance(&self.view.motion[k].position);
         if height >= pair.radius {
-            *memory = History::default();
+            *history = History::default();
             return None;
         }
         let placed = self.poses[k].placed(self.shape(k)?);
@@ -192,7 +192,7 @@ impl<'a, S: Space> World<'a, S> {
             &S::to_volume(&wall.normal),
             height,
             self.model,
-            memory,
+            history,
         )
     }
 
@@ -203,18 +203,18 @@ impl<'a, S: Space> World<'a, S> {
         wall: &Wall<S>,
         narrow: &mut Narrow,
     ) -> Option<Load<S>> {
-        let mut memory = pair.memory;
-        let touch = self.meet_plane(pair, wall, &mut memory, narrow);
+        let mut history = pair.history;
+        let touch = self.meet_plane(pair, wall, &mut history, narrow);
         let action = touch.map(|touch| {
             self.act_at_wall(
                 pair.grain as usize,
                 wall,
                 &pair.constants,
                 &touch,
-                &mut memory,
+                &mut history,
             )
         });
-        pair.memory = memory;
+        pair.history = history;
         action
     }
 
@@ -225,7 +225,7 @@ impl<'a, S: Space> World<'a, S> {
         wall: &Wall<S>,
         constants: &Constants,
         touch: &Geometry,
-        memory: &mut History,
+        history: &mut History,
     ) -> Load<S> {
         let block = &self.view.motion[k];
         let approach = Approach {
@@ -235,7 +235,7 @@ impl<'a, S: Space> World<'a, S> {
             mass: constants.scale.mass,
             time_step: self.time_step,
         };
-        let action = constants.law.act(touch, memory, &approach);
+        let action = constants.law.act(touch, history, &approach);
         Load {
             force: S::from_volume(&-action.force),
             torque: out_of_space(&action.on_first),
