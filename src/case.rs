@@ -49,10 +49,10 @@ pub struct Case {
     /// One line that names the run, without control characters.
     #[serde(default)]
     pub title: String,
-    /// What the run is for.
+    /// Purpose of the run.
     #[serde(default)]
     pub description: String,
-    /// Target accuracy of the fluid forces. The program chooses whatever the case leaves out of cell size, time step, collision operator,
+    /// Target accuracy of the fluid forces. The program chooses the missing ones of cell size, time step, collision operator,
     /// eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step and names no accuracy gets
     /// `normal`.
     #[serde(default)]
@@ -74,11 +74,11 @@ pub struct Case {
     /// Convex polyhedral blocks (3-D).
     #[serde(default)]
     pub blocks: Option<blocks::Blocks>,
-    /// Contact law of everything that moves. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
+    /// Contact law of grains, bodies and blocks. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
     /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
-    /// Walls that grains and blocks touch, anywhere in the domain.
+    /// Walls for grains and blocks, anywhere in the domain.
     #[serde(default)]
     pub walls: Vec<solids::Wall>,
     /// Faces of the domain that act as walls for grains and blocks.
@@ -119,14 +119,14 @@ pub struct Case {
     pub directory: PathBuf,
 }
 
-/// A case together with where its numbers come from.
+/// A case with the sources of its values.
 #[derive(Clone, Debug)]
 pub struct Document {
     /// The case.
     pub case: Case,
-    /// Problems of single fields (wrong range, unknown name) found so far; the case is complete all the same.
+    /// Problems of single fields (wrong range, unknown name) found so far; the case is nevertheless complete.
     pub problems: Vec<Problem>,
-    /// Where values come from, by JSON path.
+    /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
     /// The case as compact JSON: keys sorted, annotations gone, `--set` applied, paths of input files absolute, so that
     /// it means the same in any folder.

@@ -73,7 +73,7 @@ impl BandStates {
     }
 }
 
-/// What outputs and analyses may ask of a slab of fluid; lattice units (convert with [`FluidView::units`]), cells in
+/// Read access of outputs and analyses to a slab of fluid; lattice units (convert with [`FluidView::units`]), cells in
 /// coordinates of the slab.
 pub trait FluidView {
     /// Scales to SI.

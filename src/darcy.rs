@@ -57,7 +57,7 @@ pub enum Error {
         iterations: u32,
         /// Residual relative to the driving terms.
         residual: f64,
-        /// What was asked for.
+        /// The requested value.
         tolerance: f64,
     },
     /// A porosity, source or pressure is not a finite number.

@@ -19,7 +19,7 @@ pub enum Severity {
     Warning,
 }
 
-/// A finding about a case: path, value, what is wrong, what is allowed and what to do.
+/// A finding about a case: path, value, reason, allowed range and remedy.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
     /// JSON path of the value, such as `fluid.lattice_boltzmann.relaxation_time`.
@@ -90,7 +90,7 @@ impl Remedy {
     }
 }
 
-/// Takes findings about the parameters of a model while it is resolved: models know nothing of the case that they stand in.
+/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that contains them.
 pub trait Report {
     /// The case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);

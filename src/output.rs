@@ -66,7 +66,7 @@ enum FluidFields {
     Seepage(SeepageFields),
 }
 
-/// Everything a run writes in the course of time, apart from checkpoints and analyses.
+/// All outputs of a run over time, except checkpoints and analyses.
 #[derive(Debug)]
 pub struct Outputs {
     folder: PathBuf,
@@ -184,11 +184,11 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Writes what is due at the step of the view. Call it before the first step, after a restart too, and after every
+    /// Writes the outputs due at the step of the view. Call it before the first step, after a restart too, and after every
     /// step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks; a write that failed half-way ends the job with exit code 5.
+    /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
     pub fn write_due<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         if view.step < self.next {
             return Ok(());
@@ -266,7 +266,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// The next step at which anything is due; `u64::MAX` where nothing ever is.
+    /// The next step at which an output is due; `u64::MAX` if none is.
     #[must_use]
     pub fn next_due(&self) -> u64 {
         self.next
@@ -484,7 +484,7 @@ impl<T> Output<T> {
 }
 
 impl Output<AverageFields> {
-    /// The table of the profile, on rank 0, if one is asked for. Its rows are written before the fields of the same step.
+    /// The table of the profile, on rank 0, if one is requested. Its rows are written before the fields of the same step.
     fn open_profile(
         &mut self,
         folder: &Path,

@@ -30,41 +30,41 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use study::Study;
 
-/// What is asked of a sweep.
+/// Options of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
     /// The study file.
     pub study: PathBuf,
-    /// Folder of everything that is written; none for one beside the study, of its name.
+    /// Output folder; none for a folder beside the study with its name.
     pub output: Option<PathBuf>,
     /// What to do.
     pub task: Task,
-    /// Wall-clock time after which members are asked to stop.
+    /// Wall-clock time after which members are stopped.
     pub max_walltime: Option<Duration>,
 }
 
 /// What to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
-    /// Run what is missing, then write the table.
+    /// Run the missing members, then write the table.
     Run,
     /// Report which members there are, what they will cost, and which are done.
     List,
     /// Run one member, by its number in the list.
     Member(usize),
-    /// Write the table from what is there.
+    /// Write the table from the finished members.
     Collect,
     /// Print the script of a job array.
     Slurm,
 }
 
-/// Takes lines for the reader.
+/// Receives the lines to print.
 pub type Report<'a> = &'a dyn Fn(&str);
 
 /// Carries out a sweep; `report` takes lines for the reader.
 ///
 /// # Errors
-/// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
+/// All problems of the study, before any member runs; [`Error::Stopped`] if a signal ended it.
 pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
@@ -128,7 +128,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
     }])
 }
 
-/// Members that share a core would not tell what they cost.
+/// The cost of members that share a core is not meaningful.
 fn enough_cores(study: &Study) -> Result<(), Error> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let run = &study.run;
@@ -143,7 +143,7 @@ fn enough_cores(study: &Study) -> Result<(), Error> {
             run.at_once, run.ranks, run.threads
         ),
         format!(
-            "this needs {used} cores and the machine has {cores}: members that share a core do not tell what they cost"
+            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not meaningful"
         ),
         "lower one of the three".into(),
     ))

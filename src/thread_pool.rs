@@ -97,7 +97,7 @@ pub trait Shared: Sync {
     /// The share of a piece.
     ///
     /// # Safety
-    /// Each piece asks once.
+    /// Each piece calls this once.
     unsafe fn share(&self, piece: usize) -> Self::Share;
 }
 

@@ -169,7 +169,8 @@ impl Reader<'_> {
         }
         match word {
             "pi" => Ok(std::f64::consts::PI),
-            _ => (self.lookup)(word).ok_or_else(|| format!("nothing is named {}", excerpt(word))),
+            _ => (self.lookup)(word)
+                .ok_or_else(|| format!("there is no value named {}", excerpt(word))),
         }
     }
 

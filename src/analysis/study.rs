@@ -234,7 +234,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     if !matches!(outcome.as_str(), "done" | "finished" | "completed") {
         let end = records.last().map_or(0.0, |record| record.time);
         warnings.push(format!(
-            "{}: {outcome}, used as far as it got ({end:.4} s)",
+            "{}: {outcome}, used up to {end:.4} s",
             folder.display()
         ));
     }
@@ -252,7 +252,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
             window.rate_median = 0.0;
         }
         warnings.push(format!(
-            "{}: no bond broke: the {left} grains that left were loose after the cut, which is no erosion",
+            "{}: no bond broke: the {left} grains that left were loose after the cut and do not count as erosion",
             folder.display()
         ));
     }
@@ -290,7 +290,7 @@ fn read_json(path: &Path) -> Result<Option<Value>, Error> {
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
 }
 
-/// What the summary would say, from the case as written.
+/// The contents of the summary, from the case as written.
 fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<ErosionSummary, Error> {
     let path = folder.join("case.json");
     let missing = |what: &str| Error::Io(format!("{}: {what}", path.display()));

@@ -8,12 +8,12 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Where a value comes from.
+/// The source of a value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
     /// `assumed`, `paper`, or any text.
     pub source: String,
-    /// Why, or where exactly; may be empty.
+    /// A reason or an exact reference; may be empty.
     pub note: String,
 }
 
@@ -28,7 +28,7 @@ impl Source {
     }
 }
 
-/// Replaces every annotated value by the bare value; returns where they came from, by path.
+/// Replaces every annotated value by the bare value; returns their sources, by path.
 pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     let mut sources = BTreeMap::new();
     if any(tree) {

@@ -1,17 +1,17 @@
 //! Example cases: each runs in under a minute on two ranks. `solver example` lists them.
 
-/// A ready case.
+/// An example case.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// The name to ask for.
+    /// The name.
     pub name: &'static str,
-    /// What it shows.
+    /// A line of description.
     pub summary: &'static str,
     /// The case file.
     pub text: &'static str,
 }
 
-/// All ready cases.
+/// All example cases.
 pub const EXAMPLES: [Example; 18] = [
     Example {
         name: "piping",
@@ -20,7 +20,7 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "first-flow",
-        summary: "oil past a wire in a channel, in SI units only: cells, time step and models are chosen",
+        summary: "oil flow past a wire, in SI units: the program chooses cells, time step and models",
         text: include_str!("examples/first-flow.json"),
     },
     Example {
@@ -80,32 +80,32 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "dry-incline",
-        summary: "two blocks on an incline: one sticks, one slides as the textbook says",
+        summary: "two blocks on an incline: one sticks, one slides with the exact acceleration",
         text: include_str!("examples/dry-incline.json"),
     },
     Example {
         name: "scour",
-        summary: "blocks of a jointed bed under a turbulent stream: one stands out, one is flush",
+        summary: "blocks of a jointed bed under a turbulent stream: one protrudes, one is flush",
         text: include_str!("examples/scour.json"),
     },
     Example {
         name: "stagnation",
-        summary: "a stream meets an open joint whose far side stands up: stagnation point, eddy and uplift",
+        summary: "a stream over an open joint with a raised downstream side: stagnation point, eddy and uplift",
         text: include_str!("examples/stagnation.json"),
     },
     Example {
         name: "incline",
-        summary: "two blocks under a stream down an incline: one sticks, one slides as its weight in water says",
+        summary: "two blocks in a stream down an incline: one sticks, one slides with its buoyant weight",
         text: include_str!("examples/incline.json"),
     },
     Example {
         name: "avalanche",
-        summary: "a jointed rock mass comes down a slope",
+        summary: "a jointed rock mass slides down a slope",
         text: include_str!("examples/avalanche.json"),
     },
 ];
 
-/// A ready study: members of a case for `solver sweep`.
+/// An example study: members of a case for `solver sweep`.
 pub const STUDY: Example = Example {
     name: "sweep",
     summary: "study of a channel flow: error against cost over cells, operator and relaxation time",

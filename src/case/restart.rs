@@ -218,7 +218,7 @@ fn forbidden(path: &str, new: &Value) -> Option<&'static str> {
     let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
     let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
         || path == "output.grains" && asked("/displacement");
-    displacement.then_some("the run did not keep where its grains started")
+    displacement.then_some("the run did not store the initial positions of its grains")
 }
 
 fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {

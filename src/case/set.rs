@@ -67,7 +67,7 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
                 }
                 let Value::Array(list) = node else {
                     let reason = format!("{} is not a list", brief(node));
-                    return Err(problem(path, text, &reason, "leave the index out"));
+                    return Err(problem(path, text, &reason, "omit the index"));
                 };
                 let length = list.len();
                 if *index > length {

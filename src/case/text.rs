@@ -16,7 +16,7 @@ pub const MOST_VALUES: usize = 20_000_000;
 /// Problems of one text that are listed; the rest is counted.
 pub const MOST_PROBLEMS: usize = 50;
 
-/// What is said of the problems that are not listed.
+/// The message about problems that are not listed.
 #[must_use]
 pub fn unlisted(more: usize) -> Option<Problem> {
     (more > 0).then(|| Problem {
@@ -28,7 +28,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     })
 }
 
-/// The tree, as far as there is one, and what is wrong with the text.
+/// The tree, as far as the text is valid, and its problems.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     // A text with which nothing is wrong needs no paths, which cost more than all else.
@@ -66,7 +66,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
 }
 
 /// How the sentence begins about an object whose last keys were not read.
-const TOO_MANY: &str = "an object has at most so many keys, and only those are read:";
+const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
 
 /// Whether an object of the text was read in part.
 #[must_use]
@@ -188,7 +188,7 @@ impl<'de> Visitor<'de> for Node<'_> {
                 },
                 value: format!("{{{} keys}}", map.len() + more),
                 reason: format!("{TOO_MANY} {MOST_KEYS}"),
-                remedy: "take out what is not meant".into(),
+                remedy: "remove the keys that are not meant".into(),
                 severity: Severity::Error,
             });
         }

@@ -89,14 +89,14 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; of no matter along the normal.
     pub to: [usize; 3],
-    /// What holds there.
+    /// The condition.
     pub condition: Condition,
 }
 
-/// How the pressure is computed.
+/// Settings of the pressure solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Which equations.
+    /// Form of the equations.
     pub equations: Equations,
     /// Gravity \[m/s2\].
     pub gravity: [f64; 3],
@@ -106,7 +106,7 @@ pub struct Settings {
     pub iterations: u32,
 }
 
-/// What a solution cost and how good it is.
+/// Cost and quality of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Iterations.
@@ -139,7 +139,7 @@ struct Boundary {
     conductance: f64,
 }
 
-/// The pressure of a grid, and the way to it.
+/// The pressure of a grid and its solver.
 pub struct Pressure {
     grid: Grid,
     layout: Layout,
@@ -308,7 +308,7 @@ impl Pressure {
         &self.grid
     }
 
-    /// Changes what holds on a patch; its kind has to stay.
+    /// Changes the value on a patch; its kind must stay the same.
     pub fn set_condition(&mut self, patch: usize, condition: Condition) {
         self.patches[patch].condition = condition;
     }
@@ -423,7 +423,7 @@ impl Pressure {
             for i in row {
                 largest = largest.max(self.matrix.diagonal[i]);
                 bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
-                // A blocked cell takes no part: whatever a coarse correction puts there changes nothing.
+                // A blocked cell takes no part: a coarse correction there has no effect.
                 if self.matrix.diagonal[i] <= 0.0 {
                     self.right[i] = 0.0;
                     self.phi[i] = 0.0;
@@ -462,7 +462,7 @@ impl Pressure {
     /// Conjugate gradients: iterations and relative residual.
     fn iterate(&mut self) -> Result<(u32, f64), Error> {
         if self.fresh {
-            // So that water that nothing drives is at rest exactly.
+            // Water without a driving force is then exactly at rest.
             let middle = self.middle();
             for index in 0..self.grid.count() {
                 if self.conducts[index] {

@@ -70,7 +70,7 @@ pub enum View {
 const SAND: [f64; 3] = [214.0, 176.0, 120.0];
 const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 
-/// Draws a run and returns a line that says where the picture is. Serial.
+/// Draws a run and returns a line with the path of the picture. Serial.
 ///
 /// # Errors
 /// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
@@ -158,7 +158,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// The section asked for, or through the middle where there is but water in space.
+    /// The requested section, or one through the middle if a 3-D scene contains only fluid.
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();

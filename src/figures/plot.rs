@@ -201,7 +201,7 @@ pub enum Legend {
     BottomRight,
 }
 
-/// Two axes and what is drawn on them.
+/// Two axes and their layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Above the panel.

@@ -42,7 +42,7 @@ macro_rules! operators {
         }
 
         impl $list {
-            /// What the operator says of itself.
+            /// The description of the operator.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -84,7 +84,7 @@ impl Default for Operator {
     }
 }
 
-/// A collision operator as a case names it: its parameters, and what the program asks about it.
+/// A collision operator of a case: its parameters and its interface to the program.
 pub trait Model {
     /// The operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;

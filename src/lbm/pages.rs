@@ -23,7 +23,7 @@ impl<S: Stored> Pages<S> {
     /// `len` zeros.
     ///
     /// # Errors
-    /// When the memory cannot be had.
+    /// If the memory cannot be allocated.
     pub(super) fn new(len: usize) -> Result<Self, String> {
         let bytes = len * size_of::<S>();
         // SAFETY: an anonymous private mapping of our own; the result is checked.

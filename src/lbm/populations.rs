@@ -102,7 +102,7 @@ impl<S: Stored> Populations<S> {
     /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
     ///
     /// # Errors
-    /// When the memory cannot be had, or the slab needs more than 2³² numbers.
+    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
     pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
@@ -218,7 +218,7 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of slot `i` of a cell, whatever the parity.
+    /// Position of slot `i` of a cell, independently of the parity.
     #[inline(always)]
     #[must_use]
     pub fn slot(&self, cell: usize, i: usize) -> usize {
@@ -334,7 +334,7 @@ impl<S: Stored> Populations<S> {
         add_rows(&self.velocities.c, row, moments);
     }
 
-    /// Moments of a row as [`Self::row_moments`], and what stands out among its cells, with `half` of the body force in the
+    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
     /// momentum.
     pub fn row_extremes(
         &self,
@@ -390,7 +390,7 @@ impl<S: Stored> Populations<S> {
     }
 }
 
-/// What stands out among the cells of a row.
+/// The extreme values of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
     /// Largest squared speed.

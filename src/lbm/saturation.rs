@@ -63,7 +63,7 @@ macro_rules! solid_operators {
             /// Every operator of the list.
             pub const ALL: &[Self] = &[$(Self::$operator,)*];
 
-            /// What the operator says of itself.
+            /// The description of the operator.
             #[must_use]
             pub fn model(self) -> &'static dyn Model {
                 match self {
@@ -122,7 +122,7 @@ solid_operators! {
     viscosity_matched ViscosityMatched,
 }
 
-/// A solid collision operator: what the program asks about it.
+/// A solid collision operator: its interface to the program.
 pub trait Model {
     /// The operator in the schema of a case.
     fn documentation(&self) -> &'static str;
@@ -181,9 +181,9 @@ impl LightBody {
 /// Densities of bodies over that of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRatios {
-    /// Every lighter body was thrown away.
+    /// Every lighter body was unstable.
     pub fails: f64,
-    /// No heavier body was thrown away.
+    /// No heavier body was unstable.
     pub holds: f64,
 }
 

@@ -95,7 +95,7 @@ pub trait Model {
 }
 
 /// Why a model is used, in `plan`.
-const ASKED: &str = "asked for; from the gradient of the velocity of the step before";
+const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
 
 /// The eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {

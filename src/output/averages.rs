@@ -70,7 +70,7 @@ impl PartialEq for Scratch {
 }
 
 impl Averages {
-    /// Of a plan that asks for them, in the slab of `fluid`; nothing sampled yet.
+    /// The averages of a plan in the slab of `fluid`, without samples.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
         let written = plan.scene.output.averages.as_ref()?;
@@ -257,7 +257,7 @@ pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table
     }
 }
 
-/// What is asked of averages where there is no lattice.
+/// The error of averages without a lattice.
 pub(super) fn none() -> Error {
     Error::Internal("there are no averages to write".into())
 }

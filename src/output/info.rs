@@ -93,7 +93,7 @@ fn folder(path: &Path) -> Result<Value, Error> {
         let short = one.strip_prefix(path).unwrap_or(one);
         list.insert(short.display().to_string(), value);
     };
-    // What cannot be read is said in its place: one bad file does not hide the others.
+    // A file that cannot be read is reported in its place and does not hide the others.
     let described = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
     for one in &files {
         match extension(one) {

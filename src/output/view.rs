@@ -20,7 +20,7 @@ pub struct View<'a, S: Space> {
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,
-    /// Sums over time of this rank's slab, if the scene asks for averages.
+    /// Sums over time of this rank's slab, if the scene has averages.
     pub averages: Option<&'a Averages>,
     /// Grains and bodies of this rank, ghosts up to date.
     pub particles: &'a Particles<S>,

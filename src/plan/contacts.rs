@@ -135,7 +135,7 @@ pub(super) fn check(
     }
     if sure.is_finite() {
         margins.push(margin(
-            "solid time step / limit of the contacts at the start",
+            "solid time step / limit of the initial contacts",
             dt,
             sure,
             path,
@@ -146,14 +146,14 @@ pub(super) fn check(
         findings.error(
             path,
             format!(
-                "a solid time step of {step} s is above {} s, from which on the contacts of the start throw the bodies apart",
+                "a solid time step of {step} s is above {} s, the stability limit of the initial contacts",
                 number(sure)
             ),
             remedy(scene, clock, sure),
         );
     } else if dt > worst {
         let reason = format!(
-            "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",
+            "a solid time step of {step} s is above {} s, the stability limit of bodies with contacts on all sides",
             number(worst)
         );
         let remedy = remedy(scene, clock, worst);
@@ -165,7 +165,7 @@ pub(super) fn check(
     }
 }
 
-/// The steps (s) that bodies bear.
+/// Stable time steps of bodies \[s\].
 struct Limits {
     /// With the contacts of the start as they slip; infinite where they are not known or far from it.
     slipping: f64,
@@ -223,7 +223,7 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     };
     if opening > A_GRAIN_BETWEEN * smallest {
         let than = format!(
-            "more than the smallest grain, {} m: it would hold across other grains",
+            "more than the smallest grain, {} m: it would act across other grains",
             number(smallest)
         );
         findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
@@ -297,7 +297,7 @@ fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
     let limit = (0.99 * limit).min(safe);
     if scene.flow.is_some() {
         let steps = (clock.time_step / limit).ceil();
-        Remedy::from(format!("use at least {steps} solid steps in a fluid step"))
+        Remedy::from(format!("use at least {steps} solid steps per fluid step"))
             .set(path(scene), crate::number::whole(steps))
     } else if scene.time.solid_time_step.is_some() {
         let step = at_most(limit);

@@ -20,7 +20,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
 
-/// Compares the interval with the shortest time of drag.
+/// Compares the interval with the shortest response time of a grain.
 pub(super) fn check(
     scene: &Scene,
     clock: &Clock,
@@ -45,7 +45,7 @@ pub(super) fn check(
     let path = "fluid.darcy.coupling_interval";
     let interval = clock.time_step;
     margins.push(margin(
-        "coupling interval / twice the time of drag",
+        "coupling interval / twice the response time of a grain",
         interval,
         2.0 * shortest,
         path,
@@ -56,7 +56,7 @@ pub(super) fn check(
     let most = (2.0 * shortest / clock.solid_time_step).ceil() - 1.0;
     let text = if most >= 1.0 {
         format!(
-            "use at most {} solid steps in an interval, or `semi_implicit_drag`",
+            "use at most {} solid steps per interval, or `semi_implicit_drag`",
             number(most)
         )
     } else {
@@ -121,7 +121,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     Openness::measure(&grid, &enclosure)
 }
 
-/// The pores of the coarse grid, counted as the case says, without grains.
+/// The pores of the coarse grid with the porosity method of the case, without grains.
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     Pores::new(

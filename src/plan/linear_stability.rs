@@ -33,7 +33,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     let family = format!("{PATH}.collision");
     let path = &format!("{family}.{}", flow.collision.name());
     let reason = format!(
-        "at tau = {} waves of {:.1} cells gain {} % in a step in water at rest with these rates",
+        "at tau = {} waves of {:.1} cells grow by {} % per step in water at rest with these rates",
         number(flow.relaxation_time),
         wave.length(),
         number(100.0 * gain),
@@ -42,7 +42,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     if gain < FAILS {
         let steps = clock.steps;
         let long = format!(
-            "{reason}, e^{growth:.0} times themselves in {steps} steps: only eddies can hold them"
+            "{reason}, by a factor of e^{growth:.0} in {steps} steps unless eddy viscosity damps them"
         );
         findings.warn(path, long, remedy);
     } else {
@@ -59,7 +59,7 @@ mod tests {
     use crate::case::Document;
     use crate::plan::Plan;
 
-    /// What the plan says of waves in a closed box of water with an operator and relaxation time over some steps.
+    /// The finding about waves in a closed box of water with an operator and relaxation time over some steps.
     fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {
         let step = (tau - 0.5) / 3.0 * 1e-2;
         let end = step * f64::from(steps);
@@ -85,7 +85,7 @@ mod tests {
         assert_eq!(said(suga, 0.5001, 4000), None);
         let words = said(suga, 0.5001, 37_500).unwrap();
         assert!(
-            words.contains("gain 0.07536 % in a step") && words.contains("e^28 times themselves"),
+            words.contains("grow by 0.07536 % per step") && words.contains("by a factor of e^28"),
             "{words}"
         );
         assert_eq!(said(suga, 0.502, 1_000_000), None);

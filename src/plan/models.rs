@@ -10,10 +10,10 @@ use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use serde::Serialize;
 
-/// A model and why.
+/// A model and its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Choice {
-    /// What is chosen.
+    /// The choice.
     pub what: String,
     /// The model.
     pub model: String,
@@ -24,7 +24,7 @@ pub struct Choice {
 pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     let mut list = Vec::new();
     let mut choose = |what: &str, model: String, reason: String| {
-        // What the case left out has a reason of its own.
+        // Automatic choices have their own reasons.
         let own = scene.chosen.why(what);
         list.push(Choice {
             what: what.into(),
@@ -42,7 +42,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         choose(
             "accuracy",
             format!("{level}: {target} % of forces, {promised}"),
-            "no row measured covers these cells".into(),
+            "no measured row covers these cells".into(),
         );
     }
     if scene.chosen.why("spacing").is_some() {
@@ -67,7 +67,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "fluid",
             "Darcy seepage".into(),
             format!(
-                "asked for; {} x {} x {} cells, coupled every {} solid steps",
+                "requested; {} x {} x {} cells, coupled every {} solid steps",
                 seepage.cells[0], seepage.cells[1], seepage.cells[2], clock.solid_steps_per_step
             ),
         );
@@ -110,7 +110,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 VelocitySet::D3Q27 if operator.only_on().is_some() => {
                     ("D3Q27", "the moments of the operator are those of this set")
                 }
-                VelocitySet::D3Q27 => ("D3Q27", "asked for: isotropic to fourth order"),
+                VelocitySet::D3Q27 => ("D3Q27", "requested: isotropic to fourth order"),
             };
             choose("lattice", name.into(), reason.into());
             let Description { model, reason } = operator.describe(flow.relaxation_time);
@@ -119,7 +119,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 || {
                     Description::new(
                         "none",
-                        "not asked for: all eddies are taken as resolved, no velocity field is kept",
+                        "not requested: all eddies are assumed to be resolved, no velocity field is stored",
                     )
                 },
                 |model| model.describe(),
@@ -154,15 +154,15 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         Some(table) if solid => {
             let polyhedra = scene.polyhedra().count();
             let reason = if polyhedra == 0 {
-                format!("asked for; {kind}, without orientation")
+                format!("requested; {kind}, without orientation")
             } else {
-                format!("asked for; {polyhedra} polyhedra")
+                format!("requested; {polyhedra} polyhedra")
             };
             choose("contact law", table.model().describe(), reason);
             choose(
                 "solid steps",
                 format!("{} per fluid step", clock.solid_steps_per_step),
-                "the smallest number within the safety of the critical time step, or as asked"
+                "the smallest number within the safety of the critical time step, or as requested"
                     .into(),
             );
         }
@@ -196,7 +196,7 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
     };
     let fraction = match written.solid_fraction {
         SolidFraction::Exact => "exact fractions".into(),
-        SolidFraction::Samples(n) => format!("fractions from {n} samples along an edge"),
+        SolidFraction::Samples(n) => format!("solid fractions from {n} samples along an edge"),
         SolidFraction::Linear => "linear fractions".into(),
     };
     format!("partially saturated cells, {operator}, {weighting}, {fraction}")

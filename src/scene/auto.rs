@@ -29,7 +29,7 @@ use std::borrow::Cow;
 /// What was chosen.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chosen {
-    /// What the case asks for; none where it leaves nothing out that depends on it.
+    /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
     /// Largest relative error that the rows measured promise, twice their own; none where no row covers the case.
     pub promised: Option<f64>,
@@ -71,7 +71,7 @@ impl Chosen {
     }
 }
 
-/// The accuracy for which numbers are chosen; none where the case states them all and asks for none.
+/// The accuracy of the automatic choices; none if the case states all values and no accuracy.
 pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     let lbm = features::lattice(case);
     let no_step = lbm.is_some_and(|lbm| {

@@ -105,7 +105,7 @@ impl<'a> Findings<'a> {
                 self.problems.push(Problem {
                     path: "the case".into(),
                     value: String::new(),
-                    reason: format!("only the first {MOST_PROBLEMS} of this weight are listed"),
+                    reason: format!("only the first {MOST_PROBLEMS} of this severity are listed"),
                     remedy: "correct those first".into(),
                     severity,
                 });

@@ -108,7 +108,7 @@ pub(crate) fn grains(
                 findings.error(
                     "grains.initial.list",
                     "the list holds no grain",
-                    "add one, or leave `grains` out",
+                    "add one, or omit `grains`",
                 );
             }
             let mut resolved = Vec::with_capacity(list.len());
@@ -283,7 +283,7 @@ fn falls(
             findings.error(
                 &format!("{path}.grading.{name}"),
                 reason,
-                "correct the classes, or let more grains fall",
+                "correct the classes, or use more grains",
             );
             return None;
         }

@@ -16,7 +16,7 @@ pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     {
         findings.error(
             &format!("materials.{name}.density"),
-            "what moves freely needs the density of its material",
+            "a freely moving body needs the density of its material",
             Remedy::from("add it in kg/m3, for example 2650")
                 .set(format!("materials.{name}.density"), 2650),
         );

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
 
-/// A disc or sphere, with whatever gap counts as near.
+/// A disc or sphere, enlarged by the gap that counts as near.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
     /// Centre \[m\].

@@ -49,7 +49,7 @@ impl RockMass {
     /// The blocks.
     ///
     /// # Errors
-    /// Where an aperture as wide as a block leaves nothing of it.
+    /// An aperture as wide as a block, which leaves nothing of it.
     pub fn blocks(&self) -> Result<Vec<Solid>, ShapeError> {
         let back = 0.5 * self.aperture;
         self.parts()

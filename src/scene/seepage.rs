@@ -17,7 +17,7 @@ use serde_json::json;
 
 /// Where the seepage stands in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
-/// Steps of the grains between two couplings where nothing is said, and the most of them.
+/// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
 
@@ -26,7 +26,7 @@ const MOST_INTERVAL: u32 = 1_000_000;
 pub struct Seepage {
     /// The choices as written.
     pub written: Darcy,
-    /// Longest time between two couplings for the accuracy asked for \[s\]; none where the case states the interval or asks for none.
+    /// Longest coupling interval for the requested accuracy \[s\]; none if the case states the interval or no accuracy.
     pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
@@ -51,7 +51,7 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last.
     pub to: [usize; 3],
-    /// What holds there.
+    /// The condition.
     pub condition: Condition,
 }
 
@@ -68,8 +68,8 @@ impl Seepage {
         if grid.periodic.iter().any(|p| *p) {
             findings.error(
                 "domain.periodic",
-                "the seepage knows walls and openings only: its grid does not repeat itself",
-                Remedy::from("leave `periodic` out").set("domain.periodic", json!([])),
+                "seepage does not support periodic axes",
+                Remedy::from("omit `periodic`").set("domain.periodic", json!([])),
             );
         }
         let (cells, origin, spacing) = coarse(written, grid, findings)?;
@@ -164,7 +164,7 @@ impl Seepage {
                 if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
                     findings.error(
                         &format!("{path}.patch"),
-                        "the patch holds the centre of no cell of the coarse grid",
+                        "the patch contains no cell centre of the coarse grid",
                         format!(
                             "the grid reaches from {:?} to {:?} m in cells of {:?} m",
                             &self.origin[..grid.dimension],
@@ -200,7 +200,7 @@ impl Seepage {
                 findings.error(
                     &path,
                     "all of it lies behind a plane of the enclosure: no water passes",
-                    "move it to where the water is, or the plane",
+                    "move it into the water, or move the plane",
                 );
             }
             patches.push(patch);
@@ -284,7 +284,7 @@ impl Seepage {
         if !written.resistance.model().goes_with(written.equations) {
             findings.error(
                 &format!("{PATH}.resistance"),
-                "this resistance does not go with the equations as printed, which know that of Kozeny and Carman alone",
+                "the equations as printed allow only the resistance of Kozeny and Carman",
                 Remedy::from(
                     "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
                 )
@@ -323,14 +323,14 @@ impl Seepage {
             findings.error(
                 "coupling",
                 "the seepage acts on the grains by its own drag",
-                Remedy::take_out("take the coupling out", "coupling"),
+                Remedy::take_out("remove the coupling", "coupling"),
             );
         }
         if case.time.warm_up.is_some() {
             findings.error(
                 "time.warm_up",
                 "the seepage is steady at every coupling: there is nothing to warm up",
-                Remedy::take_out("take it out", "time.warm_up"),
+                Remedy::take_out("remove it", "time.warm_up"),
             );
         }
         if case.grains.is_none() && case.bodies.is_empty() {

@@ -17,7 +17,7 @@ const MERGE: f64 = 1e-7;
 /// The surface of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
-/// A sentence that says what is wrong.
+/// A sentence about the error.
 pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Surface, String> {
     let corners = corners(bytes, scale, origin)?;
     let (vertices, numbers) = merged(&corners);
@@ -39,7 +39,7 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
 /// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
-/// A sentence that says what is wrong.
+/// A sentence about the error.
 pub(crate) fn triangles(
     bytes: &[u8],
     scale: f64,

@@ -89,7 +89,7 @@ pub struct CollapseRecorder {
 
 impl CollapseRecorder {
     /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
-    /// step. Nothing is opened, and nothing costs anything, where the case does not ask.
+    /// step. Without such an analysis nothing is opened, and there is no cost.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -278,7 +278,7 @@ impl CollapseRecorder {
         };
         let Some(state) = state else {
             return Err(Error::Io(
-                "the checkpoint holds no ground as it was at time 0, since its run did not ask for it; take `analysis.ground_collapse` out, or start anew"
+                "the checkpoint does not contain the ground at time 0, because its run had no `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
                     .into(),
             ));
         };

@@ -456,7 +456,7 @@ impl ErosionRecorder {
             && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
     }
 
-    /// The largest speed over C in a row written since this was last asked.
+    /// The largest speed over C in a row written since the last call.
     pub fn take_speed(&mut self) -> Option<f64> {
         self.speed.take()
     }

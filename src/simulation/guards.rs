@@ -145,7 +145,7 @@ impl Guards {
         self.squeezed[1].map(|at| at.value.abs())
     }
 
-    /// Another observer saw this largest speed over C: what it writes is never above what is said here.
+    /// Adds the largest speed over C that another recorder measured, so that its values never exceed the reported maximum.
     pub fn also_seen(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
@@ -164,7 +164,7 @@ impl Guards {
         self.openings.flows(&mean).then(|| mean.imbalance())
     }
 
-    /// What there is to say of the water in a line of the log.
+    /// The part about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
             [Some(now), Some(most)] => format!("lattice velocity {now:.3} (largest {most:.3})"),
@@ -193,12 +193,12 @@ impl Guards {
         text
     }
 
-    /// Sentences that have come up since this was last asked.
+    /// Sentences since the last call.
     pub fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
-    /// What is to be said at the end of a run.
+    /// Warnings at the end of a run.
     #[must_use]
     pub fn warnings(&self, plan: &Plan) -> Vec<String> {
         let mut all = Vec::new();
@@ -236,7 +236,7 @@ impl Guards {
                     ""
                 };
                 all.push(format!(
-                    "the balance of {what} of a step is off by {error:.1e}, where {limit:.0e} is allowed for{why}"
+                    "the {what} balance of a step has an error of {error:.1e}, above {limit:.0e}{why}"
                 ));
             }
         }
@@ -252,7 +252,7 @@ impl Guards {
         Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
-    /// What is said where inflow and outflow should agree and do not.
+    /// The warning that inflow and outflow differ.
     fn unbalanced(&self, plan: &Plan) -> Option<String> {
         let mean = self.openings.disagree()?;
         let units = plan.units?;
@@ -269,11 +269,11 @@ impl Guards {
                 ("drains", "enters")
             };
             format!(
-                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; see that an open way of several cells leads from inlet to outlet"
+                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; check that an open path of several cells leads from inlet to outlet"
             )
         } else {
             format!(
-                "{both}: they differ by {:.0} % after sound has crossed the domain many times; what is missing changes the density",
+                "{both}: they differ by {:.0} % after sound has crossed the domain many times; the difference changes the density",
                 100.0 * mean.imbalance().abs()
             )
         })
@@ -367,7 +367,7 @@ impl Guards {
         }
     }
 
-    /// Looks at the state after `step`, unless that has been done: no run ends with a state that nobody looked at. Collective.
+    /// Checks the state after `step`, unless that has been done, so that the final state of a run is always checked. Collective.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -469,7 +469,7 @@ impl Guards {
                 self.warned[0] = true;
                 let cell = Order::of(flow).cell(squeezed.cell);
                 self.news.push(format!(
-                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures are off by as much; a smaller time step lowers it by its square",
+                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures have an error of this size, which decreases with the square of the time step",
                     failure::point(plan.scene.grid.centre(cell), plan),
                     failure::density(squeezed.value, plan),
                     limits.warn_compression
@@ -504,7 +504,7 @@ impl fmt::Display for When {
     }
 }
 
-/// The larger of two numbers that may not have been measured; what is no number counts as the largest.
+/// The larger of two values that may not have been measured; NaN counts as the largest.
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),

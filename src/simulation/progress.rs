@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// What there is to say about the present moment.
+/// The state of the run for a progress line.
 #[derive(Clone, Debug, Default)]
 pub struct Moment {
     /// Steps done and in all.
@@ -56,7 +56,7 @@ impl Progress {
         }
     }
 
-    /// Whether it is time to speak (asked every few steps).
+    /// Whether a progress line is due (called every few steps).
     #[must_use]
     pub fn due(&self) -> bool {
         self.speaks && self.last.elapsed() >= self.every

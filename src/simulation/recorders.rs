@@ -12,7 +12,7 @@ pub(super) struct Recorders {
     pub(super) removal: removal::State,
     /// The erosion record.
     pub(super) recorder: erosion::State,
-    /// The collapse record; none where the case asks for none.
+    /// The collapse record; none without such an analysis.
     #[serde(default)]
     pub(super) collapse: Option<collapse::State>,
     /// The meters of the guards; [`saved_guards`] reads them.

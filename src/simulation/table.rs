@@ -58,7 +58,7 @@ impl Table {
         Ok(())
     }
 
-    /// A table with this text instead of whatever was there.
+    /// A table with this text, which replaces the previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
         let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
         // A crash leaves the old table or the new one.

@@ -38,7 +38,7 @@ pub struct Signals {
     save: Arc<AtomicBool>,
 }
 
-/// Catches signals from now on: what comes before the first step, while a case is planned, is answered then.
+/// Catches signals from now on; requests that arrive before the first step take effect at that step.
 ///
 /// # Errors
 /// When signals cannot be caught.
@@ -121,7 +121,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// The same pace on all ranks, whoever asked before.
+    /// The same interval on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -170,7 +170,7 @@ impl Watch {
 
     /// Removes the STOP files, so that the next run does not stop at once.
     pub fn forget_file(&self) {
-        // Nobody else is hurt if it stays: the next run stops again and says why.
+        // If it stays, the next run stops again with a message.
         for file in &self.files {
             let _ = std::fs::remove_file(file);
         }

@@ -3,7 +3,7 @@
 use super::study::Study;
 use std::path::Path;
 
-/// The script, with the paths as they are from the folder in which it was asked for.
+/// The script, with paths relative to the current folder.
 #[must_use]
 pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> String {
     let absolute = |path: &Path| {

@@ -113,7 +113,7 @@ fn remedies_that_are_named_are_those_that_help() {
         " m moves at lattice velocity ",
         " m/s, above guards.max_lattice_velocity = 0.3; its density is ",
         " Pa); nearest to it is boundary ",
-        " m away; of the plan's limits the nearest is `cell Reynolds number U h/nu",
+        " m away; the nearest limit of the plan is `cell Reynolds number U h/nu",
         "a smaller time step did not help; a cell Reynolds number of at most 10 did",
         "a slower flow or a larger viscosity",
     ] {
@@ -134,7 +134,7 @@ fn compression_is_warned_of_and_ends_the_run() {
         "nearest to it is boundary inlet",
         "density change: the imposed pressure",
         "inflow ",
-        "where a pressure was imposed a smaller time step",
+        "with an imposed pressure a smaller time step",
     ] {
         assert!(failed.stderr.contains(words), "{words}: {}", failed.stderr);
     }
@@ -185,7 +185,7 @@ fn a_row_of_wires_that_lets_nothing_through_is_no_silent_success() {
         burst.stderr
     );
     assert!(burst.stderr.contains("body wire"), "{}", burst.stderr);
-    let way = "see that an open way of several cells leads from inlet to outlet";
+    let way = "check that an open path of several cells leads from inlet to outlet";
     assert!(burst.stderr.contains(way), "{}", burst.stderr);
     // Where every second wire is gone the water passes.
     let open = ran(0, &wires(5e-5, 2, 60.0), &[]);

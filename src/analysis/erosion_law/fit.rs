@@ -22,7 +22,7 @@ use super::statistics::{median, student};
 use crate::number::real;
 use crate::random::SplitMix;
 
-/// An interval of confidence, 95 % unless said otherwise.
+/// A confidence interval, 95 % unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Interval {
     /// Lower end.
@@ -113,7 +113,7 @@ impl Default for FitOptions {
     }
 }
 
-/// What the points say about the law.
+/// The law that follows from the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
@@ -215,7 +215,7 @@ impl Line {
     }
 }
 
-/// Fits the law, or says which bound the points give. `None` without a point that has a finite stress and rate.
+/// Fits the law, or returns the bound that the points give. `None` without a point that has a finite stress and rate.
 #[must_use]
 pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
     let mut points: Vec<RatePoint> = points
@@ -562,7 +562,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     (slope, -median(&mut intercepts) / slope)
 }
 
-/// What the fits of a cohesion series say together.
+/// Trends over the fits of a cohesion series.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.

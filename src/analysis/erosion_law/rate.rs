@@ -28,7 +28,7 @@ use crate::number::real;
 pub struct WindowOptions {
     /// Most windows per run.
     pub windows: usize,
-    /// Fewest grains for a window of its own.
+    /// Smallest number of grains in a window.
     pub grains: u64,
     /// Fewest grains that count as erosion.
     pub eroding_grains: u64,

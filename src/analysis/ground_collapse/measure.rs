@@ -77,7 +77,7 @@ pub struct Limits {
     pub moving: f64,
     /// A column that went down by this much belongs to the depression \[m\].
     pub settled: f64,
-    /// Percentile of the settlement that is asked for.
+    /// Percentile of the settlement to be computed.
     pub percentile: f64,
 }
 
@@ -124,7 +124,7 @@ pub struct Sample {
     pub settlement_max: f64,
     /// Mean settlement over the middle third along the long axis \[m\].
     pub settlement_middle: f64,
-    /// The percentile asked for \[m\].
+    /// The requested percentile \[m\].
     pub settlement_percentile: f64,
     /// Where it has settled.
     pub depression: Depression,

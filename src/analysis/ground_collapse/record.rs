@@ -41,7 +41,7 @@ pub struct CollapseRecord {
     settlement_max: f64 = "settlement_max [m]",
     /// Mean settlement over the middle third of the long axis, m.
     settlement_middle: f64 = "settlement_middle [m]",
-    /// Percentile of the settlement that the case asks for, m.
+    /// The requested percentile of the settlement, m.
     settlement_percentile: f64 = "settlement_percentile [m]",
     /// Length along the long axis that has settled, m.
     extension: f64 = "extension [m]",

@@ -6,7 +6,7 @@ use serde_json::Value;
 pub(super) enum Template<'a> {
     /// Only the walk over the schema can tell.
     Unknown,
-    /// Absent or as the other template says.
+    /// Absent or as the other template requires.
     Optional(Box<Template<'a>>),
     Number {
         whole: bool,

@@ -59,7 +59,7 @@ pub struct Situation {
     pub dimension: usize,
     /// What surrounds the fluid.
     pub surroundings: Surroundings,
-    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the hardest that walls can be.
+    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
     /// Whether an eddy viscosity is added.
     pub eddies: bool,

@@ -55,7 +55,7 @@ const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
 
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
-        Description::new("cumulants", "asked for; robust at high Reynolds numbers")
+        Description::new("cumulants", "requested; robust at high Reynolds numbers")
     }
 
     fn only_on(&self) -> Option<VelocitySet> {

@@ -46,7 +46,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// What stands out among a row of `length` cells from `cell` on; `work` is room that is used again.
+    /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
     pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
         let half = self.half_force();
         self.populations.row_extremes(cell, length, half, work)

@@ -113,7 +113,7 @@ impl Wall {
     }
 }
 
-/// What a fluid of density one at rest exerts on a face, in quanta.
+/// The force of a fluid of density one at rest on a face, in quanta.
 fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [i128; 3] {
     let mut sum = [0; 3];
     let (mut from, mut to) = ([0; 3], grid.cells);
@@ -276,7 +276,7 @@ mod tests {
             .unwrap()
     }
 
-    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly nothing.
+    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly no force.
     #[test]
     fn the_reference_is_what_a_fluid_at_rest_exerts() {
         let (plan, fluid) = still(0.0);

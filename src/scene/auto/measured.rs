@@ -23,7 +23,7 @@ pub struct Row {
     pub problem: String,
     /// 2 or 3.
     pub dimension: usize,
-    /// What the water meets: `walls`, a coupling, or `blocks: ` and what their cells do.
+    /// Obstacle in the fluid: `walls`, a coupling, or `blocks: ` with the solid collision operator.
     pub obstacle: String,
     /// Velocity set.
     pub lattice: String,
@@ -41,13 +41,13 @@ pub struct Row {
     pub error: f64,
     /// Core-seconds for one diameter cubed (2-D: squared) over d²/nu.
     pub core_seconds: f64,
-    /// Where it was measured, and against what.
+    /// Source of the measurement, and its reference.
     pub place: String,
 }
 
 impl Row {
-    /// Cells that a flow of this Reynolds number needs to be as well resolved as the row. Slower flow than that of the row may have
-    /// fewer only where there are rows of creeping flow to say how many.
+    /// Cells that a flow of this Reynolds number needs for the resolution of the row. Slower flow than that of the row may have
+    /// fewer cells only if there are rows of creeping flow.
     #[must_use]
     pub fn cells_at(&self, reynolds: f64) -> f64 {
         if self.reynolds > 0.0 {
@@ -98,8 +98,8 @@ fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item 
     })
 }
 
-/// The row that asks for most cells at this Reynolds number, of the cheapest that are good enough for the target in creeping flow and
-/// in flow with inertia; where none is good enough, the best.
+/// The row that requires most cells at this Reynolds number, of the cheapest that meet the target in creeping flow and
+/// in flow with inertia; if none meets it, the most accurate.
 pub(crate) fn needed(
     dimension: usize,
     obstacle: &str,
@@ -118,7 +118,7 @@ pub(crate) fn needed(
     picked.max_by(|a, b| a.cells_at(reynolds).total_cmp(&b.cells_at(reynolds)))
 }
 
-/// The row that says what so many cells are worth: the worse of those for creeping flow and for flow with inertia; none where there are
+/// The row with the error of this number of cells: the larger one of creeping flow and of flow with inertia; none where there are
 /// fewer cells than in any row.
 pub(crate) fn covering(
     dimension: usize,

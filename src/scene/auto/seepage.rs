@@ -46,7 +46,7 @@ pub(crate) struct Row {
     value: f64,
     /// Largest relative error of the flow.
     error: f64,
-    /// Where it was measured, and against what.
+    /// Source of the measurement, and its reference.
     place: String,
 }
 
@@ -82,7 +82,7 @@ fn needed(what: &str, bound: f64) -> Option<&'static Row> {
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
-/// The row that says what this number is worth; none beyond all rows.
+/// The row with the error of this number; none beyond all rows.
 fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
@@ -123,7 +123,7 @@ impl Bed {
         })
     }
 
-    /// The spring [N/m] that gives way by this part of the largest diameter.
+    /// The spring [N/m] whose overlap is this part of the largest diameter.
     fn stiffness(&self, overlap: f64) -> f64 {
         self.force / (overlap * self.diameters.1)
     }
@@ -164,7 +164,7 @@ fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
     (high - low).max(0.0)
 }
 
-/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
+/// The spring [N/m] for the target, and the reason; none if the bed has no load. `impact` gives the spring that stops what falls within
 /// a part of its diameter.
 pub(super) fn stiffness(
     scene: &Scene,
@@ -175,7 +175,7 @@ pub(super) fn stiffness(
     let row = needed("overlap", OF_CONTACTS * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
-        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % where grains fall in",
+        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % for falling grains",
         number(value),
         number(100.0 * row.value),
         number(bed.stress),
@@ -184,7 +184,7 @@ pub(super) fn stiffness(
     Some((value, text))
 }
 
-/// Chooses the time between two couplings, and says what it and the contacts are worth.
+/// Chooses the coupling interval, and adds the promised error of interval and contacts.
 pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     let Some(bed) = Bed::of(scene) else { return };
     let shortest = step::intervals(scene).fold(f64::INFINITY, f64::min);
@@ -192,7 +192,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         return;
     };
     if seepage.written.coupling_interval.is_some() {
-        let text = "the case states its coupling interval: nothing is said of its error";
+        let text = "the case states its coupling interval; its error is not known";
         scene.chosen.note("accuracy", text);
         return;
     }
@@ -202,7 +202,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     let time = interval.value * bed.time();
     seepage.coupling_time = Some(time.min(shortest));
     let text = format!(
-        "at most {} s between two, {} of the time in which a free grain moves half a diameter",
+        "at most {} s, {} of the time in which a free grain moves half a diameter",
         number(time),
         number(interval.value)
     );
@@ -219,18 +219,18 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "contacts overlap by {} % of a diameter under {} Pa, more than in any row measured: nothing is promised",
+                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises no error",
                 number(100.0 * overlap),
                 number(bed.stress)
             ),
-            "use stiffer contacts, or leave the law of contact out",
+            "use stiffer contacts, or omit the contact law",
         );
         return;
     };
     let promised = 2.0 * (contacts.error + interval.error);
     scene.chosen.promised = Some(promised);
     let text = format!(
-        "the flow rests on {} and {} ({}); twice their sum is promised",
+        "error of the flow from {} and {} ({}); the plan promises twice their sum",
         contacts.name(),
         interval.name(),
         contacts.place
@@ -240,11 +240,11 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "{} % is asked for, but the rows measured promise {} %",
+                "{} % is requested, but the measured rows promise {} %",
                 number(100.0 * target),
                 number(100.0 * promised)
             ),
-            "use stiffer contacts where they are stated, or ask for less",
+            "use stiffer contacts where they are stated, or request less accuracy",
         );
     }
 }

@@ -48,7 +48,7 @@ pub enum Spacing {
         /// Mean.
         mean: f64,
     },
-    /// Normal; what is not above zero is drawn again.
+    /// Normal; values that are not above zero are drawn again.
     Normal {
         /// Mean.
         mean: f64,

@@ -73,11 +73,11 @@ struct Face {
 /// The blocks of a file in either form.
 ///
 /// # Errors
-/// Sentences that say what is wrong, each with the block it is about.
+/// Sentences about the errors, each with its block.
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
-        values.push(value.map_err(|e| vec![format!("this is no JSON: {e}")])?);
+        values.push(value.map_err(|e| vec![format!("this is not JSON: {e}")])?);
     }
     let own = matches!(&values[..], [Value::Object(map)] if !map.contains_key("faces"));
     let made = if own {
@@ -98,7 +98,7 @@ fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<Strin
     let made = file.blocks.into_iter().map(|entry| {
         let id = entry.id;
         if last.replace(id) == Some(id) {
-            return Err(format!("block {id}: there are two of this id"));
+            return Err(format!("there are two blocks with the id {id}"));
         }
         entry.listed().map_err(|e| format!("block {id}: {e}"))
     });

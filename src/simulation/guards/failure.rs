@@ -49,7 +49,7 @@ impl Failure {
         let cell = Order::of(flow).cell(self.place);
         let centre = plan.scene.grid.centre(cell);
         let state = state(self.kind, cell, flow, plan);
-        // One rank holds the cell: it speaks for all.
+        // One rank holds the cell and reports for all.
         let state = match communicator.agree(state.map_or(Ok(()), Err)) {
             Ok(()) => String::new(),
             Err(told) => told.message,
@@ -201,7 +201,7 @@ pub(super) fn name(id: u64, plan: &Plan) -> String {
     }
 }
 
-/// What is said of a grain, block or body whose numbers fail.
+/// The message about a grain, block or body with values that are not finite.
 pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     let mut parts = vec![format!(
         "{} has a position or velocity that is not finite",
@@ -212,7 +212,7 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// What the engine of the solids says of a failure, with what is nearest and what helped.
+/// The engine's message about a failure, with the nearest limit and a remedy.
 #[must_use]
 pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
@@ -238,7 +238,7 @@ const CELL_REYNOLDS: &str = "cell Reynolds number";
 /// How the limits of imposed pressures begin.
 const PRESSURE: &str = "density change";
 
-/// The limit of the plan that is nearest to its bound, of those asked for.
+/// The limit of the plan with the smallest margin, of those selected.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
         .iter()
@@ -259,7 +259,7 @@ fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
 
 fn limit(margin: &Margin) -> String {
     format!(
-        "of the plan's limits the nearest is `{}`, {} of {} ({})",
+        "the nearest limit of the plan is `{}`, {} of {} ({})",
         margin.limit,
         number(margin.value),
         number(margin.allowed),
@@ -267,7 +267,7 @@ fn limit(margin: &Margin) -> String {
     )
 }
 
-/// What was seen to help such a case; else where to look.
+/// A remedy that helped in such a case; otherwise a hint.
 ///
 /// | scene | failed still with | ended with |
 /// |---|---|---|
@@ -282,17 +282,17 @@ fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
         return format!(
-            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did, by a spacing of at most {} m, a slower flow or a larger viscosity",
+            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of at most {} m, a slower flow or a larger viscosity",
             number(margin.allowed),
             number(finest)
         );
     }
     let pressure = nearest_of_water(plan).is_some_and(|margin| margin.limit.starts_with(PRESSURE));
     match kind {
-        Kind::TooDense if one_way => "see that an open way of several cells leads from inlet to outlet",
+        Kind::TooDense if one_way => "check that an open path of several cells leads from inlet to outlet",
         Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
         Kind::TooDense if pressure => {
-            "where a pressure was imposed a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
+            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
         }
         Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }

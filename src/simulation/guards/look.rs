@@ -81,9 +81,9 @@ impl Order {
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
-    /// What stands out in each row.
+    /// The extreme values of each row.
     rows: Rows,
-    /// Rows by how far they stand out.
+    /// Rows sorted by their extreme value.
     order: Vec<(f64, usize)>,
 }
 

@@ -30,7 +30,7 @@ const CROSSINGS: f64 = 6.0;
 const LEAST_LOOKS: usize = 10;
 /// Imbalance that is worth a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
-/// Part of the one flow that counts as nothing of the other.
+/// Fraction of one flow below which the other counts as zero.
 pub(super) const NOTHING: f64 = 1e-3;
 /// Mass per step, over that of the domain, below which nothing flows.
 const STILL: f64 = 1e-9;
@@ -88,7 +88,7 @@ pub(super) struct Openings {
     settled: usize,
     /// The looks of the window.
     looks: VecDeque<Rates>,
-    /// Sums since somebody last asked, and how many.
+    /// Sums since the last call, and their number.
     since: (Rates, u64),
     masses: Vec<i128>,
     sums: Vec<u128>,
@@ -183,7 +183,7 @@ impl Openings {
         mean.inflow.max(mean.outflow) > self.still
     }
 
-    /// Means since this was last asked.
+    /// Means since the last call.
     pub(super) fn since_last(&mut self) -> Option<Rates> {
         let (sums, number) = std::mem::take(&mut self.since);
         let number = real(number);

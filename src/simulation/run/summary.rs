@@ -111,7 +111,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         {
             let lists = dem.statistics(&simulation.now.particles);
             log::debug!(
-                "rank {}: lists of neighbours made {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                "rank {}: neighbour lists built {} times, {} pairs tested; {} contacts now, {} of them bonded",
                 communicator.rank(),
                 lists.rebuilds,
                 lists.tested,

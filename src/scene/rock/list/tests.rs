@@ -61,7 +61,7 @@ fn what_is_written_is_read_again() {
 #[test]
 fn what_is_no_block_is_refused_by_its_number() {
     let refused = |text: &str| read(text).unwrap_err().join("; ");
-    assert!(refused("{").contains("no JSON"));
+    assert!(refused("{").contains("not JSON"));
     assert!(refused(r#"{"blocks": []}"#).contains("holds no block"));
     assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
     let text = r#"{"blocks": [
