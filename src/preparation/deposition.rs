@@ -104,7 +104,7 @@ const LANDED: f64 = 0.1;
 const LOOK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
-    /// Runs the deposition. Returns centres and radii [m], ordered along a space-filling curve.
+    /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
     /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
