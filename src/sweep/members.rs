@@ -438,7 +438,7 @@ mod tests {
             "domain.spcing",
             "did you mean `spacing`",
             "relaxation_time = \"half\"",
-            "nothing is named \"nothing\"",
+            "there is no value named \"nothing\"",
             "as in 1 more members",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");

@@ -152,7 +152,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
             json!("checkpoint_1.h5/../../x.h5"),
             "no file of a checkpoint",
         ),
-        ("/time", json!(1e9), "it says 1000000000 s at step"),
+        ("/time", json!(1e9), "it states 1000000000 s at step"),
         ("/bytes", json!(huge), "for arrays of"),
         ("/bytes", json!(17), "does not fit into a file of 17 bytes"),
         (
@@ -295,10 +295,10 @@ fn a_table_that_was_changed_is_told() {
         let mut flipped = whole.clone();
         flipped[length - 3] ^= 1;
         std::fs::write(&path, &flipped).unwrap();
-        copy.refused(0, "are not those of the checkpoint; put it back");
+        copy.refused(0, "are not those of the checkpoint; restore it");
         copy.refused(2, name);
         std::fs::write(&path, &whole[..length - 1]).unwrap();
-        copy.refused(0, "at the checkpoint; put it back");
+        copy.refused(0, "at the checkpoint; restore it");
         // Longer is cut back, as a run that was killed leaves it.
         std::fs::write(
             &path,

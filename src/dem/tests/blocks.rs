@@ -370,7 +370,7 @@ fn what_blocks_cannot_do_is_refused() {
         Settings::new(about_origin::<Plane>(1.0), 1e-4, 0.1),
         vec![],
     );
-    assert!(refusal(flat.map(|_| ())).contains("three dimensions"));
+    assert!(refusal(flat.map(|_| ())).contains("two dimensions"));
     let settings = Settings::new(about_origin::<Volume>(1.0), 1e-4, 0.1);
     // Shapes that are not in the table, and blocks under a law of spheres.
     let shape = cuboid(0.1, 0.1, 0.1);

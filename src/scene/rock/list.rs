@@ -98,7 +98,7 @@ fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<Strin
     let made = file.blocks.into_iter().map(|entry| {
         let id = entry.id;
         if last.replace(id) == Some(id) {
-            return Err(format!("there are two blocks with the id {id}"));
+            return Err(format!("block {id}: another block has this id"));
         }
         entry.listed().map_err(|e| format!("block {id}: {e}"))
     });

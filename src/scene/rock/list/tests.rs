@@ -75,7 +75,7 @@ fn what_is_no_block_is_refused_by_its_number() {
         "block 0: the block is flat",
         "block 1: the half-spaces are not bounded",
         "block 2: the half-spaces have no point in common",
-        "block 2: there are two of this id",
+        "block 2: another block has this id",
         "block 3: it needs either `half_spaces` or `vertices`",
     ] {
         assert!(problems.contains(expected), "{expected} in {problems}");
