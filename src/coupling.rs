@@ -7,10 +7,10 @@
 pub mod body_map;
 pub mod bounce_back;
 pub mod cover_map;
-pub mod drag;
 pub mod lattice;
 pub mod loads;
 pub mod partially_saturated;
+pub mod seepage;
 pub mod solid_fraction;
 pub mod water;
 

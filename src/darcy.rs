@@ -1,7 +1,7 @@
 //! Seepage through the pores of a bed of grains: porosity, permeability, pressure.
 //!
 //! ```text
-//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q --coupling/drag--> loads on grains
+//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
 //! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the pressure of the whole
@@ -11,6 +11,8 @@
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
+pub mod bed_motion;
+pub mod drag;
 pub mod enclosure;
 pub mod grid;
 mod layout;
@@ -22,6 +24,8 @@ pub mod porosity;
 pub mod pressure;
 mod reproducible;
 
+pub use bed_motion::{BedMotion, Moving};
+pub use drag::DragLaw;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;

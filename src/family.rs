@@ -1,6 +1,6 @@
 //! Families of models: one list generates the enum of the case, its schema, and the dispatch to the model.
 //!
-//! A model is a type that implements the trait of its family, such as [`crate::coupling::drag::Law`]. A model without
+//! A model is a type that implements the trait of its family, such as [`crate::darcy::drag::Law`]. A model without
 //! parameters is a unit struct and stands in a case as its name; a model with parameters is a struct of the same name, whose
 //! fields stand in the case below the name.
 //!

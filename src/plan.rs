@@ -13,6 +13,7 @@ pub mod interval;
 mod linear_stability;
 pub mod margin;
 pub mod models;
+pub mod pore_flow;
 pub mod report;
 mod stability;
 

@@ -24,7 +24,7 @@ pub mod versions;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
-use crate::coupling::drag::Seepage;
+use crate::coupling::seepage::Seepage;
 use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::water::Water;
 use crate::coupling::{Flow, FluidView};

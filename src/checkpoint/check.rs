@@ -1,6 +1,7 @@
 //! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
 
 use super::{EARLIER, TABLES};
+use crate::darcy::pressure::NUMBERS;
 use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::number::to_usize;
@@ -82,9 +83,9 @@ impl Expected {
         let seepage = count("seepage")?;
         if seepage > 0 {
             let cells = self.seepage.unwrap_or(0);
-            if cells.checked_mul(3) != Some(to_usize(seepage)) {
+            if cells.checked_mul(NUMBERS) != Some(to_usize(seepage)) {
                 return Err(format!(
-                    "it holds {seepage} numbers of the seepage; the case has {cells} cells with three numbers each"
+                    "it holds {seepage} numbers of seepage, and the case has {cells} cells of {NUMBERS}"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));

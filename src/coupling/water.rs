@@ -2,7 +2,7 @@
 
 use super::Flow;
 use super::bounce_back::BounceBack;
-use super::drag::Seepage;
+use super::seepage::Seepage;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
 use crate::dem::particles::Particles;

@@ -119,8 +119,8 @@ impl Pores {
         self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
-    /// Adds a grain; every grain on one rank only.
-    pub fn add(&mut self, centre: [f64; 3], radius: f64) {
+    /// Adds a grain; every grain on one rank only. Gives the cells that hold a part of it, each with the part.
+    pub fn add(&mut self, centre: [f64; 3], radius: f64) -> &[(usize, f64)] {
         let mut parts = std::mem::take(&mut self.parts);
         self.parts(centre, radius, &mut parts);
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
@@ -136,6 +136,7 @@ impl Pores {
         }
         self.finite &= finite;
         self.parts = parts;
+        &self.parts
     }
 
     /// Sums over the ranks and derives porosity and diameters. Collective.

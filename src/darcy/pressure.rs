@@ -9,8 +9,22 @@
 //! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
 //! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
 //!
-//! In the equations of the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and the velocity is
-//! interstitial ([`Equations::Paper`]). The signs are those of Darcy's law in both.
+//! Where grains move, `q` is the flux past them, and the volume of water and grains together is kept:
+//!
+//! ```text
+//! div (q + v) = 0        v: mean velocity of the grains of a cell
+//! ```
+//!
+//! which is `div q = -d eps/dt - div(eps v)` with the balance of the grains, `d eps/dt = div((1 - eps) v)`. In half a cell on each side of
+//! a face `q + v` is the same, so that the velocity of a face is that of its two cells, weighted by their resistances. The water of a
+//! cell without grains has next to no resistance: it goes with whatever the bed beside it does.
+//!
+//! A bed that the water stops faster than the interval T between two couplings must not be pushed for the whole interval by the
+//! pressure of its velocity at the start. [`Bed`] therefore states the velocity at the end of the interval as a linear function of the
+//! gradient, `v = v0 - B grad phi`, and B adds to the conductivity.
+//!
+//! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
+//! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
 //!
 //! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
 //! pressures; the closure of momentum relies on this.
@@ -93,7 +107,10 @@ pub struct Patch {
     pub condition: Condition,
 }
 
-/// Settings of the pressure solver.
+/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced pressure.
+pub const NUMBERS: usize = 5;
+
+/// How the pressure is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Form of the equations.
@@ -106,7 +123,16 @@ pub struct Settings {
     pub iterations: u32,
 }
 
-/// Cost and quality of a solution.
+/// The grains as the pressure meets them: their mean velocity in a cell is `velocity - response grad phi`.
+#[derive(Clone, Copy, Debug)]
+pub struct Bed<'a> {
+    /// Velocity without a gradient of the reduced pressure \[m/s\], for each cell.
+    pub velocity: &'a [[f64; 3]],
+    /// What a gradient takes from it [m2/(Pa s)], for each cell.
+    pub response: &'a [f64],
+}
+
+/// What a solution cost and how good it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Iterations.
@@ -156,7 +182,14 @@ pub struct Pressure {
     factor: [Vec<f64>; 3],
     /// Per axis, one over the open area of a face, 0 for a closed one.
     per_area: [Vec<f64>; 3],
+    /// Of water and grains together.
     conductivity: Vec<f64>,
+    /// Of the water past the grains.
+    mobility: Vec<f64>,
+    /// Velocity of the grains along each axis \[m/s\].
+    bed: [Vec<f64>; 3],
+    /// Whether there is one.
+    moves: bool,
     matrix: Matrix<f64>,
     multigrid: Multigrid,
     phi: Vec<f64>,
@@ -164,7 +197,8 @@ pub struct Pressure {
     residual: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    flux: Vec<[f64; 3]>,
+    /// What the gradient drives through each cell \[m/s\]: the flux past the grains and the response of the bed.
+    driven: Vec<[f64; 3]>,
     conducts: Vec<bool>,
     /// No pressure has been found or restored yet.
     fresh: bool,
@@ -230,6 +264,9 @@ impl Pressure {
             factor: std::array::from_fn(|_| vec![0.0; n]),
             per_area: std::array::from_fn(|_| vec![0.0; n]),
             conductivity: vec![0.0; n],
+            mobility: vec![0.0; grid.count()],
+            bed: std::array::from_fn(|_| vec![0.0; n]),
+            moves: false,
             matrix: Matrix::new(&layout),
             multigrid,
             phi: vec![0.0; n],
@@ -237,7 +274,7 @@ impl Pressure {
             residual: vec![0.0; n],
             direction: vec![0.0; n],
             product: vec![0.0; n],
-            flux: vec![[0.0; 3]; grid.count()],
+            driven: vec![[0.0; 3]; grid.count()],
             conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
             fresh: true,
         };
@@ -308,13 +345,19 @@ impl Pressure {
         &self.grid
     }
 
-    /// Changes the value on a patch; its kind must stay the same.
+    /// The relative tolerance of a solution.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
+    /// Changes what holds on a patch; its kind has to stay.
     pub fn set_condition(&mut self, patch: usize, condition: Condition) {
         self.patches[patch].condition = condition;
     }
 
-    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, and a source \[1/s\] per volume inside the walls
-    /// (0 for quasi-steady flow), starting from the last one. Collective.
+    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, a source \[1/s\] per volume inside the walls
+    /// and moving grains, starting from the last pressure. Without source and motion the flow is quasi-steady. Collective.
     ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
@@ -323,8 +366,9 @@ impl Pressure {
         permeability: &[f64],
         porosity: &[f64],
         source: Option<&[f64]>,
+        bed: Option<Bed<'_>>,
     ) -> Result<Report, Error> {
-        self.assemble(permeability, porosity, source)?;
+        self.assemble(permeability, porosity, source, bed)?;
         let (iterations, residual) = self.iterate()?;
         if let Some(gather) = &mut self.gather {
             gather.fill(&mut self.phi);
@@ -343,6 +387,7 @@ impl Pressure {
         permeability: &[f64],
         porosity: &[f64],
         source: Option<&[f64]>,
+        bed: Option<Bed<'_>>,
     ) -> Result<(), Error> {
         let mobility = 1.0 / self.liquid.viscosity;
         let nx = self.grid.cells[0];
@@ -356,7 +401,23 @@ impl Pressure {
                 };
                 let k = if self.conducts[cell] { k } else { 0.0 };
                 bad |= !(0.0..f64::MAX).contains(&k);
+                self.mobility[cell] = k;
                 self.conductivity[at] = k;
+            }
+        }
+        self.moves = bed.is_some();
+        if let Some(bed) = bed {
+            for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    if self.conducts[cell] {
+                        self.conductivity[at] += bed.response[cell];
+                        for (a, velocity) in bed.velocity[cell].iter().enumerate() {
+                            self.bed[a][at] = *velocity;
+                            bad |= !velocity.is_finite();
+                        }
+                    }
+                    bad |= !(0.0..f64::MAX).contains(&self.conductivity[at]);
+                }
             }
         }
         if bad {
@@ -407,6 +468,7 @@ impl Pressure {
                 }
             }
         }
+        self.carry();
         let mut largest = 0.0_f64;
         let [sx, sy, sz] = self.layout.stride;
         let t = &self.matrix.t;
@@ -436,6 +498,45 @@ impl Pressure {
         self.multigrid
             .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
         Ok(())
+    }
+
+    /// Adds what the grains displace to the right sides.
+    fn carry(&mut self) {
+        if !self.moves {
+            return;
+        }
+        for axis in 0..self.grid.dimension {
+            let stride = self.layout.stride[axis];
+            for row in self.layout.rows(&self.layout.whole()) {
+                for at in row {
+                    let through = self.area(axis, at) * self.face_velocity(axis, at);
+                    self.right[at] += through;
+                    self.right[at - stride] -= through;
+                }
+            }
+        }
+        for face in &self.boundary {
+            if self.imposed(face).is_some() {
+                let outward = if face.upper { 1.0 } else { -1.0 };
+                self.right[face.at] -= outward * face.area * self.bed[face.axis][face.at];
+            }
+        }
+    }
+
+    /// Open area of the face below a cell \[m2\].
+    fn area(&self, axis: usize, at: usize) -> f64 {
+        0.5 * self.factor[axis][at] * self.grid.spacing[axis]
+    }
+
+    /// Velocity of the grains at the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
+    fn face_velocity(&self, axis: usize, at: usize) -> f64 {
+        let below = at - self.layout.stride[axis];
+        let (k, v) = (&self.conductivity, &self.bed[axis]);
+        if self.factor[axis][at] > 0.0 {
+            (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
+        } else {
+            0.0
+        }
     }
 
     /// The middle of the imposed reduced pressures.
@@ -620,13 +721,17 @@ impl Pressure {
             Condition::Flux { value: q } => q * face.area,
             Condition::Rain { rate: q } => q * face.area * face.up,
             Condition::NoFlow {} => 0.0,
-            Condition::Pressure { .. } | Condition::Head { .. } => self
-                .imposed(face)
-                .map_or(0.0, |phi| face.conductance * (phi - self.phi[face.at])),
+            Condition::Pressure { .. } | Condition::Head { .. } => {
+                let inward = if face.upper { -1.0 } else { 1.0 };
+                let carried = inward * face.area * self.bed[face.axis][face.at];
+                self.imposed(face).map_or(0.0, |phi| {
+                    face.conductance * (phi - self.phi[face.at]) + carried
+                })
+            }
         }
     }
 
-    /// Darcy flux of each cell from its faces; what enters and leaves in all.
+    /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
     fn fluxes(&mut self) -> (f64, f64) {
         let layout = self.layout;
         let [_, sy, sz] = layout.stride;
@@ -634,17 +739,28 @@ impl Pressure {
         let (t, w, phi) = (&self.matrix.t, &self.per_area, &self.phi);
         for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
             let mut west = 0.0;
-            for (at, flux) in row.zip(&mut self.flux[first..first + nx]) {
+            for (at, driven) in row.zip(&mut self.driven[first..first + nx]) {
                 let face = |axis: usize, at: usize, stride: usize| {
                     (t[axis][at] * w[axis][at]) * (phi[at - stride] - phi[at])
                 };
                 let east = face(0, at + 1, 1);
-                *flux = [
+                *driven = [
                     0.5 * (west + east),
                     0.5 * (face(1, at, sy) + face(1, at + sy, sy)),
                     0.5 * (face(2, at, sz) + face(2, at + sz, sz)),
                 ];
                 west = east;
+            }
+        }
+        if self.moves {
+            for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    for axis in 0..self.grid.dimension {
+                        let faces = self.face_velocity(axis, at)
+                            + self.face_velocity(axis, at + layout.stride[axis]);
+                        self.driven[cell][axis] += 0.5 * faces - self.bed[axis][at];
+                    }
+                }
             }
         }
         let (mut inflow, mut outflow) = (ExactSum::new(), ExactSum::new());
@@ -657,29 +773,34 @@ impl Pressure {
                 outflow.add(-rate);
             }
             let along = if face.upper { -rate } else { rate };
-            self.flux[face.cell][face.axis] += 0.5 * along / face.area;
+            self.driven[face.cell][face.axis] += 0.5 * along / face.area;
         }
         (inflow.value(), outflow.value())
     }
 
-    /// Darcy flux of each cell \[m/s\]; interstitial velocity in the equations as printed.
+    /// Darcy flux past the grains of a cell \[m/s\]; interstitial velocity in the equations as printed.
     #[must_use]
-    pub fn flux(&self) -> &[[f64; 3]] {
-        &self.flux
+    pub fn flux(&self, cell: usize) -> [f64; 3] {
+        if self.moves {
+            let k = self.mobility[cell];
+            self.reduced_gradient(cell).map(|g| -k * g)
+        } else {
+            self.driven[cell]
+        }
     }
 
     /// K/mu of a cell, or K/(mu eps) in the equations as printed \[m2/(Pa s)\]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
-        self.conductivity[self.layout.at(self.grid.cell(cell))]
+        self.mobility[cell]
     }
 
     /// Gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let k = self.conductivity(cell);
+        let k = self.conductivity[self.layout.at(self.grid.cell(cell))];
         if k > 0.0 {
-            self.flux[cell].map(|q| -q / k)
+            self.driven[cell].map(|q| -q / k)
         } else {
             [0.0; 3]
         }

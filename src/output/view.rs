@@ -2,7 +2,7 @@
 
 use super::averages::Averages;
 use crate::coupling::FluidView;
-use crate::coupling::drag::Seepage;
+use crate::coupling::seepage::Seepage;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;

@@ -75,13 +75,13 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "permeability",
             format!(
                 "{}, {:?} mean diameter",
-                written.resistance.model().description(),
+                written.resistance().model().description(),
                 written.mean_diameter
             ),
             format!(
                 "porosity by {}, at most {}",
                 written.porosity.model().description(),
-                written.porosity_cap
+                written.porosity_cap()
             ),
         );
         choose(
@@ -89,8 +89,20 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "conjugate gradients with multigrid".into(),
             format!("to {:e} of the driving terms", written.tolerance),
         );
-        let equations = format!("{:?} equations", written.equations);
-        choose("drag", written.drag.model().description(), equations);
+        let flow = super::pore_flow::reynolds(scene).map_or_else(
+            || "no pressure and no flux drives the water".to_owned(),
+            |re| {
+                let re = number(re);
+                format!("the water seeps at a Reynolds number of about {re}")
+            },
+        );
+        choose("equations", format!("{:?}", written.equations), flow);
+        let balance = if written.drag().model().balances() {
+            "balances the loss of pressure"
+        } else {
+            "independent of the resistance: see the closure of momentum in the log"
+        };
+        choose("drag", written.drag().model().description(), balance.into());
     }
     match &scene.flow {
         None if scene.seepage.is_some() => {}

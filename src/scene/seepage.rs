@@ -128,6 +128,35 @@ impl Seepage {
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// Height of the grid along gravity; its longest edge without gravity \[m\].
+    pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
+        let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
+        let axis = (0..dimension).max_by(|&a, &b| {
+            let order = gravity[a].abs().total_cmp(&gravity[b].abs());
+            order.then(edge(a).total_cmp(&edge(b)))
+        });
+        axis.map_or(0.0, edge)
+    }
+
+    /// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
+        let density = self.written.density;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let excess = |patch: &Patch| match patch.condition {
+            Condition::Pressure { value } => {
+                let place = self.centre(patch);
+                let below: f64 = (0..3).map(|a| gravity[a] * place[a]).sum();
+                Some(value - density * below)
+            }
+            Condition::Head { value } => Some(density * strength * value),
+            _ => None,
+        };
+        let imposed = || self.patches.iter().filter_map(excess);
+        let high = imposed().fold(f64::NEG_INFINITY, f64::max);
+        let low = imposed().fold(f64::INFINITY, f64::min);
+        (high - low).max(0.0)
+    }
+
     fn patches_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Patch> {
         let mut patches = Vec::new();
         let mut known = Vec::new();
@@ -273,15 +302,16 @@ impl Seepage {
             }
         }
         let written = &self.written;
-        if written.least_porosity >= written.porosity_cap {
+        let cap = written.porosity_cap();
+        if written.least_porosity >= cap {
             findings.error(
                 &format!("{PATH}.least_porosity"),
                 "the least porosity must be below the cap",
-                Remedy::from(format!("use a value below {}", written.porosity_cap))
-                    .set(format!("{PATH}.least_porosity"), 0.5 * written.porosity_cap),
+                Remedy::from(format!("use a value below {cap}"))
+                    .set(format!("{PATH}.least_porosity"), 0.5 * cap),
             );
         }
-        if !written.resistance.model().goes_with(written.equations) {
+        if !written.resistance().model().goes_with(written.equations) {
             findings.error(
                 &format!("{PATH}.resistance"),
                 "the equations as printed allow only the resistance of Kozeny and Carman",

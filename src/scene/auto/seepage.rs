@@ -16,12 +16,10 @@
 //! methods cost as much at equal error.
 
 use super::step;
-use crate::darcy::Condition;
-use crate::number::{real, to_u32};
+use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
-use crate::scene::seepage::{Patch, Seepage};
 use io::csv::Reader;
 use serde::Deserialize;
 use std::sync::LazyLock;
@@ -109,9 +107,9 @@ impl Bed {
         let density = scene.density(grains.material);
         let size = |g: [f64; 3]| g.iter().map(|g| g * g).sum::<f64>().sqrt();
         let gravity = size(scene.gravity);
-        let height = height(scene, seepage);
+        let height = seepage.height(scene.gravity, scene.grid.dimension);
         let buoyant = (density - seepage.written.density).max(0.0);
-        let stress = SOLID * buoyant * gravity * height + pressure_drop(scene, seepage, gravity);
+        let stress = SOLID * buoyant * gravity * height + seepage.pressure_drop(scene.gravity);
         let acceleration = stress / (SOLID * density * height);
         let usable = stress > 0.0 && low > 0.0 && acceleration.is_finite();
         let section = (2.0 * high).powi(if scene.grid.dimension == 2 { 1 } else { 2 });
@@ -134,37 +132,7 @@ impl Bed {
     }
 }
 
-/// Height of the water's grid along gravity; its longest edge without gravity \[m\].
-fn height(scene: &Scene, seepage: &Seepage) -> f64 {
-    let edge = |a: usize| real(seepage.cells[a]) * seepage.spacing[a];
-    let gravity = |a: usize| scene.gravity[a].abs();
-    let axes = 0..scene.grid.dimension;
-    let axis = axes.max_by(|&a, &b| {
-        let order = gravity(a).total_cmp(&gravity(b));
-        order.then(edge(a).total_cmp(&edge(b)))
-    });
-    axis.map_or(0.0, edge)
-}
-
-/// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
-fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
-    let density = seepage.written.density;
-    let excess = |patch: &Patch| match patch.condition {
-        Condition::Pressure { value } => {
-            let place = seepage.centre(patch);
-            let below: f64 = (0..3).map(|a| scene.gravity[a] * place[a]).sum();
-            Some(value - density * below)
-        }
-        Condition::Head { value } => Some(density * gravity * value),
-        _ => None,
-    };
-    let imposed = || seepage.patches.iter().filter_map(excess);
-    let high = imposed().fold(f64::NEG_INFINITY, f64::max);
-    let low = imposed().fold(f64::INFINITY, f64::min);
-    (high - low).max(0.0)
-}
-
-/// The spring [N/m] for the target, and the reason; none if the bed has no load. `impact` gives the spring that stops what falls within
+/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
 /// a part of its diameter.
 pub(super) fn stiffness(
     scene: &Scene,

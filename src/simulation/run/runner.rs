@@ -189,9 +189,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
-                "inflow {:.3e} outflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} implicit",
                 report.inflow,
                 report.outflow,
+                balance.reynolds,
                 report.iterations,
                 report.residual,
                 balance.closure,

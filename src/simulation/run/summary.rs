@@ -37,7 +37,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let rss_total = communicator.all_reduce_sum_u64(peak_rss());
         let hash = simulation.now.state().hash(communicator);
         let drift = self.mass() - self.initial_mass;
-        let warnings = simulation.guards.warnings(&simulation.now.plan);
+        let mut warnings = simulation.guards.warnings(&simulation.now.plan);
+        if let Some(seepage) = simulation.now.seepage() {
+            warnings.extend(seepage.warnings());
+        }
         let mut summary = json!({
             "outcome": outcome,
             "steps": simulation.now.step,
@@ -89,6 +92,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "force_of_pressure": balance.pressure,
                 "weight_of_water": balance.weight,
                 "closure": balance.closure,
+                "reynolds": balance.reynolds,
                 "patch_inflows": seepage.pressure().patch_inflows(),
                 "mean_porosity": seepage.mean_porosity(),
             });
@@ -158,6 +162,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     "m3/s"
                 }
             ));
+            if let Some(seepage) = simulation.now.seepage() {
+                let balance = seepage.balance();
+                self.progress.note(&format!(
+                    "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
+                    balance.closure, balance.reynolds
+                ));
+            }
             for warning in &warnings {
                 self.progress.note(&format!("warning: {warning}"));
             }
