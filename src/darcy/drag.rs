@@ -163,10 +163,11 @@ pub fn permeability(
     let per_volume = bed.solid / (grain.volume * porosity);
     let loss = |q: f64| per_volume * law.coefficient(&bed, &grain, q);
     let at_rest = loss(0.0);
-    if gradient <= 0.0 {
+    let mut q = gradient / at_rest;
+    // Water at rest, or so slow that no inertia shows.
+    if q < f64::EPSILON * liquid.viscosity / (liquid.density * diameter) {
         return liquid.viscosity / at_rest;
     }
-    let mut q = gradient / at_rest;
     for _ in 0..MOST_STEPS {
         let here = loss(q);
         let above = loss(q * (1.0 + NEARBY));

@@ -29,14 +29,17 @@
 //! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
 //! pressures; the closure of momentum relies on this.
 
+mod boundary;
+mod iteration;
+
 use super::Error;
 use super::enclosure::Openness;
 use super::grid::Grid;
 use super::layout::{Gather, Halo, Layout, Part};
-use super::multigrid::{Ground, Matrix, Multigrid, first_joined, neighbours};
-use super::reproducible::{dot, power_above};
-use crate::number::single;
-use decomposition::{Axis, Communicator, Domain, ExactSum, Slabs};
+use super::multigrid::{Ground, Matrix, Multigrid};
+use super::reproducible::power_above;
+use boundary::{Boundary, boundary, head_pressure, slabs};
+use decomposition::{Communicator, Domain, ExactSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -145,27 +148,7 @@ pub struct Report {
     pub outflow: f64,
 }
 
-/// A face on the boundary of the grid that something crosses.
-#[derive(Clone, Copy, Debug)]
-struct Boundary {
-    /// Place of the cell among the cells and in the layout.
-    cell: usize,
-    at: usize,
-    axis: usize,
-    upper: bool,
-    /// Open area \[m2\].
-    area: f64,
-    /// Which patch.
-    patch: usize,
-    /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
-    lift: f64,
-    /// Part of the area that faces up.
-    up: f64,
-    /// Conductance from the centre of the cell.
-    conductance: f64,
-}
-
-/// The pressure of a grid and its solver.
+/// The pressure of a grid, and the way to it.
 pub struct Pressure {
     grid: Grid,
     layout: Layout,
@@ -560,161 +543,6 @@ impl Pressure {
         }
     }
 
-    /// Conjugate gradients: iterations and relative residual.
-    fn iterate(&mut self) -> Result<(u32, f64), Error> {
-        if self.fresh {
-            // Water without a driving force is then exactly at rest.
-            let middle = self.middle();
-            for index in 0..self.grid.count() {
-                if self.conducts[index] {
-                    self.phi[self.layout.at(self.grid.cell(index))] = middle;
-                }
-            }
-            self.fresh = false;
-        }
-        let scale = self.scale();
-        let mut largest = self.first_residual();
-        if !largest.is_finite() || !scale.is_finite() {
-            return Err(Error::NotFinite("the first residual"));
-        }
-        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
-        let scale = scale.max(1e-12 * self.size());
-        let wanted = self.settings.tolerance * scale;
-        let mut iterations = 0;
-        let mut last = 0.0;
-        while largest > wanted {
-            if iterations >= self.settings.iterations {
-                return Err(Error::NotConverged {
-                    iterations,
-                    residual: largest / scale,
-                    tolerance: self.settings.tolerance,
-                });
-            }
-            let here = (self.layout, self.part.clone());
-            let here = (&here.0, &here.1);
-            // The cycle works in single precision: on a residual near 1.
-            let unit = 1.0 / power_above(largest);
-            let residual = &self.residual;
-            here.0
-                .sweep(here.1, self.multigrid.right_side(), |start, out| {
-                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
-                        *b = single(r * unit);
-                    }
-                });
-            self.multigrid.cycle();
-            let z = self.multigrid.result();
-            let rz = dot(here, &self.residual, z, &self.communicator) / unit;
-            let beta = if iterations == 0 { 0.0 } else { rz / last };
-            last = rz;
-            here.0.sweep(here.1, &mut self.direction, |start, out| {
-                let z = &z[start..start + out.len()];
-                for (p, z) in out.iter_mut().zip(z) {
-                    *p = f64::from(*z) / unit + beta * *p;
-                }
-            });
-            self.halo.fill(&mut self.direction);
-            let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
-            layout.sweep(here.1, &mut self.product, |start, out| {
-                let n = out.len();
-                let (diagonal, row) = (&matrix.diagonal[start..start + n], &p[start..start + n]);
-                neighbours(matrix, layout, p, start, n, |i, sum| {
-                    out[i] = diagonal[i] * row[i] - sum;
-                });
-            });
-            let energy = dot(here, &self.direction, &self.product, &self.communicator);
-            let alpha = rz / energy;
-            if !alpha.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
-            }
-            let mut most = 0.0_f64;
-            let mut bad = 0.0_f64;
-            for row in self.layout.rows(here.1) {
-                let (p, q) = (&self.direction[row.clone()], &self.product[row.clone()]);
-                let (x, r) = (&mut self.phi[row.clone()], &mut self.residual[row]);
-                for i in 0..x.len() {
-                    x[i] += alpha * p[i];
-                    r[i] -= alpha * q[i];
-                    let size = r[i].abs();
-                    most = if size > most { size } else { most };
-                    bad += size * 0.0;
-                }
-            }
-            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
-                f64::INFINITY
-            } else {
-                most
-            });
-            if !largest.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
-            }
-            iterations += 1;
-        }
-        Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
-    }
-
-    /// The largest imbalance at the uniform pressure in the middle of what is imposed: what drives the flow. Over the whole
-    /// grid, so that no message is needed.
-    fn scale(&self) -> f64 {
-        let middle = self.middle();
-        let mut most = 0.0_f64;
-        // Inner faces pass nothing then.
-        let mut imbalance = |at: usize, ground: f64| {
-            most = most.max((self.right[at] - ground * middle).abs());
-        };
-        let mut ground = 0.0;
-        for (k, &(at, _, g)) in self.ground.iter().enumerate() {
-            ground += g;
-            if self.ground.get(k + 1).is_none_or(|next| next.0 != at) {
-                imbalance(at, ground);
-                ground = 0.0;
-            }
-        }
-        for row in self.layout.rows(&self.layout.whole()) {
-            for at in row {
-                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
-                    imbalance(at, 0.0);
-                }
-            }
-        }
-        most
-    }
-
-    /// The largest right side.
-    fn size(&self) -> f64 {
-        let rows = self.layout.rows(&self.layout.whole());
-        rows.flatten()
-            .fold(0.0, |most, at| self.right[at].abs().max(most))
-    }
-
-    fn is_ground(&self, at: usize) -> bool {
-        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
-    }
-
-    /// `residual = right - A phi`, and its largest size on any rank.
-    fn first_residual(&mut self) -> f64 {
-        self.halo.fill(&mut self.phi);
-        let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
-        layout.sweep(&self.part, &mut self.residual, |start, out| {
-            let n = out.len();
-            let (diagonal, row) = (&matrix.diagonal[start..start + n], &phi[start..start + n]);
-            let right = &right[start..start + n];
-            neighbours(matrix, layout, phi, start, n, |i, sum| {
-                out[i] = (right[i] - diagonal[i] * row[i]) + sum;
-            });
-        });
-        let mut most = 0.0_f64;
-        for row in self.layout.rows(&self.part) {
-            for r in &self.residual[row] {
-                most = if r.is_finite() {
-                    most.max(r.abs())
-                } else {
-                    f64::INFINITY
-                };
-            }
-        }
-        self.communicator.all_reduce_max_f64(most)
-    }
-
     /// What crosses a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
         match self.patches[face.patch].condition {
@@ -871,91 +699,5 @@ impl Pressure {
     }
 }
 
-/// Reduced pressure of a head: rho g h \[Pa\].
-fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
-    let g = settings.gravity;
-    liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
-}
-
-/// Slabs along the longest axis, cut between cells that the coarser grid joins.
-fn slabs(grid: &Grid, size: usize) -> Slabs {
-    let axis = Axis::longest(grid.cells);
-    let a = axis.index();
-    let step = first_joined(grid.cells, grid.spacing)[a];
-    let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
-    let bounds = pairs
-        .bounds()
-        .iter()
-        .map(|b| (b * step).min(grid.cells[a]))
-        .collect();
-    Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
-}
-
-/// The faces of the boundary that belong to a patch, by rising position of their cell.
-fn boundary(
-    openness: &Openness,
-    layout: &Layout,
-    patches: &[Patch],
-    liquid: &Liquid,
-    settings: &Settings,
-) -> Vec<Boundary> {
-    let grid = openness.grid;
-    let gravity = settings.gravity;
-    let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
-    let mut all = Vec::new();
-    for index in 0..grid.count() {
-        let cell = grid.cell(index);
-        for axis in 0..grid.dimension {
-            for upper in [false, true] {
-                let edge = if upper { grid.cells[axis] - 1 } else { 0 };
-                if cell[axis] != edge || openness.blocked(index) {
-                    continue;
-                }
-                let holds = |p: &Patch| {
-                    p.axis == axis
-                        && p.upper == upper
-                        && (0..3).all(|a| a == axis || (p.from[a]..p.to[a]).contains(&cell[a]))
-                };
-                let Some(patch) = patches.iter().rposition(holds) else {
-                    continue;
-                };
-                let mut place = cell;
-                place[axis] += usize::from(upper);
-                let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
-                if area <= 0.0 || patches[patch].condition == (Condition::NoFlow {}) {
-                    continue;
-                }
-                let mut centre = grid.centre(cell);
-                centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
-                let lift = match settings.equations {
-                    Equations::Corrected => {
-                        -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
-                    }
-                    Equations::Paper => 0.0,
-                };
-                let outward = if upper { 1.0 } else { -1.0 };
-                let up = if strength > 0.0 {
-                    (-gravity[axis] * outward / strength).max(0.0)
-                } else {
-                    0.0
-                };
-                all.push(Boundary {
-                    cell: index,
-                    at: layout.at(cell),
-                    axis,
-                    upper,
-                    area,
-                    patch,
-                    lift,
-                    up,
-                    conductance: 0.0,
-                });
-            }
-        }
-    }
-    all
-}
-
 #[cfg(test)]
-#[path = "pressure/tests.rs"]
 mod tests;

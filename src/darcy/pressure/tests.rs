@@ -304,7 +304,7 @@ fn agrees_with_elimination() {
             Condition::Pressure { value: 700.0 },
             Condition::Pressure { value: -50.0 },
         );
-        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-14)).unwrap();
+        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-12)).unwrap();
         let report = solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
         let exact = dense(&grid, &k, 700.0, -50.0);
         for (cell, p) in exact.iter().enumerate() {
@@ -403,7 +403,9 @@ fn a_wedge_passes_what_enters() {
     );
     let mut solver = solver(&grid, &walls, patches, settings(1e-12)).unwrap();
     let n = grid.count();
-    let report = solver.solve(&vec![1e-10; n], &vec![0.4; n], None, None).unwrap();
+    let report = solver
+        .solve(&vec![1e-10; n], &vec![0.4; n], None, None)
+        .unwrap();
     assert!(report.inflow > 0.0);
     assert!(
         (report.inflow / report.outflow - 1.0).abs() < 1e-9,
