@@ -314,7 +314,7 @@ fn agrees_with_elimination() {
             );
         }
         assert!((report.inflow / report.outflow - 1.0).abs() < 1e-9);
-        assert!(report.iterations < 60, "{report:?}");
+        assert!(report.iterations < 65, "{report:?}");
         // From the solution there is nothing left to do.
         let again = solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
         assert!(again.iterations <= 1, "{again:?}");
