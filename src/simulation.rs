@@ -24,8 +24,8 @@ pub mod versions;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
-use crate::coupling::seepage::Seepage;
 use crate::coupling::lattice::LatticeFlow;
+use crate::coupling::seepage::Seepage;
 use crate::coupling::water::Water;
 use crate::coupling::{Flow, FluidView};
 use crate::dem::Dem;

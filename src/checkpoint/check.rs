@@ -85,7 +85,7 @@ impl Expected {
             let cells = self.seepage.unwrap_or(0);
             if cells.checked_mul(NUMBERS) != Some(to_usize(seepage)) {
                 return Err(format!(
-                    "it holds {seepage} numbers of seepage, and the case has {cells} cells of {NUMBERS}"
+                    "it holds {seepage} numbers of the seepage; the case has {cells} cells with {NUMBERS} numbers each"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));

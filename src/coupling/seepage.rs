@@ -12,36 +12,37 @@
 //! As printed in the fissure paper, both velocities are interstitial: `b (u - v)` with `u = -K/(mu eps) grad p`, the bed is at rest, and
 //! there is no buoyancy.
 //!
-//! Where the water stops a grain faster than the interval passes, the drag is that at the velocity `v*` at the end of it
-//! under all known forces (contacts of the last step, gravity, pressure, drag), which an implicit Euler step gives:
+//! **Semi-implicit drag.** Where a grain responds faster than the interval, `s = T b eps/m > 1`, the drag is in part that at the velocity
+//! at the end of the interval:
 //!
 //! ```text
-//! v* = [v + T/m (F_contact + m g + F_pressure + b (q + eps v_s))]/(1 + T b eps/m)
+//! F = F_0 - b eps v*,    v* = v + theta [v - v_last + T/m (F - F_last)],    theta = max(1 - 1/s, theta of the bed below)
 //! ```
 //!
-//! A grain that its contacts hold at rest converges to `v* = v = 0` and bears the full drag.
+//! with the force `F_0` on a grain at rest. The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in
+//! it. Without contacts and with `theta = 1` this is an implicit Euler step. A grain that its contacts hold at rest bears `F_0`. A grain that
+//! meets the water for the first time counts as at rest if contacts hold it, and as falling freely otherwise.
 //!
-//! The grains of a cell together displace the water, which pushes back on all of them by the gradient. With the interval T and
-//! `L = <V/m>/(1 - eps)` the gradient `G = grad phi` takes `T L G` from their mean velocity. Where that exceeds `K/mu G`, the
-//! velocity that is due to the known forces is taken at the end of the interval as well, by the part theta that is needed for a
-//! coupling that does not overshoot:
+//! **Moving beds.** The grains of a cell together displace water, whose pressure acts back on all of them. Over the interval T a gradient
+//! `G = grad phi` changes their mean velocity by `-T L G`, with `L = <V/m>/(1 - eps)`. Where `T L` exceeds `K/mu`, an explicit coupling
+//! would overshoot. The mean velocity is then that at the end of the interval in part:
 //!
 //! ```text
-//! v_s = <v> + theta [<T F/m + T g> - T L (G - G_last)],     theta = max(0, 1 - K/(mu T L))
+//! v_s = <v> + theta [<v - v_last> - T L (G - G_last)],     theta = max(0, 1 - K/(mu T L))
 //! ```
 //!
-//! with the forces F of the last step, the water's among them. A bed at rest under constant forces has `v_s = 0`.
+//! A bed at rest has `v_s = 0`.
 //!
-//! In dilute cells the water does not go with the grains: its inertia holds it, which seepage does not know. There `v_s` is multiplied
-//! by a factor that falls from 1 at a porosity of 0.95 to 0 at 0.98, and a single grain sinks through water at rest.
+//! **Dilute cells.** The inertia of the water, which seepage neglects, keeps it from moving with a few grains. `v_s` is therefore multiplied
+//! by a factor that falls from 1 at a porosity of 0.95 to 0 at 0.98. A single grain sinks through water at rest.
 //!
-//! With a resistance that has inertial losses the permeability falls with the gradient: solution and permeability are repeated until it
-//! stays. The gradient of a cell then grows by a power of the last error of at most one half in every round.
+//! **Inertial losses.** The permeability of such a resistance decreases with the gradient. Solution and permeability are iterated until
+//! they converge. Each iteration raises the ratio of a cell's permeability to its converged value to a power of magnitude at most one half.
 //!
-//! Closure of momentum: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over
-//! the volume inside the walls of the cells that hold grains: in the others Darcy's resistance acts on no grain. What is missing, relative
-//! to the larger of the two terms, is reported at every coupling. It is rounding with the reaction of the resistance
-//! ([`crate::darcy::drag::reaction`]) and explicit drag, the misfit of drag law and resistance otherwise.
+//! **Closure of momentum**: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over the
+//! volume inside the walls of the cells that hold grains; in other cells the resistance acts on no grain. The difference, relative
+//! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with the reaction of the resistance
+//! ([`crate::darcy::drag::reaction`]) and explicit drag, and the mismatch between drag law and resistance otherwise.
 
 use super::Flow;
 use crate::darcy::drag::{Bed, Cell, Drag, Grain, Law};
@@ -49,7 +50,8 @@ use crate::darcy::permeability::BedOfCells;
 use crate::darcy::porosity::measure;
 use crate::darcy::pressure::{self, NUMBERS};
 use crate::darcy::{
-    BedMotion, DragLaw, Equations, Grid, Liquid, Moving, Openness, Permeability, Pores, Pressure, Report,
+    BedMotion, DragLaw, Equations, Grid, Liquid, Moving, Openness, Permeability, Pores, Pressure,
+    Report,
 };
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::space::{Components, Space};
@@ -146,6 +148,8 @@ struct Motion {
     velocity: Vec<[f64; 3]>,
     /// What a gradient takes from it [m2/(Pa s)].
     response: Vec<f64>,
+    /// How much of a change of velocity until the next coupling counts, 0 to 1.
+    part: Vec<f64>,
 }
 
 impl Motion {
@@ -155,6 +159,7 @@ impl Motion {
             last: vec![[0.0; 3]; cells],
             velocity: vec![[0.0; 3]; cells],
             response: vec![0.0; cells],
+            part: vec![0.0; cells],
         }
     }
 
@@ -173,6 +178,7 @@ impl Motion {
             let part = if whole > own { 1.0 - own / whole } else { 0.0 };
             let carried = ((DILUTE - porosity[cell]) / (DILUTE - DENSE)).clamp(0.0, 1.0);
             self.response[cell] = carried * part * whole;
+            self.part[cell] = carried * part;
             let (velocity, gain) = (self.means.velocity()[cell], self.means.gain()[cell]);
             let last = self.last[cell];
             self.velocity[cell] = std::array::from_fn(|a| {
@@ -359,25 +365,75 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Porosity, permeability and pressure for the grains where they are.
     fn seep(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
+        self.fill(particles)?;
+        let permeability = self.settings.permeability;
+        let porosity = self.pores.porosity();
+        for cell in 0..porosity.len() {
+            self.limited[cell] = permeability.limited(porosity[cell]);
+            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
+                / self.settings.interval;
+        }
+        let mut iterations = 0;
+        if self.motion.is_some() && !self.has_before {
+            // Grains that contacts hold are at rest under this gradient.
+            iterations += self.converge(false)?;
+            self.fill(particles)?;
+        } else if let Some(motion) = &mut self.motion {
+            // A restarted run has the gradient of its last coupling from here as well.
+            motion.last.copy_from_slice(&self.gradient);
+        }
+        self.report.iterations = iterations + self.converge(true)?;
+        self.before.copy_from_slice(self.pores.porosity());
+        self.has_before = true;
+        Ok(())
+    }
+
+    /// Porosity, diameters and motion of the grains of each cell.
+    fn fill(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
         self.pores.clear();
+        let interval = self.settings.interval;
+        let grains = 0..particles.owned();
+        let mut held = Vec::new();
         if let Some(motion) = &mut self.motion {
+            if !self.has_before {
+                // The gain that the gradient at rest will take from grains that contacts hold.
+                held = vec![[0.0; 3]; grains.len()];
+                let mut parts = std::mem::take(&mut self.room.parts);
+                for k in grains.clone() {
+                    if matches!(start(particles, k), Start::Held) {
+                        let radius = particles.body[k].radius;
+                        let lightness = moving(&self.settings, particles, k).lightness;
+                        self.pores
+                            .parts(place::<Sp>(particles, k), radius, &mut parts);
+                        for &(cell, part) in &parts {
+                            let solid = (1.0 - self.pores.porosity()[cell]).max(f64::MIN_POSITIVE);
+                            let kept = part * interval * lightness / solid;
+                            for (held, g) in held[k].iter_mut().zip(self.gradient[cell]) {
+                                *held += kept * g;
+                            }
+                        }
+                    }
+                }
+                self.room.parts = parts;
+            }
             let mut largest = [0.0_f64; 2];
-            for k in 0..particles.owned() {
-                let size = moving(&self.settings, particles, k).size();
+            for k in grains.clone() {
+                let mut moving = moving(&self.settings, particles, k);
+                add(&mut moving.gain, held.get(k));
+                let size = moving.size();
                 largest = std::array::from_fn(|n| largest[n].max(size[n]));
             }
             let means = &mut motion.means;
             means.clear(largest, &self.communicator).map_err(failed)?;
-            // A restarted run has the gradient of its last coupling from here as well.
-            motion.last.copy_from_slice(&self.gradient);
         }
         let cell = self.openness.grid.volume();
-        for k in 0..particles.owned() {
+        for k in grains {
             let radius = particles.body[k].radius;
             let parts = self.pores.add(place::<Sp>(particles, k), radius);
             if let Some(motion) = &mut self.motion {
                 let volume = measure(Sp::DIMENSION, radius) / cell;
-                let moving = moving(&self.settings, particles, k);
+                let mut moving = moving(&self.settings, particles, k);
+                add(&mut moving.gain, held.get(k));
                 motion.means.add(parts, volume, &moving);
             }
         }
@@ -387,14 +443,14 @@ impl<Sp: Space> Seepage<Sp> {
         if let Some(motion) = &mut self.motion {
             motion.means.finish(&self.communicator);
         }
+        Ok(())
+    }
+
+    /// Pressure and permeability, in turn until both stay; how many iterations that took. `moves`: whether the bed may move.
+    fn converge(&mut self, moves: bool) -> Result<u32, Error> {
         let permeability = self.settings.permeability;
         let (law, liquid) = (permeability.law.model(), self.settings.liquid);
         let (porosity, diameter) = (self.pores.porosity(), self.pores.diameter());
-        for cell in 0..porosity.len() {
-            self.limited[cell] = permeability.limited(porosity[cell]);
-            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
-                / self.settings.interval;
-        }
         let source = self.settings.transient && self.motion.is_none() && self.has_before;
         let source = source.then_some(&self.source[..]);
         let settled = SETTLED.max(self.pressure.tolerance());
@@ -406,7 +462,8 @@ impl<Sp: Space> Seepage<Sp> {
                 gradient: &self.steepness,
             };
             law.fill(bed, liquid, &mut self.permeability);
-            let moving = self.motion.as_deref_mut().map(|motion| {
+            let motion = self.motion.as_deref_mut().filter(|_| moves);
+            let moving = motion.map(|motion| {
                 let interval = self.settings.interval;
                 motion.respond(&self.permeability, porosity, liquid.viscosity, interval);
                 pressure::Bed {
@@ -443,10 +500,7 @@ impl<Sp: Space> Seepage<Sp> {
                 )));
             }
         }
-        self.report.iterations = iterations;
-        self.before.copy_from_slice(self.pores.porosity());
-        self.has_before = true;
-        Ok(())
+        Ok(iterations)
     }
 
     /// Load of one grain, and whether its drag is that at the end of the interval.
@@ -473,16 +527,32 @@ impl<Sp: Space> Seepage<Sp> {
         }
         let Drag { pull, rate } = law.drag(&grain, velocity, &room.cells);
         let share = self.settings.interval * rate / body.mass;
-        let implicit = self.settings.semi_implicit && body.kind == Kind::Free && share > 1.0;
+        // Grains go with the bed: what counts of a change of velocity counts for both.
+        let bed = self.motion.as_ref().map_or(0.0, |motion| {
+            let parts = room.parts.iter();
+            parts.map(|&(cell, part)| part * motion.part[cell]).sum()
+        });
+        let theta = f64::max(bed, 1.0 - 1.0 / share);
+        let implicit = self.settings.semi_implicit && body.kind == Kind::Free && theta > 0.0;
+        let at_rest: [f64; 3] = std::array::from_fn(|a| pressure[a] + pull[a]);
+        if !implicit {
+            return (
+                std::array::from_fn(|a| at_rest[a] - rate * velocity[a]),
+                false,
+            );
+        }
+        let late = theta * share;
+        let (last, before) = match start(particles, k) {
+            Start::Held => (at_rest, velocity),
+            Start::Free => (self.settings.gravity.map(|g| -body.mass * g), velocity),
+            Start::Known => (
+                components(&particles.fluid[k].force),
+                components(&particles.last_velocity[k]),
+            ),
+        };
         let force = std::array::from_fn(|a| {
-            let v = if implicit {
-                let known = component(&particles.contact[k].force, a) + pressure[a] + pull[a];
-                let kick = self.settings.interval * (known / body.mass + self.settings.gravity[a]);
-                (velocity[a] + kick) / (1.0 + share)
-            } else {
-                velocity[a]
-            };
-            pressure[a] + pull[a] - rate * v
+            let known = velocity[a] + theta * (velocity[a] - before[a]);
+            (at_rest[a] - rate * known + late * last[a]) / (1.0 + late)
         });
         (force, implicit)
     }
@@ -500,7 +570,8 @@ impl<Sp: Space> Seepage<Sp> {
                 balance.closure
             ));
         }
-        if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient() {
+        if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
+        {
             all.push(format!(
                 "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial losses, which the law of \
                  resistance leaves out",
@@ -520,8 +591,15 @@ impl<Sp: Space> Seepage<Sp> {
         let liquid = self.settings.liquid;
         for cell in 0..self.grid().count() {
             if self.pores.solid_volume(cell) > 0.0 {
-                let speed = self.pressure.flux(cell).iter().map(|q| q * q).sum::<f64>().sqrt();
-                let number = liquid.density * speed * self.pores.diameter()[cell] / liquid.viscosity;
+                let speed = self
+                    .pressure
+                    .flux(cell)
+                    .iter()
+                    .map(|q| q * q)
+                    .sum::<f64>()
+                    .sqrt();
+                let number =
+                    liquid.density * speed * self.pores.diameter()[cell] / liquid.viscosity;
                 balance.reynolds = balance.reynolds.max(number);
             }
         }
@@ -553,6 +631,32 @@ impl<Sp: Space> Seepage<Sp> {
     }
 }
 
+fn add(sum: &mut [f64; 3], more: Option<&[f64; 3]>) {
+    for (sum, more) in sum.iter_mut().zip(more.unwrap_or(&[0.0; 3])) {
+        *sum += more;
+    }
+}
+
+/// What is known of a grain before a coupling.
+enum Start {
+    /// It has met no water yet, and contacts hold it.
+    Held,
+    /// It has met no water yet, and nothing touches it.
+    Free,
+    /// Its load and its velocity at the last coupling are known.
+    Known,
+}
+
+fn start<Sp: Space>(particles: &Particles<Sp>, k: usize) -> Start {
+    if components(&particles.fluid[k].force) != [0.0; 3] {
+        Start::Known
+    } else if components(&particles.contact[k].force) == [0.0; 3] {
+        Start::Free
+    } else {
+        Start::Held
+    }
+}
+
 /// A grain as the motion of the bed counts it.
 fn moving<Sp: Space>(settings: &Settings, particles: &Particles<Sp>, k: usize) -> Moving {
     let body = &particles.body[k];
@@ -564,21 +668,15 @@ fn moving<Sp: Space>(settings: &Settings, particles: &Particles<Sp>, k: usize) -
         };
     }
     let lightness = measure(Sp::DIMENSION, body.radius) / body.mass;
-    let contact = components(&particles.contact[k].force);
-    let water = components(&particles.fluid[k].force);
-    // A grain that has met no water yet will be buoyant.
-    let new = water == [0.0; 3];
-    let gain = |a: usize| {
-        let water = if new {
-            -lightness * settings.liquid.density * settings.gravity[a]
-        } else {
-            water[a] / body.mass
-        };
-        settings.interval * (contact[a] / body.mass + water + settings.gravity[a])
-    };
+    let last = components(&particles.last_velocity[k]);
+    let falls = settings.interval * (1.0 - lightness * settings.liquid.density);
     Moving {
         velocity,
-        gain: std::array::from_fn(gain),
+        gain: std::array::from_fn(|a| match start(particles, k) {
+            Start::Held => 0.0,
+            Start::Free => falls * settings.gravity[a],
+            Start::Known => velocity[a] - last[a],
+        }),
         lightness,
     }
 }
@@ -609,6 +707,9 @@ fn failed(error: crate::darcy::Error) -> Error {
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
     fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         particles.allocate_fluid_loads();
+        if self.motion.is_some() || self.settings.semi_implicit {
+            particles.keep_last_velocity();
+        }
         self.seep(particles)?;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
         let mut implicit = 0;
@@ -622,6 +723,9 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
             }
             implicit += u64::from(at_the_end);
             particles.fluid[k] = load;
+            if particles.last_velocity.is_allocated() {
+                particles.last_velocity[k] = particles.motion[k].velocity;
+            }
         }
         self.room = room;
         self.close(sums, implicit);
@@ -631,7 +735,8 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
                 "the force of the water on the grains is not finite".into(),
             ));
         }
-        let independent = !law.model().balances() && self.settings.equations == Equations::Corrected;
+        let independent =
+            !law.model().balances() && self.settings.equations == Equations::Corrected;
         if independent && closure > NOT_CLOSED {
             return Err(Error::Numerical(format!(
                 "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of momentum \

@@ -2,9 +2,9 @@
 
 use super::Flow;
 use super::bounce_back::BounceBack;
-use super::seepage::Seepage;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
+use super::seepage::Seepage;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;

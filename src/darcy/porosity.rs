@@ -161,8 +161,9 @@ impl Pores {
             all[0] += sums[1];
             all[1] += sums[2];
         }
-        let mean =
-            |upper: i128, lower: i128| (lower > 0).then(|| self.unit * (real(upper) / real(lower)));
+        let mean = |upper: i128, lower: i128| {
+            (lower > SLIVER).then(|| self.unit * (real(upper) / real(lower)))
+        };
         if let Some(d) = mean(all[0], all[1]) {
             self.mean_diameter = d;
         }
@@ -197,6 +198,8 @@ impl Pores {
     }
 }
 
+/// Sums up to this one are too coarse for a quotient: a grain reaches into the cell by less than about 2^-40 of it.
+const SLIVER: i128 = 1 << 22;
 /// 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 #[cfg(test)]

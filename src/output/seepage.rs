@@ -83,7 +83,8 @@ impl<T: Number> Buffers<T> {
         for cell in 0..seepage.grid().count() {
             self.pressure.push(T::of(pressure.pressure(cell)));
             self.porosity.push(T::of(pores.porosity()[cell]));
-            self.velocity.extend(seepage.water_velocity(cell).map(T::of));
+            self.velocity
+                .extend(seepage.water_velocity(cell).map(T::of));
         }
     }
 

@@ -1132,7 +1132,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     (
         "porosity limits crossed",
         "seepage",
-        Set(&["fluid.darcy.least_porosity=0.8"]),
+        Set(&["fluid.darcy.least_porosity=0.8", "fluid.darcy.porosity_cap=0.7"]),
         "fluid.darcy.least_porosity",
     ),
     (

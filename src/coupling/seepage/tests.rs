@@ -676,7 +676,8 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                                 ),
                                 ..Motion::default()
                             };
-                            let body = Body::uniform::<Volume>(id, 0.5 * diameter, 2650.0, 0);
+                            let mut body = Body::uniform::<Volume>(id, 0.5 * diameter, 2650.0, 0);
+                            body.kind = Kind::Fixed;
                             particles.insert(body, motion);
                             id += 1;
                         }

@@ -114,7 +114,10 @@ mod tests {
                 let loss = gradient(&Gidaspow, &bed(eps, mu), d, speed);
                 let k = Gidaspow.permeability(eps, d, liquid, loss);
                 let found = k * loss / mu;
-                assert!((found - speed).abs() <= 1e-11 * speed, "{eps} {speed} {found}");
+                assert!(
+                    (found - speed).abs() <= 1e-11 * speed,
+                    "{eps} {speed} {found}"
+                );
             }
         }
     }
