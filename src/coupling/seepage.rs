@@ -75,7 +75,7 @@ const NOT_CLOSED: f64 = 1.0;
 const DENSE: f64 = 0.95;
 const DILUTE: f64 = 0.98;
 /// Porosity below which a cell counts as filled with grains.
-const FILLED: f64 = 0.7;
+const FILLED: f64 = 0.95;
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
@@ -259,11 +259,12 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pores
     }
 
-    /// Mean porosity of the cells that grains fill: those below a porosity of 0.7.
+    /// Mean porosity of the cells that grains fill: those below the cap of the permeability, and at most 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
+        let most = self.settings.permeability.porosity_cap.min(FILLED);
         let full = self.pores.porosity().iter();
-        let full = full.filter(|e| **e > 0.0 && **e < FILLED);
+        let full = full.filter(|e| **e > 0.0 && **e < most);
         let (sum, cells) = full.fold((0.0, 0.0), |(sum, cells), e| (sum + e, cells + 1.0));
         if cells > 0.0 { sum / cells } else { 1.0 }
     }
