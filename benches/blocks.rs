@@ -14,7 +14,7 @@
 //! - *apart*: a gap of 1 % and the axis that separated them, as most listed pairs are;
 //! - *apart, cold*: the same gap without the axis.
 //!
-//! Contacts are shallow, 1e-4 of the size, in random attitudes (boxes also face on face). The figure is the best of ten rounds
+//! Contacts are shallow, 1e-4 of the size, in random orientations (boxes also face on face). The figure is the best of ten rounds
 //! over 256 pairs.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
@@ -52,7 +52,7 @@ fn direction(draw: &mut Stream) -> Vector3<f64> {
     }
 }
 
-fn attitude(draw: &mut Stream) -> Matrix3<f64> {
+fn random_rotation(draw: &mut Stream) -> Matrix3<f64> {
     let turn = direction(draw) * (6.0 * draw.uniform());
     UnitQuaternion::from_scaled_axis(turn)
         .to_rotation_matrix()
@@ -267,8 +267,8 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
 fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     let blocks: Vec<Vec<[f64; 3]>> = (0..particles.owned())
         .filter_map(|k| {
-            let (shape, attitude) = particles.polyhedron(k)?;
-            let at = |v: &Vector3<f64>| (particles.location(k) + attitude.orientation * v).into();
+            let (shape, state) = particles.polyhedron(k)?;
+            let at = |v: &Vector3<f64>| (particles.location(k) + state.orientation * v).into();
             Some(shape.vertices().iter().map(at).collect())
         })
         .collect();
@@ -320,14 +320,14 @@ fn pairs() -> Result<(), ShapeError> {
     let (mut faces, mut boxes, mut hulls) = (Vec::new(), Vec::new(), Vec::new());
     for id in 0..PAIRS {
         let mut draw = Stream::new(31, id, 0);
-        let turn = attitude(&mut draw);
+        let turn = random_rotation(&mut draw);
         let two = [cuboid(&mut draw)?, cuboid(&mut draw)?];
         faces.push(approach(
             two.clone(),
             [turn; 2],
             &turn.column(0).into_owned(),
         ));
-        let turns = [attitude(&mut draw), attitude(&mut draw)];
+        let turns = [random_rotation(&mut draw), random_rotation(&mut draw)];
         boxes.push(approach(two, turns, &direction(&mut draw)));
         let two = [twenty(&mut draw)?, twenty(&mut draw)?];
         hulls.push(approach(two, turns, &direction(&mut draw)));

@@ -109,7 +109,7 @@ fn main() -> Result<(), Error> {
         let mut pressure =
             Pressure::new(&openness, patches(&grid), liquid, settings, &communicator)?;
         let begin = Instant::now();
-        let report = pressure.solve(&permeability, &porosity, None)?;
+        let report = pressure.solve(&permeability, &porosity, None, None)?;
         for (cell, gradient) in gradient.iter_mut().enumerate() {
             *gradient = pressure.gradient(cell);
         }

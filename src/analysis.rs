@@ -1,10 +1,13 @@
-//! Numbers a user came for: the erosion law, the collapse of ground, and the figures of a study.
+//! Analyses of results: the erosion law, the collapse of ground, and quantities computed from the files of a run.
 //!
-//! [`erosion_law`] turns what a run recorded into shear stress, erosion rate and the law that joins them;
-//! [`ground_collapse`] turns grains into voids, settlement and the stages of a collapse;
-//! [`study`] finds the erosion law over many runs and draws the figures with `figures::plot`; [`measure`] reads a number out of
-//! the files of any run, by an [`expression`]. Nothing here knows MPI, lattices or
-//! contact laws: the functions take plain numbers in SI units.
+//! | module | computes |
+//! |---|---|
+//! | [`erosion_law`] | shear stress, erosion rate and the erosion law from the records of a run |
+//! | [`ground_collapse`] | voids, settlement and the stages of a collapse from the grains |
+//! | [`study`] | the erosion law across runs |
+//! | [`measure`] | a number from the files of any run, by an [`expression`] |
+//!
+//! The functions take plain numbers in SI units and do not depend on MPI, lattices or contact laws.
 
 pub mod erosion_law;
 pub mod expression;

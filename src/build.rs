@@ -1,5 +1,5 @@
-//! Puts commit and build profile into the binary, for the provenance of every file that it writes. The library does not
-//! see them: a commit rebuilds the entry point and nothing else.
+//! Stores commit and build profile in the binary, for the provenance of every file that it writes. The library does not
+//! depend on them, so that a commit rebuilds only the entry point.
 
 use std::process::Command;
 

@@ -1,15 +1,14 @@
-//! case.json as written: SI, nothing derived, unknown fields refused.
+//! The case file as written: SI units, no derived values, unknown fields are refused.
 //!
 //! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are generated from
-//! these comments. A case is read in four steps, and each reports everything it finds rather than the first thing:
+//! these comments. A case is read in four steps, and each step reports all errors that it finds:
 //!
-//! 1. [`text`]: JSON text to a tree; a key written twice is refused.
+//! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
-//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` becomes its value; where each value comes
-//!    from is kept.
-//! 4. [`check`]: the tree is walked against the schema: unknown, missing, of the wrong type, out of range.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each value is kept.
+//! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
 //!
-//! What the numbers mean together is checked afterwards, by [`crate::scene`] and [`crate::plan`].
+//! [`crate::scene`] and [`crate::plan`] then check whether the values are consistent.
 
 pub mod accuracy;
 pub mod annotation;
@@ -50,10 +49,10 @@ pub struct Case {
     /// One line that names the run, without control characters.
     #[serde(default)]
     pub title: String,
-    /// What the run is for.
+    /// Purpose of the run.
     #[serde(default)]
     pub description: String,
-    /// Target accuracy of the fluid forces. The program chooses whatever the case leaves out of cell size, time step, collision operator,
+    /// Target accuracy of the fluid forces. The program chooses the missing ones of cell size, time step, collision operator,
     /// eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step and names no accuracy gets
     /// `normal`.
     #[serde(default)]
@@ -75,11 +74,11 @@ pub struct Case {
     /// Convex polyhedral blocks (3-D).
     #[serde(default)]
     pub blocks: Option<blocks::Blocks>,
-    /// Contact law of everything that moves. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
+    /// Contact law of grains, bodies and blocks. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
     /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
-    /// Walls that grains and blocks touch, anywhere in the domain.
+    /// Walls for grains and blocks, anywhere in the domain.
     #[serde(default)]
     pub walls: Vec<solids::Wall>,
     /// Faces of the domain that act as walls for grains and blocks.
@@ -120,14 +119,14 @@ pub struct Case {
     pub directory: PathBuf,
 }
 
-/// A case together with where its numbers come from.
+/// A case with the sources of its values.
 #[derive(Clone, Debug)]
 pub struct Document {
     /// The case.
     pub case: Case,
-    /// Problems of single fields (wrong range, unknown name) found so far; the case is complete all the same.
+    /// Problems of single fields (wrong range, unknown name) found so far; the case is nevertheless complete.
     pub problems: Vec<Problem>,
-    /// Where values come from, by JSON path.
+    /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
     /// The case as compact JSON: keys sorted, annotations gone, `--set` applied, paths of input files absolute, so that
     /// it means the same in any folder.

@@ -1,8 +1,8 @@
-//! State to named arrays and back, and the hash of the state.
+//! Conversion of the state to named arrays and back, and the hash of the state.
 //!
-//! A checkpoint holds the whole state in global order, so that any number of ranks can go on from it: every incoming
-//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run
-//! in its manifest. A run that goes on from it gives the same bits as one that was never interrupted.
+//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming population of
+//! every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run in its manifest. A
+//! continued run gives the same bits as an uninterrupted one.
 
 mod check;
 
@@ -110,7 +110,7 @@ fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     ]
 }
 
-/// A number at rest that files can hold.
+/// A stored number that files support.
 pub trait Saved: Stored + io::data::Element {}
 impl Saved for f64 {}
 impl Saved for f32 {}
@@ -127,8 +127,8 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub particles: &'a Particles<Sp>,
     /// Contacts, if any.
     pub dem: Option<&'a Dem<Sp>>,
-    /// Velocities of the fluid at an earlier step, three numbers a cell in the order `[z][y][x]`, where a preparation compares with
-    /// them; no part of the hash.
+    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a preparation
+    /// compares; not part of the hash.
     pub earlier: Option<&'a [f64]>,
 }
 
@@ -338,7 +338,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         hash.all_reduce(communicator).hex()
     }
 
-    /// Adds grains and contacts, column by column and contact by contact: the hash asks for no copy of the state.
+    /// Adds grains and contacts, column by column and contact by contact, so that the hash needs no copy of the state.
     fn add_grains(&self, hash: &mut StateHash) {
         let mut ids = Vec::new();
         self.particles.each_hashed_column(|name, values| {
@@ -365,13 +365,13 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             ["grain", "wall", "facet"].map(|name| field_key(&format!("wall_contacts_{name}")));
         // Contacts are named by both ends.
         let (mut with_grains, mut with_walls) = (StateHash::new(), StateHash::new());
-        let (mut memory, mut at_wall) = (Vec::new(), Vec::new());
+        let (mut history, mut at_wall) = (Vec::new(), Vec::new());
         dem.each_contact(
             &mut |[a, b], numbers| {
                 let index = a | (b << 32);
                 with_grains.add(first, index, a);
                 with_grains.add(second, index, b);
-                for (key, number) in memory_keys(&mut memory, "contacts", numbers) {
+                for (key, number) in history_keys(&mut history, "contacts", numbers) {
                     with_grains.add(*key, index, number.to_bits());
                 }
             },
@@ -380,7 +380,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 with_walls.add(grain, index, a);
                 with_walls.add(wall, index, b);
                 with_walls.add(facet, index, c);
-                for (key, number) in memory_keys(&mut at_wall, "wall_contacts", numbers) {
+                for (key, number) in history_keys(&mut at_wall, "wall_contacts", numbers) {
                     with_walls.add(*key, index, number.to_bits());
                 }
             },
@@ -391,7 +391,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
 }
 
 /// The key of the column of each number that a law keeps of a contact, beside the number; `keys` are made once.
-fn memory_keys<'a>(
+fn history_keys<'a>(
     keys: &'a mut Vec<u64>,
     kind: &str,
     numbers: &'a [f64],
@@ -450,7 +450,7 @@ fn finite(name: &str, mut numbers: impl Iterator<Item = f64>) -> Result<(), Erro
 /// Fills the populations of a slab from a checkpoint.
 ///
 /// # Errors
-/// When the checkpoint holds other populations than the slab needs.
+/// If the populations of the checkpoint do not fit the slab.
 pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     let q = fluid.populations().velocities().q();
     let [_, start, count] = box_of(fluid, q).map(|v| v.to_vec());
@@ -461,7 +461,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
     if reader.attributes()["velocities"] != json!(true) {
-        // The turbulence was asked for only now.
+        // The turbulence was added at this restart.
         fluid.renew_velocities();
         return Ok(());
     }

@@ -1,6 +1,6 @@
-//! The commands. This is the only room that prints to the terminal.
+//! The commands. Only this module prints to the terminal.
 //!
-//! All errors of a case are found before MPI starts, by every rank and with the same result; only the first rank reports them.
+//! All errors of a case are found before MPI starts, by every rank and with the same result. Only the first rank reports them.
 
 mod manual;
 mod reference;
@@ -32,7 +32,7 @@ struct Cli {
     command: Command,
 }
 
-/// With the commit, by which a sweep knows whether a member was run by this program. `--version` says more.
+/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more.
 static VERSION: LazyLock<String> =
     LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
 
@@ -56,7 +56,7 @@ enum Command {
         #[command(flatten)]
         run: RunArgs,
     },
-    /// Check a case and list everything that is wrong with it.
+    /// Check a case and list all errors and warnings.
     Validate {
         #[command(flatten)]
         case: CaseArgs,
@@ -156,7 +156,7 @@ enum Command {
     },
     /// Print the manual page: `solver man | man -l -`.
     Man,
-    /// Find the smallest seepage drive that erodes, by bisection over runs of one case.
+    /// Find by bisection the smallest pressure, head or flux at which the seepage erodes grains.
     CriticalGradient {
         #[command(flatten)]
         case: CaseArgs,
@@ -165,10 +165,10 @@ enum Command {
         /// Boundary that drives the water [default: the one with the highest head].
         #[arg(long, value_name = "NAME")]
         boundary: Option<String>,
-        /// Drive that does not erode, in the unit of the boundary condition.
+        /// Value that does not erode, in the unit of the boundary condition.
         #[arg(long, allow_hyphen_values = true)]
         from: f64,
-        /// Drive that erodes.
+        /// Value that erodes, in the same unit.
         #[arg(long, allow_hyphen_values = true)]
         to: f64,
         /// Width of the final bracket over its upper end [1].
@@ -441,7 +441,7 @@ fn start(case: &CaseArgs, options: RunOptions) -> Result<(), Error> {
     report_problems(simulation::run::run(plan, options))
 }
 
-/// The members are processes of their own: only the first rank runs them, should somebody have started several.
+/// The members are separate processes. If several ranks were started, only the first one runs them.
 fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -488,7 +488,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
         _ => Verdict::sentence(findings),
     };
     let how = match Verdict::of(findings) {
-        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it all the same"),
+        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
         _ => String::new(),
     };
     format!("{}: {sentence}; nothing was run{how}", name.display())

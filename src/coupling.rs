@@ -1,16 +1,16 @@
-//! A fluid together with its action on grains.
+//! A fluid and its loads on grains.
 //!
-//! A [`Flow`] is a pair of fluid and coupling, so that nonsense pairs cannot be written. In a step the water moves first
-//! and loads the grains ([`Flow::advance`]); the grains move under that load in several solid steps; then the flow
-//! follows them ([`Flow::update_bodies`]).
+//! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid advances first
+//! and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in several solid steps. Finally
+//! the flow updates the positions of the bodies ([`Flow::update_bodies`]).
 
 pub mod body_map;
 pub mod bounce_back;
 pub mod cover_map;
-pub mod drag;
 pub mod lattice;
 pub mod loads;
 pub mod partially_saturated;
+pub mod seepage;
 pub mod solid_fraction;
 pub mod water;
 
@@ -73,7 +73,7 @@ impl BandStates {
     }
 }
 
-/// What outputs and analyses may ask of a slab of fluid; lattice units (convert with [`FluidView::units`]), cells in
+/// Read access of outputs and analyses to a slab of fluid; lattice units (convert with [`FluidView::units`]), cells in
 /// coordinates of the slab.
 pub trait FluidView {
     /// Scales to SI.

@@ -1,12 +1,12 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! The runs of one case differ only in the drive of the water, and the search halves the interval to the smallest drive that erodes. A
-//! run erodes if grains still leave in its second half: loose grains above an opening fall out as the gates open and are gone by then.
-//! The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report also
-//! gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and G_s the
-//! density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
+//! erodes. A run erodes if grains still leave in its second half; loose grains above an opening fall out when the gates open and have left
+//! by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report
+//! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
+//! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
-//! A search that was stopped continues when it is called again: finished runs are read, and a stopped one is resumed.
+//! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 
 use crate::analysis::erosion_law::{RemovedGrain, read_rows};
 use crate::case::Document;
@@ -24,28 +24,28 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What is searched.
+/// Options of a search.
 #[derive(Clone, Debug)]
 pub struct Search {
     /// The case file.
     pub case: PathBuf,
     /// Changes of its fields.
     pub set: Vec<String>,
-    /// The boundary that drives; none for the one with the highest head.
+    /// The driving boundary; none for the one with the highest head.
     pub boundary: Option<String>,
-    /// A drive that does not erode, in the unit of the boundary's condition.
+    /// A value that does not erode, in the unit of the boundary's condition.
     pub from: f64,
-    /// One that does.
+    /// A value that erodes.
     pub to: f64,
-    /// Width of the answer over its upper end.
+    /// Width of the final interval over its upper end.
     pub tolerance: f64,
-    /// This many grains leaving in the second half of a run are erosion.
+    /// Smallest number of grains that leave in the second half of a run and count as erosion.
     pub grains: u64,
     /// Folder of the runs.
     pub output: PathBuf,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
-    /// When the program was started, and the wall time after which the search stops; the same search goes on.
+    /// Start of the program; the search stops after the wall time and can be continued.
     pub begun: Instant,
     /// See above.
     pub max_walltime: Option<Duration>,
@@ -70,10 +70,10 @@ pub struct Trial {
     pub erodes: bool,
 }
 
-/// What was found.
+/// The result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Critical {
-    /// The boundary that drives.
+    /// The driving boundary.
     pub boundary: String,
     /// Its quantity, with unit.
     pub quantity: String,
@@ -89,10 +89,10 @@ pub struct Critical {
     pub trials: Vec<Trial>,
 }
 
-/// Searches; the first rank speaks. Collective.
+/// Runs the search; the first rank prints. Collective.
 ///
 /// # Errors
-/// What is wrong with the case or the bounds, and why a run failed.
+/// Problems of the case or the bounds, and the failure of a run.
 pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(e.to_string()))?;
@@ -168,13 +168,13 @@ impl Inlet {
             return Err(refuse(
                 "fluid.darcy",
                 "missing".into(),
-                "a critical gradient is one of a seepage",
-                "give the case a `fluid.darcy`",
+                "a critical gradient requires seepage",
+                "add `fluid.darcy` to the case",
             ));
         };
         if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
             return Err(Error::Usage(format!(
-                "--from {} must be below --to {}; give a drive that holds and one that erodes",
+                "--from {} must be below --to {}; give a value that does not erode and one that erodes",
                 search.from, search.to
             )));
         }
@@ -183,7 +183,7 @@ impl Inlet {
             return Err(refuse(
                 "regions",
                 "no region that removes".into(),
-                "erosion is counted by the grains that leave",
+                "erosion is measured by the number of grains that leave",
                 "add a region with the action `remove` below the openings",
             ));
         }
@@ -218,7 +218,7 @@ impl Inlet {
             return Err(refuse(
                 "--boundary",
                 named.cloned().unwrap_or_else(|| "missing".into()),
-                "there is no such boundary that drives the water",
+                "there is no boundary of this name that drives the water",
                 "name one of fluid.darcy.boundaries",
             ));
         };
@@ -299,13 +299,13 @@ impl Searching<'_> {
         let (mut low, mut high) = (self.search.from, self.search.to);
         if self.erodes(low)? {
             return Err(Error::Usage(format!(
-                "{} erodes at {low} {} already; start with a lower --from",
+                "{} already erodes at {low} {}; use a lower --from",
                 self.inlet.name, self.inlet.quantity
             )));
         }
         if !self.erodes(high)? {
             return Err(Error::Usage(format!(
-                "{} holds at {high} {}; go on to a higher --to, or run longer (time.end)",
+                "{} does not erode at {high} {}; use a higher --to, or a longer run (time.end)",
                 self.inlet.name, self.inlet.quantity
             )));
         }

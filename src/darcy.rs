@@ -1,16 +1,18 @@
-//! Water that seeps through the pores of a bed of grains: porosity, permeability, pressure.
+//! Seepage through the pores of a bed of grains: porosity, permeability, pressure.
 //!
 //! ```text
-//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  (coupling/drag takes it from there)
+//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! Everything lives on a coarse regular [`Grid`] whose cells hold many grains. Each rank knows the porosity and the
-//! pressure of the whole grid, as a grain may stand anywhere on it; the linear solver alone, which is where the time goes,
-//! works on slabs of its own, cut along the longest axis of the coarse grid and so independent of how the grains are cut.
-//! Sums over grains and over cells are exact or in a fixed order, so that the same bits follow on any number of ranks.
+//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the pressure of the whole
+//! grid, because its grains may be anywhere on it. The linear solver takes most of the time and is therefore parallel. It works on slabs of its
+//! own, cut along the longest axis of the coarse grid, independently of the decomposition of the grains. Sums over grains and cells are exact
+//! or in a fixed order, so that the bits are the same on any number of ranks.
 //!
-//! The choices stand in a case as the types of this module; it knows no grains, cases or files.
+//! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
+pub mod bed_motion;
+pub mod drag;
 pub mod enclosure;
 pub mod grid;
 mod layout;
@@ -22,6 +24,8 @@ pub mod porosity;
 pub mod pressure;
 mod reproducible;
 
+pub use bed_motion::{BedMotion, Moving};
+pub use drag::DragLaw;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
@@ -57,7 +61,7 @@ pub enum Error {
         iterations: u32,
         /// Residual relative to the driving terms.
         residual: f64,
-        /// What was asked for.
+        /// The requested value.
         tolerance: f64,
     },
     /// A porosity, source or pressure is not a finite number.

@@ -83,7 +83,7 @@ pub struct Settings<S: Space> {
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer and rarer. No result depends on it.
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less often. No result depends on it.
     pub skin: f64,
     /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius \[m\].
     pub ghost_margin: f64,
@@ -125,7 +125,7 @@ pub struct BondBreak<S: Space> {
     pub fluid_force: f64,
 }
 
-/// A contact or bond as it is now.
+/// The present state of a contact or bond.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<S: Space> {
     /// Entry of the first grain, the lower id: owned here.
@@ -146,7 +146,7 @@ pub struct Contact<S: Space> {
     pub bonded: bool,
 }
 
-/// What one rank has now; sums over ranks count each thing once.
+/// Counts of one rank; sums over ranks count each item once.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// Owned grains.
@@ -163,7 +163,7 @@ pub struct Statistics {
     pub bonds: u64,
     /// Largest overlap over the smaller diameter.
     pub largest_overlap: f64,
-    /// How often lists were made.
+    /// Number of times that lists were made.
     pub rebuilds: u64,
     /// Pairs tested since the beginning.
     pub tested: u64,
@@ -208,7 +208,7 @@ impl<S: Space> Dem<S> {
             }
         }
         if settings.region.any_periodic() && walls.iter().any(|wall| wall.surface.is_some()) {
-            return refuse("a wall of facets in a box with a periodic axis".into());
+            return refuse("a wall of facets in a domain with a periodic axis".into());
         }
         log::info!(
             "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",
@@ -265,7 +265,7 @@ impl<S: Space> Dem<S> {
         Ok(self.engine.bond_all(particles))
     }
 
-    /// Takes every bond away; contacts and their shear stay.
+    /// Removes all bonds; contacts and their shear forces remain.
     pub fn unbond(&mut self) {
         self.engine.unbond();
     }
@@ -280,7 +280,7 @@ impl<S: Space> Dem<S> {
         self.engine.for_each_contact(particles, &mut visit);
     }
 
-    /// What this rank has now.
+    /// The present counts of this rank.
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
         self.engine.statistics(particles)
@@ -320,19 +320,19 @@ impl<S: Space> Dem<S> {
         self.engine.settings_mut().gravity = gravity;
     }
 
-    /// Changes the non-viscous damping, 0 (none) to below 1; other values are brought there.
+    /// Changes the non-viscous damping, 0 (none) to below 1; other values are clamped.
     pub fn set_local_damping(&mut self, damping: f64) {
         let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
         self.engine.settings_mut().local_damping = damping;
     }
 
-    /// The walls as they stand.
+    /// The present walls.
     #[must_use]
     pub fn walls(&self) -> &[Wall<S>] {
         self.engine.walls()
     }
 
-    /// Takes the walls of these indices out of the way, and the contacts and bonds with them. The same on all ranks.
+    /// Removes the walls of these indices with their contacts and bonds. The same on all ranks.
     pub fn open_walls(&mut self, walls: &[usize]) {
         self.engine.open_walls(walls);
     }

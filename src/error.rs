@@ -1,8 +1,8 @@
-//! The errors of a run and the exit code of each.
+//! The errors of a run and their exit codes.
 //!
 //! A [`Problem`] is one sentence about one field of the case; an [`Error`] ends the program. Exit codes:
 //! 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
-//! 75 stopped early with a good checkpoint (requeue), 101 panic.
+//! 75 stopped early with a valid checkpoint (requeue), 101 panic.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -19,7 +19,7 @@ pub enum Severity {
     Warning,
 }
 
-/// A finding about a case: path, value, what is wrong, what is allowed and what to do.
+/// A finding about a case: path, value, reason, allowed range and remedy.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
     /// JSON path of the value, such as `fluid.lattice_boltzmann.relaxation_time`.
@@ -90,7 +90,7 @@ impl Remedy {
     }
 }
 
-/// Takes findings about the parameters of a model while it is resolved: models know nothing of the case that they stand in.
+/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that contains them.
 pub trait Report {
     /// The case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);

@@ -1,6 +1,6 @@
-//! Families of models: one list makes the enum of the case, its schema and the way to the model behind it.
+//! Families of models: one list generates the enum of the case, its schema, and the dispatch to the model.
 //!
-//! A model is a type that implements the trait of its family, such as [`crate::coupling::drag::Law`]. A model without
+//! A model is a type that implements the trait of its family, such as [`crate::darcy::drag::Law`]. A model without
 //! parameters is a unit struct and stands in a case as its name; a model with parameters is a struct of the same name, whose
 //! fields stand in the case below the name.
 //!
@@ -16,8 +16,8 @@
 //! ```
 //!
 //! The trait has a function `summary`: the line of the model in the schema. `DragLaw::model` gives the model as a trait object.
-//! Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the choice is
-//! made once, outside of them.
+//! Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the model is selected
+//! once, outside of the loop.
 
 /// See the module.
 macro_rules! family {

@@ -1,9 +1,8 @@
-//! Lattice Boltzmann: populations, collide, stream, boundaries, moments.
+//! Lattice Boltzmann: populations, collision, streaming, boundaries, moments.
 //!
-//! Everything here is in lattice units: cells, steps, deviations of density from one. A step is one fused
-//! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab, and the boundary rules
-//! ([`boundary`]). Moving bodies are the coupling's business; it meets the lattice through [`populations::Link`], or through the cells
-//! that they cover ([`saturation`]).
+//! All quantities are in lattice units: cells, steps, deviations of the density from one. A step is one fused collide-and-stream pass
+//! ([`kernel`]), the exchange of the populations that leave the slab, and the boundary conditions ([`boundary`]). The module
+//! [`crate::coupling`] handles moving bodies, through [`populations::Link`] or through the cells that they cover ([`saturation`]).
 
 pub mod boundary;
 pub mod collision;

@@ -1,6 +1,6 @@
 //! Conversions between integers and floating-point numbers.
 //!
-//! Every cast whose result the compiler cannot prove stands here, with the range in which it is exact and what it gives beyond.
+//! Every cast whose result the compiler cannot prove is in this file, with the range in which it is exact and its result outside that range.
 
 #![expect(
     clippy::cast_precision_loss,

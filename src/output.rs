@@ -1,18 +1,18 @@
-//! Which fields and series, when, in SI.
+//! Output of fields and series: selection, schedule, and conversion to SI.
 //!
-//! [`Outputs`] stands between the run and the files: it knows what is due at a step, asks the [`View`] for it, converts
-//! through [`crate::units`] and hands named arrays to [`io`]. A step at which nothing is due costs one comparison.
+//! [`Outputs`] connects the run and the files. It determines the outputs due at a step, requests them from the [`View`], converts them with
+//! [`crate::units`] and passes named arrays to [`io`]. A step without output costs one comparison.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `together` | the ranks as a group that writes |
-//! | `schedule` | when something is due |
-//! | `view` | what there is to see of a run |
-//! | `fluid`, `planes` | fields of the fluid, derivatives across cuts |
-//! | `averages` | averages over time, and their profile |
-//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks in one order |
-//! | `probes` | numbers over time |
-//! | `info` | what is in a file or folder |
+//! | `group` | the ranks as a group that writes |
+//! | `schedule` | the steps of an output |
+//! | `view` | access to the state of a run |
+//! | `fluid`, `planes` | fields of the fluid, derivatives across slabs |
+//! | `averages` | time averages and their profile |
+//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order that does not depend on the ranks |
+//! | `probes` | values over time |
+//! | `info` | description of a file or folder |
 //!
 //! No file depends on the number of ranks.
 
@@ -66,7 +66,7 @@ enum FluidFields {
     Seepage(SeepageFields),
 }
 
-/// Everything a run writes in the course of time, apart from checkpoints and analyses.
+/// All outputs of a run over time, except checkpoints and analyses.
 #[derive(Debug)]
 pub struct Outputs {
     folder: PathBuf,
@@ -184,11 +184,11 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Writes what is due at the step of the view. Call it before the first step, after a restart too, and after every
+    /// Writes the outputs due at the step of the view. Call it before the first step, after a restart too, and after every
     /// step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks; a write that failed half-way ends the job with exit code 5.
+    /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
     pub fn write_due<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         if view.step < self.next {
             return Ok(());
@@ -266,7 +266,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// The next step at which anything is due; `u64::MAX` where nothing ever is.
+    /// The next step at which an output is due; `u64::MAX` if none is.
     #[must_use]
     pub fn next_due(&self) -> u64 {
         self.next
@@ -484,7 +484,7 @@ impl<T> Output<T> {
 }
 
 impl Output<AverageFields> {
-    /// The table of the profile, on rank 0, if one is asked for. Its rows are written before the fields of the same step.
+    /// The table of the profile, on rank 0, if one is requested. Its rows are written before the fields of the same step.
     fn open_profile(
         &mut self,
         folder: &Path,

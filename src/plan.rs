@@ -1,6 +1,6 @@
-//! Which models the scene needs, and why; the time steps; how far every limit is; what it will cost.
+//! The plan of a scene: its models with reasons, the time steps, the margin to every limit, and the costs.
 //!
-//! [`Plan::prepare`] is the way from the text of a case to something that can run. The plan owns the scene.
+//! [`Plan::prepare`] turns the text of a case into a plan. The plan owns the scene.
 
 mod added_mass;
 mod bodies;
@@ -14,6 +14,7 @@ pub mod interval;
 mod linear_stability;
 pub mod margin;
 pub mod models;
+pub mod pore_flow;
 pub mod report;
 mod stability;
 
@@ -32,24 +33,24 @@ use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Everything a run needs to know before it starts; the same on every rank.
+/// All decisions before the start of a run; the same on every rank.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
     /// The resolved problem.
     pub scene: Scene,
-    /// The models chosen, with the reason for each.
+    /// The chosen models, each with its reason.
     pub models: Vec<Choice>,
-    /// Scales of the lattice, where there is one.
+    /// Scales of the lattice, if there is one.
     pub units: Option<LatticeUnits>,
     /// Time steps.
     pub clock: Clock,
-    /// How far each limit is.
+    /// The margin to each limit.
     pub margins: Vec<Margin>,
     /// Memory, disk and time.
     pub estimate: Estimate,
-    /// What the user should know.
+    /// Warnings.
     pub warnings: Vec<Problem>,
-    /// Where values come from, by JSON path.
+    /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
     /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
     #[serde(skip)]
@@ -65,13 +66,13 @@ pub struct Clock {
     pub time_step: f64,
     /// Steps until the end, after the warm-up.
     pub steps: u64,
-    /// Steps of the grains in one step.
+    /// Solid steps per step.
     pub solid_steps_per_step: u32,
-    /// Time step of the grains \[s\].
+    /// Solid time step \[s\].
     pub solid_time_step: f64,
-    /// Critical time step of the grains 2 sqrt(m/k) \[s\]; none where nothing moves on springs.
+    /// Critical time step of the grains, 2 sqrt(m/k) \[s\]; none without moving bodies in contact.
     pub critical_solid_time_step: Option<f64>,
-    /// Steps of the warm-up at most.
+    /// Largest number of warm-up steps.
     pub warm_up_steps: u64,
 }
 
@@ -96,7 +97,7 @@ impl Plan {
     /// Resolves, checks and plans a case.
     ///
     /// # Errors
-    /// Everything that is wrong with the case, warnings included.
+    /// All problems of the case, warnings included.
     pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
         Self::made(document, None)
     }
@@ -170,7 +171,7 @@ impl Plan {
     /// Plans a case that is already in memory.
     ///
     /// # Errors
-    /// Everything that is wrong with the case, warnings included.
+    /// All problems of the case, warnings included.
     pub fn of_case(case: &Case) -> Result<Self, Vec<Problem>> {
         Self::prepare(Document {
             case: case.clone(),
@@ -226,7 +227,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
             findings.error(
                 path,
                 format!(
-                    "stability needs {} solid steps in a fluid step; at most 100000",
+                    "stability requires {} solid steps per fluid step; at most 100000 are allowed",
                     number(needed)
                 ),
                 "use softer contacts or a smaller fluid time step",

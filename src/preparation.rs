@@ -1,11 +1,11 @@
-//! The grains at the start: grown, deposited, read or listed; then numbered, saved and cut; bonded and brought to rest.
+//! Preparation of the grains: grown, deposited, read or listed; then numbered, saved and cut; bonded and relaxed.
 //!
 //! | step | file |
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | numbers along a curve through space | [`numbering`] |
-//! | bonds at the contacts, then rest under damping | [`rest`] |
+//! | numbers along a space-filling curve | [`numbering`] |
+//! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
 //!
 //! Packing and deposition run on one rank, so that the sample depends on the seed only.
@@ -47,15 +47,15 @@ pub struct Prepared {
     pub line: String,
 }
 
-/// The parts of the engine of the run that a deposition uses too.
+/// The parts of the engine that a deposition shares with the run.
 pub struct Engine<S: Space> {
     /// The box of the grains.
     pub region: Region<S>,
-    /// The walls, those that are gone as the run begins included.
+    /// The walls, including those that are removed when the run begins.
     pub walls: Vec<Wall<S>>,
 }
 
-/// Makes, reads or lists the grains of a scene, saves the sample where the case asks for it, and cuts it. One rank.
+/// Makes, reads or lists the grains of a scene, saves the sample if the case requests it, and cuts it. One rank.
 ///
 /// # Errors
 /// When the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
@@ -85,30 +85,30 @@ pub fn prepare<S: Space>(
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
-        GrainSource::Rain {
+        GrainSource::Deposition {
             block,
             grading,
-            rain,
+            deposition,
         } => {
             let (grains, report) =
-                deposition_of(plan, engine, block, grading, rain).run(supervision)?;
+                deposition_of(plan, engine, block, grading, deposition).run(supervision)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
-                "{} of {} grains left of the deposition after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
+                "deposition: {} of {} grains remain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
                 report.grains,
                 report.fallen,
                 last.steps,
                 if report.settled {
                     "settled"
                 } else {
-                    "NOT settled within the steps allowed"
+                    "NOT settled within the allowed steps"
                 },
                 report.coordination,
                 report.largest_overlap,
                 last.kinetic_energy,
                 unbalanced_text(last.unbalanced)
             );
-            prepared.report = json!({ "rain": report });
+            prepared.report = json!({ "deposition": report });
             grains
                 .iter()
                 .map(|(position, radius)| Grain {
@@ -151,18 +151,18 @@ pub fn prepare<S: Space>(
                 .collect()
         }
     };
-    if let GrainSource::Rain { rain, .. } = &scene.source
-        && let Some(level) = rain.trim_above
-        && let Some(top) = prepared.report["rain"]["top"].as_f64()
+    if let GrainSource::Deposition { deposition, .. } = &scene.source
+        && let Some(level) = deposition.trim_above
+        && let Some(top) = prepared.report["deposition"]["top"].as_f64()
         && top < level
     {
         prepared.line = format!(
-            "{}; the surface stays {:.3e} m below the level of trimming: let more grains fall",
+            "{}; the surface is {:.3e} m below the level of trimming: use more grains",
             prepared.line,
             level - top
         );
     }
-    if let GrainSource::Rain { .. } | GrainSource::Growth { .. } = &scene.source {
+    if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         numbering::along_curve(&mut all);
     }
     if let Some(path) = &scene.save {
@@ -178,7 +178,7 @@ pub fn prepare<S: Space>(
             .any(|(_, block)| block.touches(g.position, g.radius))
     });
     if !scene.cut.is_empty() {
-        let line = format!("{} of {before} grains left after cutting", all.len());
+        let line = format!("{} of {before} grains remain after cutting", all.len());
         prepared.line = if prepared.line.is_empty() {
             line
         } else {
@@ -189,7 +189,7 @@ pub fn prepare<S: Space>(
     Ok(prepared)
 }
 
-/// Saves the blocks where the case asks for it; returns a line about them.
+/// Saves the blocks if the case requests it; returns a line about them.
 fn save_blocks(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Error> {
     if let Some(path) = &blocks.save {
         let text = list::write(blocks.list.iter().map(|block| {

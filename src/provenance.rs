@@ -1,4 +1,4 @@
-//! Which build this is: version, commit and profile, for `--version`, summaries and checkpoints.
+//! Version, commit and profile of the build, for `--version`, summaries and checkpoints.
 //!
 //! The entry point declares commit and profile, so that a commit does not rebuild the library. Without a declaration
 //! (tests of the library) they are `unknown`.

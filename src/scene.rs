@@ -1,7 +1,7 @@
 //! The resolved problem: checked, complete, the same on every rank, without state.
 //!
-//! Names have become indices, boxes cells, missing choices their defaults. Numbers stay in SI. What it means for time
-//! steps, memory and stability is the business of [`crate::plan`].
+//! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI. [`crate::plan`] derives
+//! time steps, memory and stability.
 
 pub mod auto;
 pub mod block;
@@ -50,23 +50,23 @@ pub struct Scene {
     pub grid: grid::Grid,
     /// Acceleration of gravity [m/s2].
     pub gravity: [f64; 3],
-    /// Materials; everything else refers to them by index.
+    /// Materials; other parts of the scene refer to them by index.
     pub materials: Vec<Material>,
     /// The fluid, if any.
     pub flow: Option<flow::Flow>,
-    /// The seepage, if any: there is one fluid at most.
+    /// The seepage, if any. A scene has at most one fluid.
     pub seepage: Option<seepage::Seepage>,
     /// The grains, if any.
     pub grains: Option<grains::Grains>,
     /// The blocks, if any.
     pub blocks: Option<blocks::Blocks>,
-    /// The contact law, if anything can touch.
+    /// The contact law, if contacts are possible.
     pub contact: Option<contact::ContactTable>,
     /// Plane walls, those on faces of the domain last.
     pub walls: Vec<walls::Wall>,
     /// Named bodies.
     pub bodies: Vec<bodies::Body>,
-    /// The coupling, where there are fluid and solids.
+    /// The coupling, if there are fluid and solids.
     pub coupling: Option<Coupling>,
     /// Duration and steps, as written.
     pub time: Time,
@@ -82,9 +82,9 @@ pub struct Scene {
     pub guards: Guards,
     /// Erosion law analysis.
     pub erosion_law: Option<observe::ErosionLaw>,
-    /// Analysis of a ground that collapses.
+    /// Analysis of ground collapse.
     pub ground_collapse: Option<collapse::GroundCollapse>,
-    /// What the case left out and how it was chosen.
+    /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
 }
 
@@ -93,7 +93,7 @@ pub struct Scene {
 pub struct Material {
     /// Its name.
     pub name: String,
-    /// Density [kg/m3]; whatever moves freely has one.
+    /// Density [kg/m3]; required for free motion.
     pub density: Option<f64>,
 }
 
@@ -101,7 +101,7 @@ impl Scene {
     /// Resolves a case; returns warnings beside the scene.
     ///
     /// # Errors
-    /// Everything that is wrong with the case, warnings included.
+    /// All problems of the case, warnings included.
     pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
         match Self::attempt(case, None) {
             (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
@@ -109,8 +109,8 @@ impl Scene {
         }
     }
 
-    /// The scene as far as it can be made, with what was found on the way. Where it goes on with the state of another, what both leave
-    /// out is as it was chosen `like` there.
+    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields that both
+    /// leave out are chosen as in that scene, `like`.
     pub(crate) fn attempt<'a>(case: &'a Case, like: Option<&Self>) -> (Option<Self>, Findings<'a>) {
         let mut findings = Findings::new(case);
         if let Some(like) = like {
@@ -219,7 +219,7 @@ impl Scene {
             None => auto::settle(&mut scene, case, written, &mut findings),
         }
         log::debug!(
-            "scene: cells {:?} of {} m, {} materials, {} bodies, {} blocks, {} walls, {} regions, {} probes, {} sentences about it",
+            "scene: cells {:?} of {} m, {} materials, {} bodies, {} blocks, {} walls, {} regions, {} probes, {} findings",
             scene.grid.cells,
             scene.grid.spacing,
             scene.materials.len(),
@@ -233,7 +233,7 @@ impl Scene {
         (Some(scene), findings)
     }
 
-    /// Whether each grain carries along where it started.
+    /// Whether each grain stores its initial position.
     #[must_use]
     pub fn follows_grains(&self) -> bool {
         let written = self.output.grains.as_ref();
@@ -260,7 +260,7 @@ impl Scene {
         bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
     }
 
-    /// The polyhedron of this id, as it stood at the start.
+    /// The polyhedron of this id in its initial position.
     #[must_use]
     pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
         let place = usize::try_from(id).ok()?;
@@ -272,13 +272,13 @@ impl Scene {
         block.map(|block| &block.solid)
     }
 
-    /// Whether anything is solid.
+    /// Whether there are solids.
     #[must_use]
     pub fn has_solids(&self) -> bool {
         self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
     }
 
-    /// Lets go of the listed grains once they stand in the run: some hundred bytes of each.
+    /// Frees the listed grains once the run contains them: some hundred bytes each.
     pub fn forget_sample(&mut self) {
         use grains::GrainSource::{File, List};
         if let Some(List(grains) | File { grains, .. }) =
@@ -320,7 +320,7 @@ fn agree(case: &Case, findings: &mut Findings) {
     if !solid && !fluid {
         findings.error(
             "fluid",
-            "there is neither a fluid nor anything solid in this case",
+            "this case has neither a fluid nor solids",
             "add `fluid`, `grains` or `blocks`",
         );
     }
@@ -328,13 +328,13 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             "coupling",
             "there is no fluid in this case",
-            Remedy::take_out("take the coupling out", "coupling"),
+            Remedy::take_out("remove the coupling", "coupling"),
         );
     } else if case.coupling.is_some() && !solid {
         findings.warn(
             "coupling",
-            "there is nothing solid in this case",
-            Remedy::take_out("take the coupling out", "coupling"),
+            "there are no solids in this case",
+            Remedy::take_out("remove the coupling", "coupling"),
         );
     }
     let moving = case.grains.is_some()
@@ -352,7 +352,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             "output.blocks",
             "there are no blocks in this case",
-            Remedy::take_out("take this output out", "output.blocks"),
+            Remedy::take_out("remove this output", "output.blocks"),
         );
     }
     if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
@@ -363,7 +363,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         };
         findings.error(
             "contact",
-            "things move and can touch, but there is no contact law",
+            "bodies can move and touch, but there is no contact law",
             if polyhedra && flat {
                 "make the domain 3-D, and add a law of blocks".into()
             } else {
@@ -375,21 +375,24 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.warn(
             "contact",
             "nothing moves freely in this case",
-            Remedy::take_out("take the contact law out", "contact"),
+            Remedy::take_out("remove the contact law", "contact"),
         );
     }
     if lattice && case.time.solid_time_step.is_some() {
         findings.error(
             "time.solid_time_step",
-            "with a fluid the solid time step is the fluid's over `solid_steps_per_fluid_step`",
-            Remedy::take_out("take it out", "time.solid_time_step"),
+            "with a fluid, the solid time step is the fluid time step divided by `solid_steps_per_fluid_step`",
+            Remedy::take_out("remove it", "time.solid_time_step"),
         );
     }
     if !lattice && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
         let (reason, remedy) = if fluid {
-            ("the seepage has `coupling_interval`", "use that one")
+            (
+                "with seepage, `coupling_interval` determines it",
+                "use that one",
+            )
         } else {
-            ("there is no fluid in this case", "take it out")
+            ("there is no fluid in this case", "remove it")
         };
         let path = "time.solid_steps_per_fluid_step";
         findings.error(path, reason, Remedy::from(remedy).set(path, "auto"));
@@ -397,8 +400,8 @@ fn agree(case: &Case, findings: &mut Findings) {
     if case.time.warm_up.is_some() && !fluid {
         findings.error(
             "time.warm_up",
-            "the fluid warms up, but there is none",
-            Remedy::take_out("take it out", "time.warm_up"),
+            "the warm-up needs a fluid, and there is none",
+            Remedy::take_out("remove it", "time.warm_up"),
         );
     }
     for name in case.materials.keys().filter(|name| name.is_empty()) {
@@ -440,16 +443,16 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
     if matches!(case.fluid, Some(Fluid::Darcy(_))) {
         findings.error(
             "fluid",
-            "seepage drags grains, not blocks",
-            "take lattice_boltzmann, or take out the blocks and polyhedra",
+            "seepage acts on grains, not on blocks",
+            "use lattice_boltzmann, or remove the blocks and polyhedra",
         );
     }
     if case.contact.as_ref().is_some_and(|law| !law.of_polyhedra()) {
         findings.error(
             "contact",
-            "this is a law of discs and spheres, but there are polyhedra",
+            "this law is for discs and spheres, but there are polyhedra",
             if case.domain.size.0.len() == 2 {
-                "take the polyhedra out: they are for three dimensions".into()
+                "remove the polyhedra: they require three dimensions".into()
             } else {
                 let law = law_of_blocks::example();
                 Remedy::from(format!("write for example {law}")).set("contact", law)
@@ -458,7 +461,7 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Whether anything has a law of blocks.
+/// Whether the case has a law of blocks.
 pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }
@@ -478,7 +481,7 @@ pub(crate) fn material(
     index
 }
 
-/// Names become file names and are asked for: not empty, plain characters, each once.
+/// Checks names, which become file names: not empty, plain characters, unique.
 pub(crate) fn unique<'a>(
     known: &mut Vec<&'a str>,
     name: &'a str,

@@ -1,6 +1,6 @@
-//! Owns the state; step and run.
+//! The state of a run; steps and runs.
 //!
-//! One step is one fluid step and the solid steps within it; the order of [`Simulation::step`] is the algorithm.
+//! One step is one fluid step and the solid steps within it. [`Simulation::step`] is the algorithm.
 
 pub(crate) mod agreement;
 pub mod blocks;
@@ -24,8 +24,8 @@ pub mod versions;
 pub mod watch;
 
 use crate::checkpoint::{Saved, State};
-use crate::coupling::drag::Seepage;
 use crate::coupling::lattice::LatticeFlow;
+use crate::coupling::seepage::Seepage;
 use crate::coupling::water::Water;
 use crate::coupling::{Flow, FluidView};
 use crate::dem::Dem;
@@ -51,7 +51,7 @@ struct Present<Sp: Space, S: Saved> {
     flow: Option<Water<Sp, S>>,
     dem: Option<Dem<Sp>>,
     particles: Particles<Sp>,
-    /// Sums over time, where they are asked for.
+    /// Sums over time, if requested.
     averages: Option<Averages>,
     /// Fluid steps done.
     step: u64,
@@ -97,7 +97,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
     }
 }
 
-/// A run in progress: what is simulated, and what records it.
+/// A run in progress: the simulated state and its recorders.
 pub struct Simulation<Sp: Space, S: Saved> {
     now: Present<Sp, S>,
     removal: Removal,
@@ -109,7 +109,7 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
-    /// What it is now.
+    /// The present state.
     #[must_use]
     pub fn view(&self) -> View<'_, Sp> {
         self.now.view()
@@ -118,7 +118,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// One step. Collective.
     ///
     /// # Errors
-    /// When the numbers fail or an output cannot be written; the same on all ranks.
+    /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
         let now = &mut self.now;
         self.guards.before(now.step, now.lattice(), &now.domain);

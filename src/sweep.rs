@@ -1,18 +1,18 @@
-//! `solver sweep study.json`: the members of a study run one after the other or side by side, and a table of error against
-//! cost with the Pareto set marked.
+//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of error against
+//! cost with the Pareto set.
 //!
-//! | step | lives in |
+//! | step | module |
 //! |---|---|
 //! | the study as written, its schema | [`study`] |
-//! | every member's case, checked before anything runs | [`members`] |
-//! | a member as a process of this program; stopped, it is resumed | [`runner`] |
-//! | how a member ended and what it cost, in its folder | [`record`] |
+//! | every member's case, checked before any member runs | [`members`] |
+//! | a member as a process of this program; stopped members are resumed | [`runner`] |
+//! | outcome and cost of a member, in its folder | [`record`] |
 //! | outputs, errors, Pareto sets, `members.csv` | [`table`] |
 //! | `sweep.svg` and `map.svg` | [`picture`] |
 //! | a job array for Slurm | [`slurm`] |
 //!
-//! The output folder holds a folder for each member, named by what is varied. A member whose record there is that of the
-//! same case and the same version of the program is not run again.
+//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its folder holds the record
+//! of the same case and the same version of the program.
 
 pub mod members;
 pub mod picture;
@@ -30,41 +30,41 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use study::Study;
 
-/// What is asked of a sweep.
+/// Options of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
     /// The study file.
     pub study: PathBuf,
-    /// Folder of everything that is written; none for one beside the study, of its name.
+    /// Output folder; none for a folder beside the study with its name.
     pub output: Option<PathBuf>,
     /// What to do.
     pub task: Task,
-    /// Wall-clock time after which members are asked to stop.
+    /// Wall-clock time after which members are stopped.
     pub max_walltime: Option<Duration>,
 }
 
 /// What to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
-    /// Run what is missing, then write the table.
+    /// Run the missing members, then write the table.
     Run,
     /// Report which members there are, what they will cost, and which are done.
     List,
     /// Run one member, by its number in the list.
     Member(usize),
-    /// Write the table from what is there.
+    /// Write the table from the finished members.
     Collect,
     /// Print the script of a job array.
     Slurm,
 }
 
-/// Takes lines for the reader.
+/// Receives the lines to print.
 pub type Report<'a> = &'a dyn Fn(&str);
 
 /// Carries out a sweep; `report` takes lines for the reader.
 ///
 /// # Errors
-/// Everything that is wrong with the study, before anything runs; [`Error::Stopped`] where a signal ended it.
+/// All problems of the study, before any member runs; [`Error::Stopped`] if a signal ended it.
 pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
@@ -128,7 +128,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
     }])
 }
 
-/// Members that share a core would not tell what they cost.
+/// The cost of members that share a core is not meaningful.
 fn enough_cores(study: &Study) -> Result<(), Error> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let run = &study.run;
@@ -143,7 +143,7 @@ fn enough_cores(study: &Study) -> Result<(), Error> {
             run.at_once, run.ranks, run.threads
         ),
         format!(
-            "this needs {used} cores and the machine has {cores}: members that share a core do not tell what they cost"
+            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not meaningful"
         ),
         "lower one of the three".into(),
     ))

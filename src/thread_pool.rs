@@ -1,12 +1,12 @@
-//! Threads that stand ready: work shared out within a few microseconds.
+//! A pool of threads that start work within a few microseconds.
 //!
 //! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size. The
-//! workers of `rayon` fall asleep between two of them and take longer to wake than to work, so that loops over such pieces
-//! go through here; uneven and longer work stays with `rayon`, whose number of threads holds for both. A helper looks for
-//! work for [`SPINS`] turns, gives way for [`YIELDS`] more, then sleeps: ranks that share a core lose little.
+//! workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces therefore use this
+//! pool; uneven and longer work uses `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`] iterations, yields
+//! for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
 //!
-//! Which thread does which piece decides nothing: pieces are disjoint, and whoever finds the pool at work for another
-//! does its own pieces itself.
+//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy with another caller's work
+//! processes its pieces itself.
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
@@ -97,7 +97,7 @@ pub trait Shared: Sync {
     /// The share of a piece.
     ///
     /// # Safety
-    /// Each piece asks once.
+    /// Each piece calls this once.
     unsafe fn share(&self, piece: usize) -> Self::Share;
 }
 

@@ -246,7 +246,7 @@ fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
     Some(Error::invalid(
         &path.display().to_string(),
         format!(
-            "a checkpoint of format {format}, written by version {} (commit {}), and this program reads format {FORMAT}: go on with that version",
+            "a checkpoint of format {format}, written by version {} (commit {}); this program reads format {FORMAT}: continue with that version",
             writer("version"),
             writer("commit")
         ),
@@ -817,7 +817,7 @@ impl<'g> Reader<'g> {
             return Err(Error::invalid(
                 name,
                 format!(
-                    "is {:?} in the checkpoint, {:?} is asked for",
+                    "is {:?} in the checkpoint, {:?} was requested",
                     info.kind,
                     T::KIND
                 ),

@@ -78,7 +78,7 @@ pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
         }
     }
     // Unreachable for a sound group; still an error everywhere rather than a disagreement.
-    Err(Error::invalid("a rank", "failed and could not say why"))
+    Err(Error::invalid("a rank", "failed without a message"))
 }
 
 /// Run `work` on rank 0 and give its result to every rank.

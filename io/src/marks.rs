@@ -130,12 +130,12 @@ fn look(folder: &Path, marks: &Marks) -> Result<Looked> {
         }
         let (file, length) = plain::open(&path, u64::MAX)?;
         let wrong = |what: &str| {
-            let remedy = "put it back as it was, or move it away: the run then begins a new one where it goes on";
+            let remedy = "restore it, or move it away: the run then starts a new table";
             Error::corrupt(&path, format!("{what}; {remedy}"))
         };
         if length < mark.bytes {
             return Err(wrong(&format!(
-                "it has {length} bytes, and {} at the checkpoint",
+                "it has {length} bytes; it had {} at the checkpoint",
                 mark.bytes
             )));
         }

@@ -38,7 +38,7 @@ impl Moment {
             get("time").and_then(serde_json::Value::as_f64),
         ) {
             (Some(step), Some(time)) => Ok(Self { step, time }),
-            _ => Err(Error::corrupt(path, "does not say its step and time")),
+            _ => Err(Error::corrupt(path, "does not contain its step and time")),
         }
     }
 }

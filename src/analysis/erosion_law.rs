@@ -1,16 +1,16 @@
 //! The erosion law of a piping run: eroded mass, hydraulic shear stress, erosion rate and their fit.
 //!
-//! Eroding soil is described by `rate = k_d (tau_h - tau_c)` above a critical shear stress (equation 9 of Sibille,
-//! Lominé and Marot, ICSE-6, 2012). The chain from a run to the law is one file each:
+//! The erosion of soil is described by `rate = k_d (tau_h - tau_c)` above a critical shear stress (equation 9 of Sibille,
+//! Lominé and Marot, ICSE-6, 2012). Each step from a run to the law is one file:
 //!
-//! | file | question |
+//! | file | content |
 //! |---|---|
-//! | [`record`] | what does a run record |
-//! | [`hole`] | where are the faces of the hole and what shear stress acts on them (equation 10) |
-//! | [`rate`] | how fast do the faces erode, per area, and with which standard error |
-//! | [`fit`] | which critical stress and erosion coefficient follow (equation 9) |
+//! | [`record`] | the records of a run |
+//! | [`hole`] | the faces of the hole and the shear stress on them (equation 10) |
+//! | [`rate`] | the erosion rate per area of the faces, with its standard error |
+//! | [`fit`] | the critical stress and the erosion coefficient (equation 9) |
 //!
-//! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The pipe's area is then its two faces, `2 L`.
+//! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The area of the hole is then that of its two faces, `2 L`.
 
 pub mod fit;
 pub mod hole;

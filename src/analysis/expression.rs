@@ -1,8 +1,8 @@
-//! Arithmetic as written in `study.json` and `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
+//! Arithmetic expressions of `study.json` and `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
 //!
-//! Numbers, names, `+ - * / ^`, brackets and the functions below; `^` binds to the right and before a sign. Angles are in
-//! radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case: `bodies[0].shape.disc.radius`.
-//! A formula has at most 10,000 bytes, and brackets, signs and powers nest 100 deep at most.
+//! An expression contains numbers, names, `+ - * / ^`, brackets and the functions below. `^` is right-associative and binds more
+//! strongly than a sign. Angles are in radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case:
+//! `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers nest at most 100 deep.
 
 /// Bytes of a formula at most.
 pub const LONGEST: usize = 10_000;
@@ -169,7 +169,8 @@ impl Reader<'_> {
         }
         match word {
             "pi" => Ok(std::f64::consts::PI),
-            _ => (self.lookup)(word).ok_or_else(|| format!("nothing is named {}", excerpt(word))),
+            _ => (self.lookup)(word)
+                .ok_or_else(|| format!("there is no value named {}", excerpt(word))),
         }
     }
 

@@ -1,58 +1,59 @@
-//! Ground that collapses over a hidden hole: what is measured, when a stage has begun, in what clusters grains come loose.
+//! Collapse of ground over seepage points: measured quantities, the stages, and the clusters in which grains come loose.
 //!
-//! Water drags grains out through seepage points; a hole grows, an arch stands over it for a while, the surface gives way,
-//! and the depression grows along the fissure. Each step from a run to these claims is one file:
+//! Water drags grains out through seepage points. A hole grows, an arch stands over it for a while, the surface sinks, and the
+//! depression extends along the fissure. Each step of the analysis is one file:
 //!
-//! | file | question |
+//! | file | content |
 //! |---|---|
-//! | [`measure`] | how large are the voids, how far up does the ground move, how far has the surface settled |
-//! | [`stages`] | when did hole, arch, sinkhole and extension begin |
-//! | [`clusters`] | in what clusters of bonded grains does the ground come loose |
-//! | [`record`] | what does a run write down |
-//! | [`crate::figures`] | what does it look like |
+//! | [`measure`] | volume of the voids, height of the moving ground, settlement of the surface |
+//! | [`stages`] | times at which hole, arch, sinkhole and extension begin |
+//! | [`clusters`] | clusters of bonded grains that come loose |
+//! | [`record`] | records of a run |
+//! | [`crate::figures`] | figures |
 //!
-//! # The measures
+//! # Quantities
 //!
-//! Everything is in a frame of its own: the first axis is the long horizontal one, the second the other horizontal one, the
-//! third points up. The box is cut into cells with edges of about two mean diameters: a smaller cell takes a pore for a
-//! void, a larger one hides a hole of a few grains.
+//! The analysis has its own frame: the first axis is the long horizontal one, the second the other horizontal one, the third points
+//! up. The box is divided into cells with edges of about two mean diameters. A smaller cell would count pores as voids, a larger one
+//! would miss a hole of a few grains.
 //!
-//! - **Ground** is every cell that held at least [`measure::GROUND`] of solid at time 0; so air above, rock beside and the
-//!   opening below never count.
-//! - **Void** is a cell of the ground with less than `void_below` of its initial solid left. The void of a point is what is
-//!   connected through faces of void cells with the cells at its box. Its volume is the soil that is missing there: lost solid
-//!   over the packing, the median of the solid fractions of the ground at time 0, so that a cell half in rock counts half.
-//! - **Arch height** is how far the top of that void is above the lowest ground at the point.
-//! - **Front.** From the point up, layer by layer over its footprint, the ground moves as long as the mean of its downward
-//!   displacement exceeds a threshold, or the layer is empty; the front is how far up that goes, as part of the cover. Its *shape* is
-//!   the number of moving cells in the upper half below the front over that in the lower half: 1/3 for a triangle with its apex
-//!   up, 1 for a rectangle, which makes the triangular shape of the front measurable.
-//! - **Surface.** The elevation of a column is the top of the highest grain with its centre in it that has two others within half a
-//!   mean diameter: a grain in flight is no ground, soil that falls together is. Where nothing is left it is the lowest
-//!   ground the column had.
-//! - **Settlement** of a column is how far its elevation has fallen or how far the grains that were its surface at time 0 have gone
-//!   down, the middle one of the three highest, whichever is less. A large grain that rolls off its column lowers the elevation
-//!   by its own size and more while those beside it stay; grains that sink with the ground do both. Where all of them have left it
-//!   is the fall of the elevation.
+//! - **Ground** is every cell with a solid fraction of at least [`measure::GROUND`] at time 0. Air above, rock beside and the opening below
+//!   never count.
+//! - **Void** is a cell of the ground with less than `void_below` of its initial solid. The void of a point is the set of void cells
+//!   that are connected through faces to the cells at its box. Its volume is the volume of the missing soil: lost solid over the
+//!   packing, the median solid fraction of the ground at time 0, so that a cell half in rock counts half.
+//! - **Arch height** is the height of the top of that void above the lowest ground at the point.
+//! - **Front**: layer by layer upward from the point, over its footprint, the ground moves as long as its mean downward displacement
+//!   exceeds a threshold or the layer is empty. The front is the height of the highest moving layer, as a fraction of the cover. Its
+//!   *shape* is the number of moving cells in the upper half below the front over that in the lower half: 1/3 for a triangle with its
+//!   apex up, 1 for a rectangle.
+//! - **Surface**: the elevation of a column is the top of the highest grain with its centre in the column that has two others within half a
+//!   mean diameter. A grain in flight therefore does not count, soil that falls together does. If no grain is left, the elevation is that of the
+//!   lowest ground the column had.
+//! - **Settlement** of a column is the smaller of two values: the decrease of its elevation, and the downward displacement of the
+//!   grains that formed its surface at time 0 (the median of the three highest). A large grain that rolls off its column lowers the
+//!   elevation but does not displace its neighbours; grains that sink with the ground do both. If all of these grains have left, the
+//!   settlement is the decrease of the elevation.
 //! - **Extension** is the length along the long axis over which any column has settled by the threshold of the sinkhole.
 //! - **Inward** is the mean displacement, towards the nearest point along the long axis, of the grains that at time 0 were beside the
-//!   points and no further from them than their cover is thick: about the wedge that can slide in.
+//!   points, at a distance of at most the thickness of their cover: about the wedge that can slide in.
 //!
-//! # The stages
+//! # Stages
 //!
-//! | | begins when | because |
+//! | stage | begins when | reason for the criterion |
 //! |---|---|---|
 //! | t1 hidden hole | n grains have left through one point, or its void has the volume of a cell | single grains in the opening leave in any case |
-//! | t2 arch | the front over one point reaches half of its cover | the ground above the void moves as one, and the surface does not yet |
-//! | t3 sinkhole | a column of the surface has settled by a mean diameter: its elevation and its own grains | less is the settling of grains into pores |
-//! | t4 extension | the longest depression is 1.5 times as long as the sinkhole was long or wide at t3, and the soil beside moves in | it grows along the fissure and not round the hole |
+//! | t2 arch | the front over one point reaches half of its cover | the ground above the void moves as a whole, the surface does not yet |
+//! | t3 sinkhole | a column of the surface has settled by a mean diameter (its elevation and its own grains) | smaller values are the settling of grains into pores |
+//! | t4 extension | the longest depression is 1.5 times the length or width of the sinkhole at t3, and the soil beside it moves in | the depression grows along the fissure and not around the hole |
 //!
-//! A stage begins at the first of three samples in a row that show it, and once. The stages look at different things and not at each
-//! other, so that their order is a result; only t4 needs t3, whose length it compares with. All thresholds are fields of the case.
+//! A stage begins at the first of three consecutive samples that meet its criterion, and only once. The criteria of t1 to t3 are
+//! independent of each other, so that the order of the stages is a result; t4 needs t3, because it compares lengths. All thresholds
+//! are fields of the case.
 //!
-//! # The same bits
+//! # Reproducibility
 //!
-//! Everything here is a function of the list of all grains in rising order of id. It is evaluated on one rank.
+//! All quantities are functions of the list of all grains in rising order of id. They are evaluated on one rank.
 
 pub mod clusters;
 pub mod measure;

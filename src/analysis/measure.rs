@@ -1,8 +1,7 @@
-//! A number from the files of a run: from a table (probes, ledgers) or from `summary.json`.
+//! A number from the files of a run: from a table (probes, records) or from `summary.json`.
 //!
-//! The rows of a table that count are chosen by a formula of its columns, a formula gives the value of each, and one of
-//! [`Take`] makes a number of them. A profile keeps the values of the last time over a coordinate, and two profiles
-//! are compared by a [`Norm`].
+//! A formula of the columns selects the rows of a table, a second formula gives the value of each row, and a [`Take`] reduces the
+//! values to one number. A profile is the values at the last time over a coordinate. Two profiles are compared by a [`Norm`].
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -16,7 +15,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::Path;
 
-/// Which number of a run's files: one of the `summary`, or one of the rows of a `file`.
+/// A number from the files of a run: from the `summary`, or from the rows of a `file`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Measure {
@@ -24,12 +23,12 @@ pub struct Measure {
     pub summary: Option<String>,
     /// A table in the output folder, for example `probe_NAME.csv`.
     pub file: Option<String>,
-    /// Formula of the columns of the file and of numbers named before.
+    /// Formula of the columns of the file and of earlier numbers.
     pub of: Option<String>,
-    /// Rows that count: those for which this formula is above 0; all without it.
+    /// Selection of rows: those for which this formula is above 0. Default: all rows.
     #[serde(rename = "where")]
     pub rows: Option<String>,
-    /// What is made of the rows; the last one without it.
+    /// Reduction of the rows to a number. Default: the last row.
     pub take: Take,
 }
 
@@ -84,7 +83,7 @@ impl Norm {
         let pairs = values.iter().zip(reference);
         match self {
             Self::Largest => {
-                // Not max(): it would pass over what is not a number.
+                // Not max(): it would skip NaN.
                 let errors = pairs.map(|(v, r)| (v - r).abs());
                 let worst = errors.fold(0.0, |a: f64, b| if b.is_nan() || b > a { b } else { a });
                 worst / reference.iter().fold(0.0, |a: f64, b| a.max(b.abs()))
@@ -307,7 +306,7 @@ fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
 /// Cubic through the four points nearest to `at`; `x` grows.
 fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
-        return Err("a profile needs four points or more in growing order".into());
+        return Err("a profile needs four or more points in rising order".into());
     }
     let above = x.partition_point(|&v| v < at);
     let first = above.saturating_sub(2).min(x.len() - 4);

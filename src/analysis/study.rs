@@ -1,12 +1,12 @@
 //! The erosion law across runs: reads run folders and fits the law of each cohesion.
 //!
-//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is used where it
-//! exists. A run that has not finished, or was stopped, has no such summary yet: pressure, cohesion and hole are then read from its
-//! `case.json`, and the masses from the record.
+//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is used if it
+//! exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read from its `case.json`, and its
+//! masses from the record.
 //!
-//! The law is fitted to one point per run and to the stress from the velocity gradient; where fewer than three runs exist, to the
-//! windows of the runs. The other readings stand beside it: their differences are the uncertainty of the reading. Tables and figures
-//! are made by `figures::erosion_law`.
+//! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it is fitted to the
+//! windows of the runs. The report also contains the fits with the other definitions; their differences are the uncertainty
+//! of the definition. `figures::erosion_law` writes tables and figures.
 
 use super::erosion_law::{
     CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, Law, RatePoint, RateWindow,
@@ -234,7 +234,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     if !matches!(outcome.as_str(), "done" | "finished" | "completed") {
         let end = records.last().map_or(0.0, |record| record.time);
         warnings.push(format!(
-            "{}: {outcome}, used as far as it got ({end:.4} s)",
+            "{}: {outcome}, used up to {end:.4} s",
             folder.display()
         ));
     }
@@ -252,7 +252,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
             window.rate_median = 0.0;
         }
         warnings.push(format!(
-            "{}: no bond broke: the {left} grains that left were loose after the cut, which is no erosion",
+            "{}: no bond broke: the {left} grains that left were loose after the cut and do not count as erosion",
             folder.display()
         ));
     }
@@ -290,7 +290,7 @@ fn read_json(path: &Path) -> Result<Option<Value>, Error> {
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
 }
 
-/// What the summary would say, from the case as written.
+/// The contents of the summary, from the case as written.
 fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<ErosionSummary, Error> {
     let path = folder.join("case.json");
     let missing = |what: &str| Error::Io(format!("{}: {what}", path.display()));

@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Accuracy level or target error of fluid forces. Each level rests on measured errors; `solver plan` names the measurement.
+/// Accuracy level or target error of fluid forces. Each level is based on measured errors; `solver plan` names the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
-    /// Forces within 10 %: for a first look.
+    /// Forces within 10 %, for first estimates.
     Draft,
     /// Forces within 5 %.
     #[default]
@@ -19,7 +19,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// The largest relative error of a force that is aimed at.
+    /// The target of the largest relative error of a force.
     #[must_use]
     pub fn target(self) -> f64 {
         match self {
@@ -30,7 +30,7 @@ impl Accuracy {
         }
     }
 
-    /// The word in a case.
+    /// The name of the level in a case.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

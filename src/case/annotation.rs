@@ -1,19 +1,19 @@
 //! Values with a note of their source.
 //!
-//! Wherever a value may stand, `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}` may stand too.
-//! `source` is `assumed`, `paper` or any text. [`strip`] leaves the value in place and keeps the rest in a table.
+//! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is `assumed`, `paper`
+//! or any text. [`strip`] leaves the value in place and returns the rest in a table.
 
 use super::text::join;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Where a value comes from.
+/// The source of a value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
     /// `assumed`, `paper`, or any text.
     pub source: String,
-    /// Why, or where exactly; may be empty.
+    /// A reason or an exact reference; may be empty.
     pub note: String,
 }
 
@@ -28,7 +28,7 @@ impl Source {
     }
 }
 
-/// Replaces every annotated value by the bare value; returns where they came from, by path.
+/// Replaces every annotated value by the bare value; returns their sources, by path.
 pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     let mut sources = BTreeMap::new();
     if any(tree) {

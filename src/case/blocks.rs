@@ -12,33 +12,33 @@ use std::path::PathBuf;
 pub struct Blocks {
     /// Material of the blocks. It needs a density.
     pub material: String,
-    /// Where the blocks come from.
+    /// Source of the blocks.
     pub initial: BlockSource,
     /// Boxes of fixed bedrock [m]: a block whose centroid lies in one of them never moves.
     #[serde(default)]
     pub fixed: Vec<Extent>,
     /// JSON file to which the initial blocks are written, in the format that `initial.file` reads, so that other runs can reuse them. A
-    /// file name in the output folder, different from the names of the run's own outputs.
+    /// file name in the output folder, different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
 }
 
-/// Where blocks come from.
+/// Source of blocks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum BlockSource {
-    /// A rock mass cut by sets of joints.
+    /// A rock mass cut by joint sets.
     Joints(Joints),
     /// A list in a file: written by `save`, or the blocks of `SparkRocks`.
     File {
         /// JSON file, relative to the case.
         path: PathBuf,
     },
-    /// One by one.
+    /// A list of blocks.
     List(Vec<Block>),
 }
 
-/// A convex rock mass that sets of joints cut into blocks, one set after the other. A seed gives the same blocks on any number of ranks.
+/// A convex rock mass that joint sets cut into blocks, one set after another. A seed gives the same blocks on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joints {
@@ -56,12 +56,12 @@ pub struct Joints {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub aperture: f64,
-    /// Smallest thickness of a block [m], measured by its inscribed sphere: a joint does not cut off anything thinner. Default: a twentieth
+    /// Smallest thickness of a block [m], measured by its inscribed sphere: a joint does not cut off thinner parts. Default: a twentieth
     /// of the smallest mean spacing.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub smallest_thickness: Option<f64>,
-    /// Smallest volume of a block [m3]: a joint does not cut off anything smaller.
+    /// Smallest volume of a block [m3]: a joint does not cut off smaller parts.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub smallest_volume: f64,
@@ -102,7 +102,7 @@ pub struct JointSet {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Spacing {
-    /// The same spacing everywhere [m].
+    /// Constant spacing [m].
     Constant(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Uniform distribution between two bounds.
     Uniform {

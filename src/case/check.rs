@@ -50,7 +50,7 @@ pub(crate) fn against_schema(tree: &mut Value) -> Checked {
     walk(ROOT.get_or_init(bare_schema), tree)
 }
 
-/// All problems of a tree that should be as a schema says.
+/// All problems of a tree with respect to a schema.
 pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
@@ -111,7 +111,7 @@ fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut 
                 path: place.path(),
                 value: brief(&text.into()),
                 reason: format!(
-                    "the text holds the control character U+{:04X}, which a terminal or a file would obey",
+                    "the text contains the control character U+{:04X}",
                     u32::from(c)
                 ),
                 remedy: "write a text of one line without control characters".into(),
@@ -137,7 +137,7 @@ fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut 
     }
 }
 
-/// Words by which a schema asks for something; without one of them any value will do.
+/// Keywords by which a schema restricts a value; without one of them any value is valid.
 const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
 
 struct Walk<'a> {
@@ -280,7 +280,7 @@ impl<'a> Walk<'a> {
                 self.problems.push(Problem {
                     path: join(path, key),
                     value: "missing".into(),
-                    reason: "this field is needed".into(),
+                    reason: "this field is required".into(),
                     remedy: format!("add `{key}`{help}").into(),
                     severity: Severity::Error,
                 });
@@ -428,7 +428,10 @@ impl<'a> Walk<'a> {
                 }
             }
             Value::Object(map) if !names.is_empty() => {
-                let reason = format!("this has {} keys, but names exactly one choice", map.len());
+                let reason = format!(
+                    "this has {} keys; exactly one choice is required",
+                    map.len()
+                );
                 self.report(path, value, reason, choose(&names));
             }
             _ => {
@@ -567,9 +570,9 @@ fn choose(names: &[&str]) -> String {
 
 fn nearest_remedy(name: &str, known: &[&str]) -> String {
     match nearest(name, known) {
-        _ if known.is_empty() => "take it out: there are no fields here".into(),
+        _ if known.is_empty() => "remove it: there are no fields here".into(),
         Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
-        None => format!("take it out, or {}", choose(known)),
+        None => format!("remove it, or {}", choose(known)),
     }
 }
 
@@ -626,7 +629,7 @@ mod tests {
         assert_eq!(problems[0].remedy.proposal().len(), 2);
 
         let mut tree: Value =
-            serde_json::from_str(crate::case::examples::find("rain").unwrap().text).unwrap();
+            serde_json::from_str(crate::case::examples::find("deposition").unwrap().text).unwrap();
         let initial = tree["grains"]["initial"].as_object_mut().unwrap();
         let written = initial.remove("deposition").unwrap();
         initial.insert("rain".into(), written);

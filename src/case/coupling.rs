@@ -15,7 +15,7 @@ pub enum Coupling {
 }
 
 impl Coupling {
-    /// Radius of grains that the fluid sees over that of contact.
+    /// Hydraulic radius of grains over their contact radius.
     #[must_use]
     pub fn hydraulic_radius_factor(&self) -> f64 {
         match self {

@@ -1,8 +1,7 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Vector};
-use crate::coupling::drag::DragLaw;
-use crate::darcy::{Condition, Equations, MeanDiameter, PorosityMethod, Resistance};
+use crate::darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,23 +34,27 @@ pub struct Darcy {
     /// Mean diameter in the permeability.
     #[serde(default)]
     pub mean_diameter: MeanDiameter,
-    /// Law of flow resistance.
+    /// Law of flow resistance. Default: `gidaspow`; `kozeny_carman` with the equations of the paper.
     #[serde(default)]
-    pub resistance: Resistance,
-    /// Largest porosity in the permeability [1]: cells above it keep the permeability at this value.
-    #[serde(default = "default_cap")]
+    pub resistance: Option<Resistance>,
+    /// Largest porosity in the permeability [1]: cells above it keep the permeability at this value. Default: 0.9999; 0.7 with the
+    /// equations of the paper.
+    #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
-    pub porosity_cap: f64,
+    pub porosity_cap: Option<f64>,
     /// Smallest porosity in the permeability [1]: overlapping grains may overfill a cell.
     #[serde(default = "default_least")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub least_porosity: f64,
-    /// Whether changes of the porosity act as a source in the mass balance of the water.
+    /// Whether moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water and in the mean drag,
+    /// and a bed that moves as a whole is stopped. Default: true; false with the equations of the paper.
     #[serde(default)]
-    pub transient_porosity: bool,
-    /// Drag law.
+    pub transient_porosity: Option<bool>,
+    /// Drag law. Any other law than `reaction` is independent of the resistance: the forces on the grains then differ from the loss of
+    /// pressure, and the closure of momentum in the log states by how much. Default: `reaction`; `di_felice` with the equations of the
+    /// paper.
     #[serde(default)]
-    pub drag: DragLaw,
+    pub drag: Option<DragLaw>,
     /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
@@ -69,8 +72,40 @@ pub struct Darcy {
     pub max_iterations: u32,
 }
 
-fn default_cap() -> f64 {
-    0.7
+impl Darcy {
+    /// The law of flow resistance.
+    #[must_use]
+    pub fn resistance(&self) -> Resistance {
+        self.resistance.unwrap_or(match self.equations {
+            Equations::Corrected => Resistance::Gidaspow,
+            Equations::Paper => Resistance::KozenyCarman,
+        })
+    }
+
+    /// The drag law.
+    #[must_use]
+    pub fn drag(&self) -> DragLaw {
+        self.drag.unwrap_or(match self.equations {
+            Equations::Corrected => DragLaw::Reaction,
+            Equations::Paper => DragLaw::DiFelice,
+        })
+    }
+
+    /// The largest porosity in the permeability [1]. Cells without grains have the permeability at this porosity: nearly no resistance.
+    #[must_use]
+    pub fn porosity_cap(&self) -> f64 {
+        self.porosity_cap.unwrap_or(match self.equations {
+            Equations::Corrected => 0.9999,
+            Equations::Paper => 0.7,
+        })
+    }
+
+    /// Whether moving grains displace the water.
+    #[must_use]
+    pub fn transient_porosity(&self) -> bool {
+        let usual = self.equations == Equations::Corrected;
+        self.transient_porosity.unwrap_or(usual)
+    }
 }
 
 fn default_least() -> f64 {

@@ -1,17 +1,17 @@
-//! Ready cases: each runs in under a minute on two ranks. `solver example` lists them.
+//! Example cases: each runs in under a minute on two ranks. `solver example` lists them.
 
-/// A ready case.
+/// An example case.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// The name to ask for.
+    /// The name.
     pub name: &'static str,
-    /// What it shows.
+    /// A line of description.
     pub summary: &'static str,
     /// The case file.
     pub text: &'static str,
 }
 
-/// All ready cases.
+/// All example cases.
 pub const EXAMPLES: [Example; 18] = [
     Example {
         name: "piping",
@@ -20,7 +20,7 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "first-flow",
-        summary: "oil past a wire in a channel, in SI units only: cells, time step and models are chosen",
+        summary: "oil flow past a wire, in SI units: the program chooses cells, time step and models",
         text: include_str!("examples/first-flow.json"),
     },
     Example {
@@ -64,9 +64,9 @@ pub const EXAMPLES: [Example; 18] = [
         text: include_str!("examples/seepage.json"),
     },
     Example {
-        name: "rain",
-        summary: "bonded spheres rain into a V of polygons, and the floor gives way",
-        text: include_str!("examples/rain.json"),
+        name: "deposition",
+        summary: "spheres are deposited between two inclined walls and bonded, then the floor is removed",
+        text: include_str!("examples/deposition.json"),
     },
     Example {
         name: "fissure-sand",
@@ -80,17 +80,17 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "dry-incline",
-        summary: "two blocks on an incline: one sticks, one slides as the textbook says",
+        summary: "two blocks on an incline: one sticks, one slides with the exact acceleration",
         text: include_str!("examples/dry-incline.json"),
     },
     Example {
         name: "scour",
-        summary: "blocks of a jointed bed under a turbulent stream: one stands out, one is flush",
+        summary: "blocks of a jointed bed under a turbulent stream: one protrudes, one is flush",
         text: include_str!("examples/scour.json"),
     },
     Example {
         name: "stagnation",
-        summary: "a stream meets an open joint whose far side stands up: stagnation point, eddy and uplift",
+        summary: "a stream over an open joint with a raised downstream side: stagnation point, eddy and uplift",
         text: include_str!("examples/stagnation.json"),
     },
     Example {
@@ -100,12 +100,12 @@ pub const EXAMPLES: [Example; 18] = [
     },
     Example {
         name: "avalanche",
-        summary: "a jointed rock mass comes down a slope",
+        summary: "a jointed rock mass slides down a slope",
         text: include_str!("examples/avalanche.json"),
     },
 ];
 
-/// A ready study: members of a case for `solver sweep`.
+/// An example study: members of a case for `solver sweep`.
 pub const STUDY: Example = Example {
     name: "sweep",
     summary: "study of a channel flow: error against cost over cells, operator and relaxation time",

@@ -38,7 +38,7 @@ pub struct LatticeBoltzmann {
     #[serde(default)]
     pub collision: Option<Collision>,
     /// Turbulence model for eddies smaller than a cell. Default: none; if the program chooses the cell size or the time step, WALE where the
-    /// Reynolds number demands it.
+    /// Reynolds number requires it.
     #[serde(default)]
     pub turbulence: Option<TurbulenceChoice>,
     /// Relaxation time tau [1], above 0.5. The lattice viscosity is (tau - 1/2)/3 and the time step is (tau - 1/2) h²/(3 nu).

@@ -5,16 +5,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The grains at the start: discs in 2-D, spheres in 3-D.
+/// The initial grains: discs in 2-D, spheres in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Grains {
     /// Material of the grains. It needs a density.
     pub material: String,
-    /// Where the grains come from.
+    /// Source of the grains.
     pub initial: GrainSource,
     /// CSV file to which the prepared sample is written before cutting, so that other runs can reuse it. A file name in the output folder,
-    /// different from the names of the run's own outputs.
+    /// different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
     /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the box.
@@ -25,7 +25,7 @@ pub struct Grains {
     pub bond_at_start: bool,
 }
 
-/// Where grains come from.
+/// Source of grains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum GrainSource {
@@ -33,14 +33,14 @@ pub enum GrainSource {
     Growth(Growth),
     /// A loose random cloud that falls onto the walls and settles (dry pluviation).
     Deposition(Deposition),
-    /// A sample saved before.
+    /// A saved sample.
     File {
         /// CSV file, relative to the case. Columns: `x`, `y`, `z` and `radius` [m]; where they are there also `material`,
         /// `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`, `angular_velocity_y`, `angular_velocity_z` [rad/s] and
         /// `id`, in whose order grains then stand. In 2-D without `z`, `velocity_z` and the rotations about x and y.
         path: PathBuf,
     },
-    /// One by one.
+    /// A list of grains.
     List(Vec<Grain>),
 }
 

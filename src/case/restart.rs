@@ -1,6 +1,6 @@
-//! What a restart may change in its case, and what it may not, and why.
+//! The changes of a case that a restart allows and refuses, each with its reason.
 //!
-//! The list is shown by `solver schema` as `x-restart`: on the case itself all of it, and beside each field that it names.
+//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields concerned.
 
 use crate::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
@@ -218,7 +218,7 @@ fn forbidden(path: &str, new: &Value) -> Option<&'static str> {
     let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
     let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
         || path == "output.grains" && asked("/displacement");
-    displacement.then_some("the run did not keep where its grains started")
+    displacement.then_some("the run did not store the initial positions of its grains")
 }
 
 fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {

@@ -1,7 +1,7 @@
-//! `--set path=value`: any field of a case from the command line.
+//! `--set path=value`: changes any field of a case from the command line.
 //!
-//! A path is written as in messages: `probes[0].every`. The value is JSON, or else the text itself. Objects on the way
-//! are made where they are missing; an index one past the end of a list appends.
+//! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing objects on the path
+//! are created. An index one past the end of a list appends.
 
 use super::text::brief;
 use crate::error::{Problem, Severity};
@@ -67,7 +67,7 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
                 }
                 let Value::Array(list) = node else {
                     let reason = format!("{} is not a list", brief(node));
-                    return Err(problem(path, text, &reason, "leave the index out"));
+                    return Err(problem(path, text, &reason, "omit the index"));
                 };
                 let length = list.len();
                 if *index > length {

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A wall that grains and blocks touch. The fluid does not see it.
+/// A wall for grains and blocks. It does not act on the fluid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -18,7 +18,7 @@ pub struct Wall {
     /// Velocity [m/s]. The tangential component drags grains along, the normal component moves the wall. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
-    /// Period in which the wall exists. A wall of the preparation holds the grains while they settle and are bonded, and is removed when the
+    /// Period in which the wall exists. A wall of the preparation supports the grains while they settle and are bonded, and is removed when the
     /// run begins.
     #[serde(default)]
     pub during: WallStage,

@@ -1,6 +1,5 @@
-//! JSON text to a tree, at a bounded cost. A key written twice is refused: the reader cannot know which of the two was
-//! meant. Objects of more keys than [`MOST_KEYS`] and texts of more values than [`MOST_VALUES`] are refused; brackets
-//! nest 127 deep at most.
+//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects with more keys than
+//! [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most 127 deep.
 
 mod plain;
 
@@ -17,7 +16,7 @@ pub const MOST_VALUES: usize = 20_000_000;
 /// Problems of one text that are listed; the rest is counted.
 pub const MOST_PROBLEMS: usize = 50;
 
-/// What is said of the problems that are not listed.
+/// The message about problems that are not listed.
 #[must_use]
 pub fn unlisted(more: usize) -> Option<Problem> {
     (more > 0).then(|| Problem {
@@ -29,7 +28,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     })
 }
 
-/// The tree, as far as there is one, and what is wrong with the text.
+/// The tree, as far as the text is valid, and its problems.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     // A text with which nothing is wrong needs no paths, which cost more than all else.
@@ -67,7 +66,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
 }
 
 /// How the sentence begins about an object whose last keys were not read.
-const TOO_MANY: &str = "an object has at most so many keys, and only those are read:";
+const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
 
 /// Whether an object of the text was read in part.
 #[must_use]
@@ -189,7 +188,7 @@ impl<'de> Visitor<'de> for Node<'_> {
                 },
                 value: format!("{{{} keys}}", map.len() + more),
                 reason: format!("{TOO_MANY} {MOST_KEYS}"),
-                remedy: "take out what is not meant".into(),
+                remedy: "remove the keys that are not meant".into(),
                 severity: Severity::Error,
             });
         }

@@ -94,7 +94,7 @@ pub struct Checkpoint {
     /// Wall-clock time between checkpoints [s]. 0 turns them off.
     #[schemars(range(min = 0.0))]
     pub every_wall_seconds: f64,
-    /// Number of the newest checkpoints that stay on disk.
+    /// Number of checkpoints that are kept, the newest ones.
     #[schemars(range(min = 2, max = 1000))]
     pub keep: u32,
 }

@@ -1,6 +1,7 @@
-//! Whether a checkpoint can be one of a case: its manifest before anything is allocated, its grains and contacts after they are read.
+//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
 
 use super::{EARLIER, TABLES};
+use crate::darcy::pressure::NUMBERS;
 use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::number::to_usize;
@@ -9,10 +10,10 @@ use io::checkpoint::Manifest;
 use io::data::Kind;
 use serde_json::{Value, json};
 
-/// What the checkpoints of a case can hold: asked of a manifest before anything is allocated for it.
+/// The possible contents of checkpoints of a case, compared with a manifest before memory is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Whether the preparation is over: what is saved before holds less.
+    /// Whether the preparation is over: earlier checkpoints hold less.
     pub prepared: bool,
     /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
@@ -35,7 +36,7 @@ impl Expected {
     /// Whether a manifest can be that of a checkpoint of the case.
     ///
     /// # Errors
-    /// A sentence that says what does not fit.
+    /// A sentence that names the mismatch.
     pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
         let attributes = &manifest.attributes;
         let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
@@ -46,7 +47,7 @@ impl Expected {
             } else {
                 value.as_u64()
             };
-            number.ok_or_else(|| format!("its `{name}` is {value}, which is no count"))
+            number.ok_or_else(|| format!("its `{name}` is {value}, which is not a count"))
         };
         // A preparation counts other steps.
         if self.prepared && manifest.step > self.steps {
@@ -82,9 +83,9 @@ impl Expected {
         let seepage = count("seepage")?;
         if seepage > 0 {
             let cells = self.seepage.unwrap_or(0);
-            if cells.checked_mul(3) != Some(to_usize(seepage)) {
+            if cells.checked_mul(NUMBERS) != Some(to_usize(seepage)) {
                 return Err(format!(
-                    "it holds {seepage} numbers of seepage, and the case has {cells} cells of three"
+                    "it holds {seepage} numbers of the seepage; the case has {cells} cells with {NUMBERS} numbers each"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
@@ -121,7 +122,7 @@ impl Expected {
         let most = self.grains.unwrap_or(0);
         for (n, kind) in TABLES.iter().enumerate() {
             let rows = attributes["rows"][n].as_u64();
-            let rows = rows.ok_or_else(|| format!("it does not say how many {kind} it holds"))?;
+            let rows = rows.ok_or_else(|| format!("it does not state its number of {kind}"))?;
             let most = if n == 0 {
                 most
             } else {
@@ -150,7 +151,7 @@ impl Expected {
             }
         }
         if !matches!(attributes["notes"], Value::Object(_) | Value::Null) {
-            return Err("its notes are no object".to_owned());
+            return Err("its notes are not an object".to_owned());
         }
         let radius = &attributes["typical_radius"];
         let plausible = |r: f64| r > 0.0 && r <= self.length;
@@ -219,7 +220,7 @@ impl Bounds {
             };
             if !good {
                 return wrong(format!(
-                    "column {name} of the grains holds what no grain can have"
+                    "column {name} of the grains holds values that no grain can have"
                 ));
             }
         }
@@ -245,7 +246,7 @@ impl Bounds {
             };
             if !good {
                 return wrong(format!(
-                    "column {name} of the walls holds what no wall can have"
+                    "column {name} of the walls holds values that no wall can have"
                 ));
             }
         }

@@ -1,4 +1,4 @@
-//! What the command line knows about itself, for shells and for `man`: completions and the manual page.
+//! Completions for shells and the manual page, generated from the definition of the command line.
 
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;

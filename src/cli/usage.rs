@@ -1,4 +1,4 @@
-//! Arguments that are refused before anything is read, each with what was probably meant.
+//! Arguments that are refused before a file is read, each with a suggestion.
 
 use crate::case::check::nearest;
 use crate::error::Error;

@@ -1,12 +1,11 @@
-//! Which cells lie inside which body, and the links that cross the surfaces: kept up to date at the cost of what moved.
+//! The cells inside each body and the links that cross the surfaces, updated where bodies moved.
 //!
-//! A cell belongs to the body that contains its centre, to the one of lowest id where several do. After a body was mapped
-//! at some place its cells cannot change until it has moved by its *slack*, the smallest distance of any nearby cell centre
-//! from its surface; until then it costs one comparison a step. So a packing at rest costs nothing, and the map is a
-//! function of the positions alone, the same after a restart and on any ranks.
+//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a body is the smallest
+//! distance of any nearby cell centre from its surface. The cells of a body cannot change until it has moved by its slack; until then
+//! it costs one comparison per step. A packing at rest therefore costs almost nothing. The map is a function of the positions alone: it is the same
+//! after a restart and on any number of ranks.
 //!
-//! All geometry is done in the frame of a body's raw position, so that every image of a body through a periodic face maps
-//! with the same bits.
+//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same bits.
 
 mod links;
 mod owners;
@@ -298,11 +297,11 @@ impl BodyMap {
                     rigid.spin[a] = motion.spin.get(a) * spin;
                 }
             }
-            if let Some((shape, attitude)) = particles.polyhedron(k) {
+            if let Some((shape, state)) = particles.polyhedron(k) {
                 rigid.radius = body.radius / self.grid.spacing;
                 let turned = &mut self.blocks[k];
-                turned.quaternion = attitude.orientation.coords.into();
-                let (rotation, spacing) = (attitude.matrix(), self.grid.spacing);
+                turned.quaternion = state.orientation.coords.into();
+                let (rotation, spacing) = (state.matrix(), self.grid.spacing);
                 faces(
                     shape,
                     &rotation,

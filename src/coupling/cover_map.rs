@@ -1,10 +1,10 @@
-//! Which cells each body fills, and by how much: kept up to date at the cost of what moved.
+//! The solid fraction of every cell that a body covers, updated where bodies moved.
 //!
-//! A body that has not moved by a bit since it was mapped costs one comparison. One that has is walked row by row: the cells inside
-//! are known from where the row enters and leaves it, only those at its surface are measured ([`super::solid_fraction`]), and only
-//! cells whose fraction changed are told to the lattice ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions
-//! alone, the same after a restart and on any ranks: geometry is done in the frame of a body's raw position. A slab holds its own cells
-//! and the ghost cells round them: what leaves a full cell depends on what covers the next one.
+//! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row. The cells inside
+//! follow from where the row enters and leaves the body. Only the cells at its surface are measured ([`super::solid_fraction`]), and only
+//! cells with a changed fraction are passed to the lattice ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions
+//! alone: it is the same after a restart and on any number of ranks, because the geometry is computed in the frame of a body's raw position.
+//! A slab holds its own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the next one.
 
 use super::body_map::Grid;
 use super::solid_fraction::{Form, Method, Scratch, faces};
@@ -154,13 +154,12 @@ impl CoverMap {
             let pose = Pose {
                 centre: motion.position,
                 radius: motion.radius,
-                orientation: block
-                    .map_or([0.0; 4], |(_, attitude)| attitude.orientation.coords.into()),
+                orientation: block.map_or([0.0; 4], |(_, state)| state.orientation.coords.into()),
             };
             body.moved = body.at != Some(pose);
             body.at = Some(pose);
-            if let (true, Some((shape, attitude))) = (body.moved, block) {
-                let rotation = attitude.matrix();
+            if let (true, Some((shape, state))) = (body.moved, block) {
+                let rotation = state.matrix();
                 let spacing = self.grid.spacing;
                 faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
             }
@@ -364,7 +363,7 @@ fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
     std::array::from_fn(|a| f64::from(cell[a] - frame[a]))
 }
 
-/// Tells the lattice what is different between two lists by rising position.
+/// Passes the differences between two lists, sorted by position, to the lattice.
 fn tell(cover: &mut Cover, slot: u32, old: &[Cell], new: &[Cell]) {
     let (mut i, mut j) = (0, 0);
     loop {

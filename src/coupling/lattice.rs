@@ -1,4 +1,4 @@
-//! What a run asks of a lattice with bodies in it, however they are coupled.
+//! The interface between a run and a lattice with bodies, common to all couplings.
 
 use super::{Flow, FluidView};
 use crate::dem::space::Space;
@@ -25,7 +25,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Whether the momentum of a cell belongs to the water in its balance with the bodies.
     fn counts(&self, cell: [usize; 3]) -> bool;
 
-    /// Whether all cells of the slab count: then nobody need ask for each.
+    /// Whether all cells of the slab count, so that no test per cell is needed.
     fn all_count(&self) -> bool;
 
     /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
@@ -35,7 +35,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3];
 }
 
-/// What a view of a lattice answers whatever the coupling: all but who holds a cell. For an `impl FluidView` of a type with `fluid` and
+/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an `impl FluidView` of a type with `fluid` and
 /// `units`.
 macro_rules! view_of_lattice {
     () => {

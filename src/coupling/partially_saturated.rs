@@ -1,12 +1,12 @@
-//! Lattice Boltzmann with partially saturated cells: bodies of any shape, no links, forces smooth in their motion.
+//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the motion.
 //!
-//! In a step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns what each received; the
-//! grains feel it unchanged through their solid steps; then the cover follows them ([`super::cover_map`]).
+//! In each step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns the force on each body. The
+//! force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
 //!
-//! **The water inside.** A covered cell holds water that moves with its body, and what moves it comes out of the body's force: the body
-//! would be heavier than it is by the mass of that water. It is given back as the change of a rigid body of water of the
-//! same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse what enters answer a change of
-//! the body's motion to and fro, so that the load is the mean of two steps, as with links that bounce:
+//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of the body's load, and the body
+//! would have the additional inertia of that fluid. The inertia is compensated by the change of momentum of a rigid body of
+//! fluid of the same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse populations respond to a
+//! change of the body's motion with an oscillation, so that the load is the mean of two steps, as with bounce-back on links:
 //!
 //! ```text
 //! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt

@@ -1,15 +1,15 @@
-//! How much of a cell a body fills: spheres, discs and convex polyhedra, exactly or at less cost.
+//! Solid fraction of a cell that a sphere, disc or convex polyhedron covers, exact or approximate.
 //!
-//! | method | of a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
+//! | method | definition for a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
 //! |---|---|---|
 //! | exact | closed form of box and ball; box cut by planes | rounding |
 //! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
 //! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
 //!
-//! The linear estimate of a ball uses a radius less by 1/(12 r), of a disc by 1/(24 r): then the sum over all cells is the true
-//! volume to second order, where the plain one is too large. One plane through a cell cuts it in closed form (R. Scardovelli, S. Zaleski,
-//! J. Comput. Phys. 164 (2000) 228); where several do, the volume is ⅓ Σ area times distance over the faces of what is left, each face
-//! clipped for itself, so that no topology can break.
+//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is then the true
+//! volume to second order; without the correction it is too large. One plane through a cell cuts it in closed form (R. Scardovelli,
+//! S. Zaleski, J. Comput. Phys. 164 (2000) 228). With several planes the volume is ⅓ Σ area times distance over the faces of the remaining solid,
+//! each face clipped independently, so that no consistent topology is needed.
 //!
 //! All lengths are in cells, in the raw frame of the body.
 

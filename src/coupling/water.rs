@@ -1,10 +1,10 @@
-//! The fluid of a run with its coupling: one of the pairs, chosen at the start and asked once a step.
+//! The fluid of a run with its coupling: one of the combinations, chosen at the start and dispatched once per step.
 
 use super::Flow;
 use super::bounce_back::BounceBack;
-use super::drag::Seepage;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
+use super::seepage::Seepage;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;

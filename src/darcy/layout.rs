@@ -1,7 +1,7 @@
-//! Where cells stand in memory, and which of them a rank works on.
+//! Arrangement of the cells in memory, and the cells that each rank computes.
 //!
-//! x fastest, one ghost cell all round the grid, whose conductances are 0 and whose values stay 0: no loop asks where it is.
-//! Every rank has arrays of the whole grid, works on the planes of its [`Part`], and gets those next to them by messages.
+//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops need no case
+//! distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and receives the neighbouring planes by messages.
 
 use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
 use rayon::prelude::*;

@@ -1,21 +1,20 @@
-//! A symmetric multigrid cycle in single precision, to precondition conjugate gradients.
+//! A symmetric multigrid cycle in single precision, the preconditioner of the conjugate gradients.
 //!
 //! ```text
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are joined in pairs along the axes in which they couple most strongly. A correction is constant in a coarse cell and
-//! residuals are summed, each the other's transpose. A coarse face conducts through lanes side by side, each a series of
-//! half the inner face of one coarse cell, the face itself, and half the inner face of the other:
+//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and residuals are summed;
+//! the two operators are the transposes of each other. A coarse face conducts through parallel lanes, each a series of half the inner
+//! face of one coarse cell, the face itself, and half the inner face of the other:
 //!
 //! ```text
-//! T = sum over lanes 1/(1/(2 t_inner) + 1/t_face + 1/(2 t_inner'))        an inner face that is closed counts for nothing
+//! T = sum over lanes 1/(1/(2 t_inner) + 1/t_face + 1/(2 t_inner'))        a closed inner face does not contribute
 //! ```
 //!
-//! which is what a uniform coarse grid would have, follows harmonic means where cells differ, and keeps exactly the
-//! connections of the fine grid. Two Jacobi steps before and after with the weights of Chebyshev's polynomial smooth
-//! without an order of cells, so that any cut gives the same bits. The finest level is worked on in parts; the others,
-//! together a seventh of the work (a third in 2-D), by every rank in whole.
+//! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly the connections of
+//! the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's polynomial, smooth without an order of cells, so that any
+//! decomposition gives the same bits. The ranks share the finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
 
 use super::layout::{Gather, Halo, Layout, Part};
 use crate::number::single;

@@ -1,14 +1,16 @@
 //! Permeability of a bed of grains from its porosity and a mean diameter.
 //!
-//! Empty cells (above the surface, in cavities) would conduct without bound: the porosity is capped, usually at 0.7.
+//! Cells without grains would conduct without bound: the porosity is capped.
 //!
-//! A law of resistance is one file below this module and one line of the list.
+//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line of the list.
 
 pub mod ergun;
 pub mod kozeny_carman;
 
 pub use kozeny_carman::kozeny_carman;
 
+use super::drag::di_felice::DiFelice;
+use super::drag::gidaspow::Gidaspow;
 use super::mean_diameter::MeanDiameter;
 use super::{Equations, Liquid};
 use crate::family::family;
@@ -20,8 +22,10 @@ family! {
     #[derive(Default)]
     pub enum Resistance: Law {
         #[default]
+        Gidaspow,
         KozenyCarman,
         Ergun,
+        DiFelice,
     }
 }
 
@@ -131,7 +135,12 @@ mod tests {
             density: 1000.0,
             viscosity: 1e-3,
         };
-        for law in [Resistance::KozenyCarman, Resistance::Ergun] {
+        for law in [
+            Resistance::Gidaspow,
+            Resistance::KozenyCarman,
+            Resistance::Ergun,
+            Resistance::DiFelice,
+        ] {
             let law = law.model();
             let bed = BedOfCells {
                 porosity: &[0.4, 0.5],

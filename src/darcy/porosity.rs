@@ -119,8 +119,8 @@ impl Pores {
         self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
-    /// Adds a grain; every grain on one rank only.
-    pub fn add(&mut self, centre: [f64; 3], radius: f64) {
+    /// Adds a grain; every grain on one rank only. Gives the cells that hold a part of it, each with the part.
+    pub fn add(&mut self, centre: [f64; 3], radius: f64) -> &[(usize, f64)] {
         let mut parts = std::mem::take(&mut self.parts);
         self.parts(centre, radius, &mut parts);
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
@@ -136,6 +136,7 @@ impl Pores {
         }
         self.finite &= finite;
         self.parts = parts;
+        &self.parts
     }
 
     /// Sums over the ranks and derives porosity and diameters. Collective.
@@ -160,8 +161,9 @@ impl Pores {
             all[0] += sums[1];
             all[1] += sums[2];
         }
-        let mean =
-            |upper: i128, lower: i128| (lower > 0).then(|| self.unit * (real(upper) / real(lower)));
+        let mean = |upper: i128, lower: i128| {
+            (lower > SLIVER).then(|| self.unit * (real(upper) / real(lower)))
+        };
         if let Some(d) = mean(all[0], all[1]) {
             self.mean_diameter = d;
         }
@@ -196,6 +198,8 @@ impl Pores {
     }
 }
 
+/// Sums up to this one are too coarse for a quotient: a grain reaches into the cell by less than about 2^-40 of it.
+const SLIVER: i128 = 1 << 22;
 /// 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 #[cfg(test)]

@@ -1,28 +1,45 @@
-//! Pressure and flux of water in the pores: Darcy's law and the balance of mass.
+//! Pressure and flux of water in the pores: Darcy's law and the mass balance.
 //!
 //! ```text
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
 //! ```
 //!
-//! The unknown is the reduced pressure `phi`, so that water at rest is at rest exactly. Cell-centred finite volumes: each
-//! face passes `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area, so that the layers of
-//! a column are in series exactly and what leaves one cell enters the next. The matrix is never formed beyond its faces;
-//! conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it from the last solution.
+//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses cell-centred finite
+//! volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area. The layers of a column
+//! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
+//! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
+//!
+//! Where grains move, `q` is the flux past them, and the volume of water and grains together is kept:
+//!
+//! ```text
+//! div (q + v) = 0        v: mean velocity of the grains of a cell
+//! ```
+//!
+//! which is `div q = -d eps/dt - div(eps v)` with the balance of the grains, `d eps/dt = div((1 - eps) v)`. In half a cell on each side of
+//! a face `q + v` is the same, so that the velocity of a face is that of its two cells, weighted by their resistances. The water of a
+//! cell without grains has next to no resistance: it goes with whatever the bed beside it does.
+//!
+//! A bed that the water stops faster than the interval T between two couplings must not be pushed for the whole interval by the
+//! pressure of its velocity at the start. [`Bed`] therefore states the velocity at the end of the interval as a linear function of the
+//! gradient, `v = v0 - B grad phi`, and B adds to the conductivity.
 //!
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
 //!
-//! Flux and gradient of a cell are the means of its two faces along each axis; then `-sum V grad phi` is exactly what the
-//! imposed pressures push with, which the closure of momentum rests on.
+//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
+//! pressures; the closure of momentum relies on this.
+
+mod boundary;
+mod iteration;
 
 use super::Error;
 use super::enclosure::Openness;
 use super::grid::Grid;
 use super::layout::{Gather, Halo, Layout, Part};
-use super::multigrid::{Ground, Matrix, Multigrid, first_joined, neighbours};
-use super::reproducible::{dot, power_above};
-use crate::number::single;
-use decomposition::{Axis, Communicator, Domain, ExactSum, Slabs};
+use super::multigrid::{Ground, Matrix, Multigrid};
+use super::reproducible::power_above;
+use boundary::{Boundary, boundary, head_pressure, slabs};
+use decomposition::{Communicator, Domain, ExactSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -89,14 +106,17 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; of no matter along the normal.
     pub to: [usize; 3],
-    /// What holds there.
+    /// The condition.
     pub condition: Condition,
 }
+
+/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced pressure.
+pub const NUMBERS: usize = 5;
 
 /// How the pressure is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Which equations.
+    /// Form of the equations.
     pub equations: Equations,
     /// Gravity \[m/s2\].
     pub gravity: [f64; 3],
@@ -104,6 +124,15 @@ pub struct Settings {
     pub tolerance: f64,
     /// Iterations after which it is an error.
     pub iterations: u32,
+}
+
+/// The grains as the pressure meets them: their mean velocity in a cell is `velocity - response grad phi`.
+#[derive(Clone, Copy, Debug)]
+pub struct Bed<'a> {
+    /// Velocity without a gradient of the reduced pressure \[m/s\], for each cell.
+    pub velocity: &'a [[f64; 3]],
+    /// What a gradient takes from it [m2/(Pa s)], for each cell.
+    pub response: &'a [f64],
 }
 
 /// What a solution cost and how good it is.
@@ -117,26 +146,6 @@ pub struct Report {
     pub inflow: f64,
     /// Volume that leaves in a second \[m3/s\].
     pub outflow: f64,
-}
-
-/// A face on the boundary of the grid that something crosses.
-#[derive(Clone, Copy, Debug)]
-struct Boundary {
-    /// Place of the cell among the cells and in the layout.
-    cell: usize,
-    at: usize,
-    axis: usize,
-    upper: bool,
-    /// Open area \[m2\].
-    area: f64,
-    /// Which patch.
-    patch: usize,
-    /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
-    lift: f64,
-    /// Part of the area that faces up.
-    up: f64,
-    /// Conductance from the centre of the cell.
-    conductance: f64,
 }
 
 /// The pressure of a grid, and the way to it.
@@ -156,7 +165,14 @@ pub struct Pressure {
     factor: [Vec<f64>; 3],
     /// Per axis, one over the open area of a face, 0 for a closed one.
     per_area: [Vec<f64>; 3],
+    /// Of water and grains together.
     conductivity: Vec<f64>,
+    /// Of the water past the grains.
+    mobility: Vec<f64>,
+    /// Velocity of the grains along each axis \[m/s\].
+    bed: [Vec<f64>; 3],
+    /// Whether there is one.
+    moves: bool,
     matrix: Matrix<f64>,
     multigrid: Multigrid,
     phi: Vec<f64>,
@@ -164,7 +180,8 @@ pub struct Pressure {
     residual: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    flux: Vec<[f64; 3]>,
+    /// What the gradient drives through each cell \[m/s\]: the flux past the grains and the response of the bed.
+    driven: Vec<[f64; 3]>,
     conducts: Vec<bool>,
     /// No pressure has been found or restored yet.
     fresh: bool,
@@ -230,6 +247,9 @@ impl Pressure {
             factor: std::array::from_fn(|_| vec![0.0; n]),
             per_area: std::array::from_fn(|_| vec![0.0; n]),
             conductivity: vec![0.0; n],
+            mobility: vec![0.0; grid.count()],
+            bed: std::array::from_fn(|_| vec![0.0; n]),
+            moves: false,
             matrix: Matrix::new(&layout),
             multigrid,
             phi: vec![0.0; n],
@@ -237,7 +257,7 @@ impl Pressure {
             residual: vec![0.0; n],
             direction: vec![0.0; n],
             product: vec![0.0; n],
-            flux: vec![[0.0; 3]; grid.count()],
+            driven: vec![[0.0; 3]; grid.count()],
             conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
             fresh: true,
         };
@@ -308,13 +328,19 @@ impl Pressure {
         &self.grid
     }
 
+    /// The relative tolerance of a solution.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
     /// Changes what holds on a patch; its kind has to stay.
     pub fn set_condition(&mut self, patch: usize, condition: Condition) {
         self.patches[patch].condition = condition;
     }
 
-    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, and a source \[1/s\] per volume inside the walls
-    /// (0 for quasi-steady flow), starting from the last one. Collective.
+    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, a source \[1/s\] per volume inside the walls
+    /// and moving grains, starting from the last pressure. Without source and motion the flow is quasi-steady. Collective.
     ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
@@ -323,8 +349,9 @@ impl Pressure {
         permeability: &[f64],
         porosity: &[f64],
         source: Option<&[f64]>,
+        bed: Option<Bed<'_>>,
     ) -> Result<Report, Error> {
-        self.assemble(permeability, porosity, source)?;
+        self.assemble(permeability, porosity, source, bed)?;
         let (iterations, residual) = self.iterate()?;
         if let Some(gather) = &mut self.gather {
             gather.fill(&mut self.phi);
@@ -343,6 +370,7 @@ impl Pressure {
         permeability: &[f64],
         porosity: &[f64],
         source: Option<&[f64]>,
+        bed: Option<Bed<'_>>,
     ) -> Result<(), Error> {
         let mobility = 1.0 / self.liquid.viscosity;
         let nx = self.grid.cells[0];
@@ -356,7 +384,23 @@ impl Pressure {
                 };
                 let k = if self.conducts[cell] { k } else { 0.0 };
                 bad |= !(0.0..f64::MAX).contains(&k);
+                self.mobility[cell] = k;
                 self.conductivity[at] = k;
+            }
+        }
+        self.moves = bed.is_some();
+        if let Some(bed) = bed {
+            for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    if self.conducts[cell] {
+                        self.conductivity[at] += bed.response[cell];
+                        for (a, velocity) in bed.velocity[cell].iter().enumerate() {
+                            self.bed[a][at] = *velocity;
+                            bad |= !velocity.is_finite();
+                        }
+                    }
+                    bad |= !(0.0..f64::MAX).contains(&self.conductivity[at]);
+                }
             }
         }
         if bad {
@@ -407,6 +451,7 @@ impl Pressure {
                 }
             }
         }
+        self.carry();
         let mut largest = 0.0_f64;
         let [sx, sy, sz] = self.layout.stride;
         let t = &self.matrix.t;
@@ -423,7 +468,7 @@ impl Pressure {
             for i in row {
                 largest = largest.max(self.matrix.diagonal[i]);
                 bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
-                // A blocked cell takes no part: whatever a coarse correction puts there changes nothing.
+                // A blocked cell takes no part: a coarse correction there has no effect.
                 if self.matrix.diagonal[i] <= 0.0 {
                     self.right[i] = 0.0;
                     self.phi[i] = 0.0;
@@ -436,6 +481,45 @@ impl Pressure {
         self.multigrid
             .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
         Ok(())
+    }
+
+    /// Adds what the grains displace to the right sides.
+    fn carry(&mut self) {
+        if !self.moves {
+            return;
+        }
+        for axis in 0..self.grid.dimension {
+            let stride = self.layout.stride[axis];
+            for row in self.layout.rows(&self.layout.whole()) {
+                for at in row {
+                    let through = self.area(axis, at) * self.face_velocity(axis, at);
+                    self.right[at] += through;
+                    self.right[at - stride] -= through;
+                }
+            }
+        }
+        for face in &self.boundary {
+            if self.imposed(face).is_some() {
+                let outward = if face.upper { 1.0 } else { -1.0 };
+                self.right[face.at] -= outward * face.area * self.bed[face.axis][face.at];
+            }
+        }
+    }
+
+    /// Open area of the face below a cell \[m2\].
+    fn area(&self, axis: usize, at: usize) -> f64 {
+        0.5 * self.factor[axis][at] * self.grid.spacing[axis]
+    }
+
+    /// Velocity of the grains at the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
+    fn face_velocity(&self, axis: usize, at: usize) -> f64 {
+        let below = at - self.layout.stride[axis];
+        let (k, v) = (&self.conductivity, &self.bed[axis]);
+        if self.factor[axis][at] > 0.0 {
+            (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
+        } else {
+            0.0
+        }
     }
 
     /// The middle of the imposed reduced pressures.
@@ -459,174 +543,23 @@ impl Pressure {
         }
     }
 
-    /// Conjugate gradients: iterations and relative residual.
-    fn iterate(&mut self) -> Result<(u32, f64), Error> {
-        if self.fresh {
-            // So that water that nothing drives is at rest exactly.
-            let middle = self.middle();
-            for index in 0..self.grid.count() {
-                if self.conducts[index] {
-                    self.phi[self.layout.at(self.grid.cell(index))] = middle;
-                }
-            }
-            self.fresh = false;
-        }
-        let scale = self.scale();
-        let mut largest = self.first_residual();
-        if !largest.is_finite() || !scale.is_finite() {
-            return Err(Error::NotFinite("the first residual"));
-        }
-        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
-        let scale = scale.max(1e-12 * self.size());
-        let wanted = self.settings.tolerance * scale;
-        let mut iterations = 0;
-        let mut last = 0.0;
-        while largest > wanted {
-            if iterations >= self.settings.iterations {
-                return Err(Error::NotConverged {
-                    iterations,
-                    residual: largest / scale,
-                    tolerance: self.settings.tolerance,
-                });
-            }
-            let here = (self.layout, self.part.clone());
-            let here = (&here.0, &here.1);
-            // The cycle works in single precision: on a residual near 1.
-            let unit = 1.0 / power_above(largest);
-            let residual = &self.residual;
-            here.0
-                .sweep(here.1, self.multigrid.right_side(), |start, out| {
-                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
-                        *b = single(r * unit);
-                    }
-                });
-            self.multigrid.cycle();
-            let z = self.multigrid.result();
-            let rz = dot(here, &self.residual, z, &self.communicator) / unit;
-            let beta = if iterations == 0 { 0.0 } else { rz / last };
-            last = rz;
-            here.0.sweep(here.1, &mut self.direction, |start, out| {
-                let z = &z[start..start + out.len()];
-                for (p, z) in out.iter_mut().zip(z) {
-                    *p = f64::from(*z) / unit + beta * *p;
-                }
-            });
-            self.halo.fill(&mut self.direction);
-            let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
-            layout.sweep(here.1, &mut self.product, |start, out| {
-                let n = out.len();
-                let (diagonal, row) = (&matrix.diagonal[start..start + n], &p[start..start + n]);
-                neighbours(matrix, layout, p, start, n, |i, sum| {
-                    out[i] = diagonal[i] * row[i] - sum;
-                });
-            });
-            let energy = dot(here, &self.direction, &self.product, &self.communicator);
-            let alpha = rz / energy;
-            if !alpha.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
-            }
-            let mut most = 0.0_f64;
-            let mut bad = 0.0_f64;
-            for row in self.layout.rows(here.1) {
-                let (p, q) = (&self.direction[row.clone()], &self.product[row.clone()]);
-                let (x, r) = (&mut self.phi[row.clone()], &mut self.residual[row]);
-                for i in 0..x.len() {
-                    x[i] += alpha * p[i];
-                    r[i] -= alpha * q[i];
-                    let size = r[i].abs();
-                    most = if size > most { size } else { most };
-                    bad += size * 0.0;
-                }
-            }
-            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
-                f64::INFINITY
-            } else {
-                most
-            });
-            if !largest.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
-            }
-            iterations += 1;
-        }
-        Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
-    }
-
-    /// The largest imbalance at the uniform pressure in the middle of what is imposed: what drives the flow. Over the whole
-    /// grid, so that no message is needed.
-    fn scale(&self) -> f64 {
-        let middle = self.middle();
-        let mut most = 0.0_f64;
-        // Inner faces pass nothing then.
-        let mut imbalance = |at: usize, ground: f64| {
-            most = most.max((self.right[at] - ground * middle).abs());
-        };
-        let mut ground = 0.0;
-        for (k, &(at, _, g)) in self.ground.iter().enumerate() {
-            ground += g;
-            if self.ground.get(k + 1).is_none_or(|next| next.0 != at) {
-                imbalance(at, ground);
-                ground = 0.0;
-            }
-        }
-        for row in self.layout.rows(&self.layout.whole()) {
-            for at in row {
-                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
-                    imbalance(at, 0.0);
-                }
-            }
-        }
-        most
-    }
-
-    /// The largest right side.
-    fn size(&self) -> f64 {
-        let rows = self.layout.rows(&self.layout.whole());
-        rows.flatten()
-            .fold(0.0, |most, at| self.right[at].abs().max(most))
-    }
-
-    fn is_ground(&self, at: usize) -> bool {
-        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
-    }
-
-    /// `residual = right - A phi`, and its largest size on any rank.
-    fn first_residual(&mut self) -> f64 {
-        self.halo.fill(&mut self.phi);
-        let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
-        layout.sweep(&self.part, &mut self.residual, |start, out| {
-            let n = out.len();
-            let (diagonal, row) = (&matrix.diagonal[start..start + n], &phi[start..start + n]);
-            let right = &right[start..start + n];
-            neighbours(matrix, layout, phi, start, n, |i, sum| {
-                out[i] = (right[i] - diagonal[i] * row[i]) + sum;
-            });
-        });
-        let mut most = 0.0_f64;
-        for row in self.layout.rows(&self.part) {
-            for r in &self.residual[row] {
-                most = if r.is_finite() {
-                    most.max(r.abs())
-                } else {
-                    f64::INFINITY
-                };
-            }
-        }
-        self.communicator.all_reduce_max_f64(most)
-    }
-
     /// What crosses a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
             Condition::Rain { rate: q } => q * face.area * face.up,
             Condition::NoFlow {} => 0.0,
-            Condition::Pressure { .. } | Condition::Head { .. } => self
-                .imposed(face)
-                .map_or(0.0, |phi| face.conductance * (phi - self.phi[face.at])),
+            Condition::Pressure { .. } | Condition::Head { .. } => {
+                let inward = if face.upper { -1.0 } else { 1.0 };
+                let carried = inward * face.area * self.bed[face.axis][face.at];
+                self.imposed(face).map_or(0.0, |phi| {
+                    face.conductance * (phi - self.phi[face.at]) + carried
+                })
+            }
         }
     }
 
-    /// Darcy flux of each cell from its faces; what enters and leaves in all.
+    /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
     fn fluxes(&mut self) -> (f64, f64) {
         let layout = self.layout;
         let [_, sy, sz] = layout.stride;
@@ -634,17 +567,28 @@ impl Pressure {
         let (t, w, phi) = (&self.matrix.t, &self.per_area, &self.phi);
         for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
             let mut west = 0.0;
-            for (at, flux) in row.zip(&mut self.flux[first..first + nx]) {
+            for (at, driven) in row.zip(&mut self.driven[first..first + nx]) {
                 let face = |axis: usize, at: usize, stride: usize| {
                     (t[axis][at] * w[axis][at]) * (phi[at - stride] - phi[at])
                 };
                 let east = face(0, at + 1, 1);
-                *flux = [
+                *driven = [
                     0.5 * (west + east),
                     0.5 * (face(1, at, sy) + face(1, at + sy, sy)),
                     0.5 * (face(2, at, sz) + face(2, at + sz, sz)),
                 ];
                 west = east;
+            }
+        }
+        if self.moves {
+            for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    for axis in 0..self.grid.dimension {
+                        let faces = self.face_velocity(axis, at)
+                            + self.face_velocity(axis, at + layout.stride[axis]);
+                        self.driven[cell][axis] += 0.5 * faces - self.bed[axis][at];
+                    }
+                }
             }
         }
         let (mut inflow, mut outflow) = (ExactSum::new(), ExactSum::new());
@@ -657,29 +601,34 @@ impl Pressure {
                 outflow.add(-rate);
             }
             let along = if face.upper { -rate } else { rate };
-            self.flux[face.cell][face.axis] += 0.5 * along / face.area;
+            self.driven[face.cell][face.axis] += 0.5 * along / face.area;
         }
         (inflow.value(), outflow.value())
     }
 
-    /// Darcy flux of each cell \[m/s\]; interstitial velocity in the equations as printed.
+    /// Darcy flux past the grains of a cell \[m/s\]; interstitial velocity in the equations as printed.
     #[must_use]
-    pub fn flux(&self) -> &[[f64; 3]] {
-        &self.flux
+    pub fn flux(&self, cell: usize) -> [f64; 3] {
+        if self.moves {
+            let k = self.mobility[cell];
+            self.reduced_gradient(cell).map(|g| -k * g)
+        } else {
+            self.driven[cell]
+        }
     }
 
     /// K/mu of a cell, or K/(mu eps) in the equations as printed \[m2/(Pa s)\]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
-        self.conductivity[self.layout.at(self.grid.cell(cell))]
+        self.mobility[cell]
     }
 
     /// Gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let k = self.conductivity(cell);
+        let k = self.conductivity[self.layout.at(self.grid.cell(cell))];
         if k > 0.0 {
-            self.flux[cell].map(|q| -q / k)
+            self.driven[cell].map(|q| -q / k)
         } else {
             [0.0; 3]
         }
@@ -750,91 +699,5 @@ impl Pressure {
     }
 }
 
-/// Reduced pressure of a head: rho g h \[Pa\].
-fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
-    let g = settings.gravity;
-    liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
-}
-
-/// Slabs along the longest axis, cut between cells that the coarser grid joins.
-fn slabs(grid: &Grid, size: usize) -> Slabs {
-    let axis = Axis::longest(grid.cells);
-    let a = axis.index();
-    let step = first_joined(grid.cells, grid.spacing)[a];
-    let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
-    let bounds = pairs
-        .bounds()
-        .iter()
-        .map(|b| (b * step).min(grid.cells[a]))
-        .collect();
-    Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
-}
-
-/// The faces of the boundary that belong to a patch, by rising position of their cell.
-fn boundary(
-    openness: &Openness,
-    layout: &Layout,
-    patches: &[Patch],
-    liquid: &Liquid,
-    settings: &Settings,
-) -> Vec<Boundary> {
-    let grid = openness.grid;
-    let gravity = settings.gravity;
-    let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
-    let mut all = Vec::new();
-    for index in 0..grid.count() {
-        let cell = grid.cell(index);
-        for axis in 0..grid.dimension {
-            for upper in [false, true] {
-                let edge = if upper { grid.cells[axis] - 1 } else { 0 };
-                if cell[axis] != edge || openness.blocked(index) {
-                    continue;
-                }
-                let holds = |p: &Patch| {
-                    p.axis == axis
-                        && p.upper == upper
-                        && (0..3).all(|a| a == axis || (p.from[a]..p.to[a]).contains(&cell[a]))
-                };
-                let Some(patch) = patches.iter().rposition(holds) else {
-                    continue;
-                };
-                let mut place = cell;
-                place[axis] += usize::from(upper);
-                let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
-                if area <= 0.0 || patches[patch].condition == (Condition::NoFlow {}) {
-                    continue;
-                }
-                let mut centre = grid.centre(cell);
-                centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
-                let lift = match settings.equations {
-                    Equations::Corrected => {
-                        -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
-                    }
-                    Equations::Paper => 0.0,
-                };
-                let outward = if upper { 1.0 } else { -1.0 };
-                let up = if strength > 0.0 {
-                    (-gravity[axis] * outward / strength).max(0.0)
-                } else {
-                    0.0
-                };
-                all.push(Boundary {
-                    cell: index,
-                    at: layout.at(cell),
-                    axis,
-                    upper,
-                    area,
-                    patch,
-                    lift,
-                    up,
-                    conductance: 0.0,
-                });
-            }
-        }
-    }
-    all
-}
-
 #[cfg(test)]
-#[path = "pressure/tests.rs"]
 mod tests;

@@ -114,9 +114,7 @@ impl<S: Space> Particles<S> {
     /// In the plane.
     pub fn set_shapes(&mut self, shapes: Arc<[Polyhedron]>) -> Result<(), Error> {
         if S::DIMENSION != 3 {
-            return Err(Error::Numerical(
-                "blocks in two dimensions: they are solids of three".into(),
-            ));
+            return Err(Error::Numerical("blocks require three dimensions".into()));
         }
         self.shapes = shapes;
         if !self.has_blocks() {

@@ -10,8 +10,8 @@
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
 //! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of the case with its
-//! schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is compiled for each law: no loop asks for the
-//! law. `tests/toy.rs` is the smallest example.
+//! schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is compiled for each law: no loop
+//! tests for the law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|
@@ -19,7 +19,7 @@
 //! | `rolling` | resistance to rolling on top of another law |
 //! | `input` | what the parameters of all laws share: [`Scaled`], [`Pair`], [`SceneFacts`] |
 //! | `pairs` | [`PairTable`], parameters for every pair of materials |
-//! | `model` | [`ContactModel`], what the plan asks of a law |
+//! | `model` | [`ContactModel`], the interface between plan and law |
 //! | `family` | the list as types |
 //!
 //! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the

@@ -45,7 +45,7 @@ use crate::error::Error;
 pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
 use decomposition::{Domain, exchange};
-use facets::{Facets, Held, SurfacePair, memory_of};
+use facets::{Facets, Held, SurfacePair, history_of};
 pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};
 use pairs::*;
@@ -106,8 +106,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     /// Id and shift of each entry when the lists were made, and how many were owned.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
-    pub(super) memories: Vec<(Key, L::History)>,
-    pub(super) wall_memories: Vec<(WallKey, L::History)>,
+    pub(super) histories: Vec<(Key, L::History)>,
+    pub(super) wall_histories: Vec<(WallKey, L::History)>,
     /// How far any grain or wall may have moved since the lists were made (m).
     path: f64,
     /// The active pairs hold up to this path \[m\], and since this step.
@@ -158,8 +158,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             facets: Facets::default(),
             names: Vec::new(),
             named_owned: 0,
-            memories: Vec::new(),
-            wall_memories: Vec::new(),
+            histories: Vec::new(),
+            wall_histories: Vec::new(),
             path: 0.0,
             activated: 0.0,
             activated_at: 0,

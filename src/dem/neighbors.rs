@@ -209,7 +209,7 @@ impl Overlaps {
 
 impl Search {
     /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned
-    /// and one can be moved by forces, in the order the module says.
+    /// and one can be moved by forces, in the order that the module defines.
     #[cfg(test)]
     pub(super) fn pairs<S: Space>(
         &mut self,
@@ -236,7 +236,7 @@ impl Search {
         self.found.len()
     }
 
-    /// Calls `visit(first, second)` for every pair of the last [`Self::look`], in the order the module says.
+    /// Calls `visit(first, second)` for every pair of the last [`Self::look`], in the order that the module defines.
     pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
         for (p, window) in self.start.windows(2).enumerate() {
             for &second in &self.second[window[0] as usize..window[1] as usize] {

@@ -192,6 +192,8 @@ grain_arrays! {
             pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
             /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless for ghosts.
             pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
+            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage: [`Self::keep_last_velocity`].
+            pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
             /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
             /// Orientation and angular momentum. Scenes with blocks.
@@ -294,6 +296,14 @@ impl<S: Space> Particles<S> {
         }
     }
 
+    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks or none.
+    pub fn keep_last_velocity(&mut self) {
+        if !self.last_velocity.is_allocated() {
+            let velocities = self.motion.iter().map(|motion| motion.velocity);
+            self.last_velocity.allocate(velocities);
+        }
+    }
+
     /// Notes the present position of each grain as its start. A grain that appears later starts where it appears.
     pub fn mark_start(&mut self) {
         let positions = self.motion.iter().map(|motion| motion.position);
@@ -380,7 +390,7 @@ impl<S: Space> Particles<S> {
 
     /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
     ///
-    /// The next step makes new lists and tells every rank that holds the grain.
+    /// The next step makes new lists and updates every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
         self.mobility[k] = Mobility::of(&self.body[k]);

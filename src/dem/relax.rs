@@ -8,7 +8,7 @@ use super::space::{Components, Space};
 use super::{Dem, Kind};
 use decomposition::Domain;
 
-/// When grains count as at rest, and how they get there.
+/// Criteria for grains at rest, and the damping that brings them to rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
     /// Largest resultant force at rest, as a fraction of the largest contact force.

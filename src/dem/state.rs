@@ -93,24 +93,24 @@ pub(super) fn each_contact<S: Space, L: Bodies<S>>(
     walls: &mut dyn FnMut([u64; 3], &[f64]),
 ) {
     let (mut numbers, mut at_wall) = (Vec::new(), Vec::new());
-    engine.each_memory(
-        |key, memory| {
+    engine.each_history(
+        |key, history| {
             numbers.clear();
-            L::save(memory, &mut numbers);
+            L::save(history, &mut numbers);
             grains([key.first, key.second], &numbers);
         },
-        |key, memory| {
+        |key, history| {
             at_wall.clear();
-            L::save(memory, &mut at_wall);
+            L::save(history, &mut at_wall);
             walls([key.0, u64::from(key.1), u64::from(key.2)], &at_wall);
         },
     );
 }
 
-fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories: &[L::History]) {
+fn history_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, histories: &[L::History]) {
     let mut numbers = Vec::new();
-    for memory in memories {
-        L::save(memory, &mut numbers);
+    for history in histories {
+        L::save(history, &mut numbers);
     }
     for n in 0..L::NUMBERS {
         table.real(
@@ -120,7 +120,7 @@ fn memory_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, memories:
     }
 }
 
-fn read_memories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::History>, Error> {
+fn read_histories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::History>, Error> {
     let columns = (0..L::NUMBERS)
         .map(|n| table.get_real(&format!("memory_{n}")))
         .collect::<Result<Vec<_>, _>>()?;
@@ -141,15 +141,15 @@ pub(super) fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
             let shifts = pairs.iter().map(|(key, _)| unsigned(key.shift[axis]));
             table.whole(format!("shift_{name}"), shifts);
         }
-        let memories: Vec<_> = pairs.iter().map(|(_, memory)| *memory).collect();
-        memory_columns::<S, L>(table, &memories);
+        let histories: Vec<_> = pairs.iter().map(|(_, history)| *history).collect();
+        history_columns::<S, L>(table, &histories);
     });
     let walls = Table::of(|table| {
         table.whole("grain", at_walls.iter().map(|(key, _)| key.0));
         table.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
         table.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
-        let memories: Vec<_> = at_walls.iter().map(|(_, memory)| *memory).collect();
-        memory_columns::<S, L>(table, &memories);
+        let histories: Vec<_> = at_walls.iter().map(|(_, history)| *history).collect();
+        history_columns::<S, L>(table, &histories);
     });
     let faces = Table::of(|table| {
         let walls = engine.walls.iter();
@@ -197,26 +197,26 @@ pub(super) fn restore<S: Space, L: Bodies<S>>(
     }
     let (first, second) = (grains.get_whole("first")?, grains.get_whole("second")?);
     let shifts = grains.shifts("shift", S::DIMENSION)?;
-    let pairs = read_memories::<S, L>(grains)?
+    let pairs = read_histories::<S, L>(grains)?
         .into_iter()
         .enumerate()
-        .map(|(k, memory)| {
+        .map(|(k, history)| {
             (
                 Key {
                     first: first[k],
                     second: second[k],
                     shift: shifts[k],
                 },
-                memory,
+                history,
             )
         })
         .collect();
     let (grain, wall) = (walls.get_whole("grain")?, walls.get_whole("wall")?);
     let facet = walls.get_whole("facet")?;
-    let at_walls = read_memories::<S, L>(walls)?
+    let at_walls = read_histories::<S, L>(walls)?
         .into_iter()
         .enumerate()
-        .map(|(k, memory)| Ok(((grain[k], small(wall[k])?, small(facet[k])?), memory)))
+        .map(|(k, history)| Ok(((grain[k], small(wall[k])?, small(facet[k])?), history)))
         .collect::<Result<_, Error>>()?;
     engine.restore(pairs, at_walls, contacts.steps);
     Ok(())

@@ -1,17 +1,17 @@
 //! Tables and figures of the erosion law across runs: `solver erosion-law`.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
 //! | `erosion_law.csv` | one row per cohesion: tau_c and k_d with intervals, or the bound |
-//! | `erosion_points.csv` | one row per window and one per whole run: stress three ways, rate, errors |
-//! | `erosion_readings.csv` | the law by each reading: runs or windows, stress by gradient, balance or traction |
+//! | `erosion_points.csv` | one row per window and one per whole run: three stresses, rate, errors |
+//! | `erosion_readings.csv` | the law for each definition: runs or windows; stress from gradient, balance or traction |
 //! | `figure4.csv`, `.svg` | M_e / M_0 against time for each pressure |
 //! | `figure5.csv`, `.svg` | rate against stress with the fitted line, its band, error bars |
 //! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows; a published result |
 //! | `erosion_law.json` | the report |
 //!
-//! Figures 4 and 5 without a suffix are those of the cohesion of the published result, or else of the cohesion with the most runs;
-//! those of the others end in `_C<value>`.
+//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs. Figures of the
+//! other cohesions have the suffix `_C<value>`.
 
 mod plots;
 mod tables;
@@ -335,7 +335,7 @@ mod tests {
                 bonds_broken: grains,
                 bonds_broken_inside: 0,
                 bonds_broken_at_wall: grains,
-                mach: 0.05,
+                lattice_velocity: 0.05,
                 mass_error: 0.0,
             });
             let expected = law.1 * (shear - law.0).max(0.0) * 2.0 * LENGTH * dt / GRAIN;

@@ -1,8 +1,8 @@
-//! Pictures of a run: water, grains and blocks at some times side by side, as one SVG file that any browser shows: `solver picture`.
+//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser: `solver picture`.
 //!
-//! In the plane the speed of the water (or another field) lies behind the grains; in space grains and blocks are seen from one
-//! side without perspective, lit from the viewer's left shoulder, or a section is cut, which shows the water too. All panels share one
-//! scale of colours. The raster is a PNG inside the SVG, text and streamlines are text and lines.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
+//! from the upper left, or a section is drawn, which shows the fluid as well. All panels share one colour scale. The raster is a PNG inside the
+//! SVG; text and streamlines are vector graphics.
 
 mod faces;
 mod section;
@@ -70,7 +70,7 @@ pub enum View {
 const SAND: [f64; 3] = [214.0, 176.0, 120.0];
 const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 
-/// Draws a run and returns a line that says where the picture is. Serial.
+/// Draws a run and returns a line with the path of the picture. Serial.
 ///
 /// # Errors
 /// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
@@ -158,7 +158,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// The section asked for, or through the middle where there is but water in space.
+    /// The requested section, or one through the middle if a 3-D scene contains only fluid.
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();

@@ -1,10 +1,10 @@
-//! Figures as SVG: axes, lines, points with error bars, bands and bounds; enough for the figures of a study.
+//! Figures as SVG: axes, lines, points with error bars, bands and bounds.
 //!
-//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the
-//! same data on any machine. Colours are Okabe and Ito's for things that differ in kind ([`CATEGORY`]) and viridis for
-//! things in an order ([`sequential`]); both are told apart by colour-blind readers and in grey.
+//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the same data on any
+//! machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis ([`sequential`]). Both are
+//! distinguishable for colour-blind readers and in grey.
 //!
-//! Labels may hold `_{sub}` and `^{super}`.
+//! Labels may contain `_{sub}` and `^{super}`.
 
 use crate::number::real;
 use std::fmt::Write as _;
@@ -201,7 +201,7 @@ pub enum Legend {
     BottomRight,
 }
 
-/// Two axes and what is drawn on them.
+/// Two axes and their layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Above the panel.

@@ -1,9 +1,9 @@
 //! Collision operators, one file each.
 //!
-//! A file holds the parameters of an operator as they stand in a case, its description, its limits and its kernel, which is written once
-//! over scalars and vectors. The list of operators makes the enum of the case and the choice of the pass.
+//! A file holds the parameters of an operator as they stand in a case, its description, its limits and its kernel. The kernel is written once
+//! for scalars and vectors. The list of operators generates the enum of the case and the choice of the pass.
 //!
-//! Populations are kept as deviations g_i = f_i - w_i (exact where the fluid rests). With δρ = Σ g and momentum
+//! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and momentum
 //! m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and u = m/ρ, the equilibrium
 //! of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479) reads
 //!
@@ -42,7 +42,7 @@ macro_rules! operators {
         }
 
         impl $list {
-            /// What the operator says of itself.
+            /// The description of the operator.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -84,7 +84,7 @@ impl Default for Operator {
     }
 }
 
-/// A collision operator as a case names it: its parameters, and what the program asks about it.
+/// A collision operator of a case: its parameters and its interface to the program.
 pub trait Model {
     /// The operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;

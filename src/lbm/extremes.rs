@@ -1,11 +1,11 @@
-//! What stands out in each row of a slab, found by all threads: for whoever looks for numbers that fail.
+//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a limit.
 
 use super::fluid::Fluid;
 use super::lanes::Stored;
 use super::populations::Extremes;
 use crate::thread_pool;
 
-/// What stands out in the rows of a slab, in the order of [`super::populations::Populations::rows`]; room that is used again.
+/// The extreme values of the rows of a slab, in the order of [`super::populations::Populations::rows`]; a reusable buffer.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
     threads: Vec<Share>,
@@ -41,7 +41,7 @@ impl Rows {
         });
     }
 
-    /// What was found.
+    /// The result.
     pub fn iter(&self) -> impl Iterator<Item = &Extremes> {
         self.threads.iter().flat_map(|share| &share.found)
     }

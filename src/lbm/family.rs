@@ -1,4 +1,4 @@
-//! What the families of models share: a description of each for `plan`, and the schema of a list of models.
+//! Common parts of the model families: the description of a model for `plan`, and the schema of a list of models.
 
 use schemars::Schema;
 use serde_json::Value;

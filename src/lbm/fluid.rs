@@ -25,7 +25,7 @@ use decomposition::Domain;
 use dispatch::{Choice, Step};
 use std::ops::Range;
 
-/// What a slab of fluid is made of, in lattice units.
+/// Parameters of a slab of fluid, in lattice units.
 pub struct Setup<S: Stored = f64> {
     /// Velocity set.
     pub set: VelocitySet,
@@ -33,7 +33,7 @@ pub struct Setup<S: Stored = f64> {
     pub operator: Operator,
     /// Relaxation time τ of the fluid itself, above ½.
     pub relaxation_time: f64,
-    /// Eddy viscosity; none where all scales are resolved.
+    /// Eddy viscosity; none if all scales are resolved.
     pub turbulence: Option<EddyViscosity>,
     /// Body force.
     pub force: Force,
@@ -43,7 +43,7 @@ pub struct Setup<S: Stored = f64> {
     pub periodic: [bool; 3],
     /// Patches of the faces; faces without one are no-slip walls.
     pub patches: Vec<Patch<S>>,
-    /// How solids act on cells that they cover; none where no cell can be covered.
+    /// The action of solids on covered cells; none if no cell can be covered.
     pub saturation: Option<Method>,
 }
 
@@ -88,7 +88,7 @@ impl<S: Stored> Fluid<S> {
     /// Fluid at rest in the slab of this rank.
     ///
     /// # Errors
-    /// When the memory cannot be had.
+    /// If the memory cannot be allocated.
     pub fn new(setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
         let split = domain.axis().index();
         let planes = domain.range();
@@ -175,7 +175,7 @@ impl<S: Stored> Fluid<S> {
         })
     }
 
-    /// Sets every cell from a field; the step stays.
+    /// Sets every cell from a field; the step is unchanged.
     pub fn initialise(&mut self, field: &dyn Field) {
         let half = self.half_force();
         initial::fill(
@@ -203,7 +203,7 @@ impl<S: Stored> Fluid<S> {
     }
 
     /// One step: collide and stream every cell, exchange, apply the faces. Afterwards every incoming population of the
-    /// slab is in place, but for those at moving bodies, which are the coupling's to give.
+    /// slab is in place, except those at moving bodies, which the coupling sets.
     pub fn advance(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
         if planes == 0 {
@@ -271,7 +271,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Sets the velocities from which the next eddy viscosity comes to those of the cells as they are. All ranks together.
+    /// Sets the velocities of the next eddy viscosity to the present ones of the cells. Collective.
     pub fn renew_velocities(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
         if self.field.is_none() || planes == 0 {
@@ -288,7 +288,7 @@ impl<S: Stored> Fluid<S> {
         self.spread_velocities();
     }
 
-    /// Ghosts of the velocities that were set cell by cell. All ranks together.
+    /// Ghosts of the velocities that were set cell by cell. Collective.
     pub fn spread_velocities(&mut self) {
         if let Some(field) = &mut self.field {
             field.exchange_start();
@@ -296,7 +296,7 @@ impl<S: Stored> Fluid<S> {
         self.complete_velocities();
     }
 
-    /// The velocities from which the next eddy viscosity comes; none without turbulence.
+    /// The velocities of the next eddy viscosity; none without turbulence model.
     #[must_use]
     pub fn velocities(&self) -> Option<&VelocityField> {
         self.field.as_ref()
@@ -444,13 +444,13 @@ impl<S: Stored> Fluid<S> {
         &self.boundaries
     }
 
-    /// What covers the cells, if anything can.
+    /// The cover of the cells, if cells can be covered.
     #[must_use]
     pub fn cover(&self) -> Option<&Cover> {
         self.cover.as_ref()
     }
 
-    /// What covers the cells, for the coupling.
+    /// The cover of the cells, for the coupling.
     pub fn cover_mut(&mut self) -> Option<&mut Cover> {
         self.cover.as_mut()
     }

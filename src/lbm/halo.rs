@@ -1,7 +1,7 @@
-//! Exchange of the populations that leave a slab, and their copies round periodic axes within it.
+//! Exchange of the populations that leave a slab, and their copies across periodic axes within it.
 //!
-//! Only the populations that cross a face travel: 3 of D2Q9, 9 of D3Q27 per cell of the face. In terms of memory: after
-//! an even pass a ghost plane receives the slots that point away from the slab; after an odd pass it gives them back.
+//! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. In memory: after an even pass a ghost
+//! plane receives the slots that point away from the slab; after an odd pass it returns them.
 
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};

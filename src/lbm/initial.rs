@@ -1,7 +1,7 @@
 //! Initial populations from a field of density deviation and velocity.
 //!
 //! g_i = g_i^eq(δρ, u) + g_i^neq with g_i^neq = -3 w_i ρ τ Σ_ab (c_a c_b - δ_ab/3) ∂_a u_b (first order of
-//! Chapman-Enskog): without the second part a decaying vortex starts with the wrong stress.
+//! Chapman-Enskog). Without the second part a decaying vortex starts with the wrong stress.
 
 use super::lanes::Stored;
 use super::populations::Populations;

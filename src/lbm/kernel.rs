@@ -1,8 +1,8 @@
-//! The fused pass: collide the cells of a row where they lie, each population read and its successor written once it is known.
+//! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
 //!
-//! The even and the odd pass are the same code: population i is read at `positions[i]` and the outgoing i is written
-//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors; the surplus cells lie
-//! in ghosts and padding, whose contents the boundaries renew after every pass.
+//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written where its opposite
+//! was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in ghosts and padding, whose contents
+//! the boundaries renew after every pass.
 
 use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored, prefetch};

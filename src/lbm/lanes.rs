@@ -1,8 +1,8 @@
-//! Numbers in the cell loop: one `f64`, or several side by side in a vector register.
+//! Numbers in the cell loop: one `f64`, or several in a vector register.
 //!
-//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane alone and
-//! is correctly rounded, and fused multiply-add is explicit, so all widths give the same bits (design rule 6). The
-//! width is chosen once at start from what the processor offers ([`Level`]).
+//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane independently and is
+//! correctly rounded, and fused multiply-add is explicit, so that all widths give the same bits. The width is chosen
+//! once at the start from the capabilities of the processor ([`Level`]).
 
 use std::ops::{Add, Div, Mul, Sub};
 

@@ -2,22 +2,22 @@
 //! (1994) 285).
 //!
 //! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
-//! kept (Ladd 1994), so both ends bounce:
+//! kept (Ladd 1994), so that both ends bounce back:
 //!
-//! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1),
+//! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1).
 //!
-//! which only exchanges the two numbers of the link and keeps the mass of the whole lattice to round-off. u_w is the
+//! This only exchanges the two numbers of the link and conserves the mass of the whole lattice to round-off. u_w is the
 //! velocity of the body's surface at the middle of the link. The body receives 2 f*_i - T along c_i.
 //!
-//! The interpolated scheme takes the outer half from the central linear interpolation of Ginzburg, Verhaeghe and
-//! d'Humières 2008 ("CLI"), second order for a surface anywhere on the link, at q of its length from x:
+//! The interpolated scheme computes the outer half by the central linear interpolation of Ginzburg, Verhaeghe and
+//! d'Humières 2008 ("CLI"). It is of second order for a surface at any fraction q of the link, measured from x:
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
 //!
-//! wherever the cell behind x is fluid; half-way elsewhere. q is exact: the first root of a quadratic for discs and spheres, the last
-//! face that the link enters for convex polyhedra.
+//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for discs and spheres,
+//! the last face that the link enters for convex polyhedra.
 //!
-//! Loads are summed as integers of [`super::quanta::QUANTA`]: no order of links, threads or ranks can change them.
+//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not affect them.
 
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};

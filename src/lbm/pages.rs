@@ -1,7 +1,7 @@
-//! Memory for the fields of a slab: zeros straight from the operating system, in huge pages.
+//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages.
 //!
-//! A pass reads and writes dozens of rows side by side; with pages of 4 KiB each lies in a page of its own, and the processor spends its
-//! time looking them up.
+//! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and the processor
+//! spends its time on address translation.
 
 use super::lanes::Stored;
 use std::marker::PhantomData;
@@ -23,7 +23,7 @@ impl<S: Stored> Pages<S> {
     /// `len` zeros.
     ///
     /// # Errors
-    /// When the memory cannot be had.
+    /// If the memory cannot be allocated.
     pub(super) fn new(len: usize) -> Result<Self, String> {
         let bytes = len * size_of::<S>();
         // SAFETY: an anonymous private mapping of our own; the result is checked.

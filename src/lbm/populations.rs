@@ -1,28 +1,27 @@
-//! The one lattice array: populations of one slab, streamed in place.
+//! The lattice array: populations of one slab, streamed in place.
 //!
-//! # Where a population lies
+//! # Position of a population
 //!
 //! Two passes alternate (the AA pattern of Bailey et al. 2009). Slot i of cell x is one number in memory:
 //!
-//! | after the | outgoing f*_i(x), just collided | incoming f_j(x), next to be collided |
+//! | after the | outgoing f*_i(x), after collision | incoming f_j(x), before the next collision |
 //! |---|---|---|
 //! | even pass | slot ī of x | slot j̄ of x - c_j |
 //! | odd pass | slot i of x + c_i | slot j of x |
 //!
-//! So the two ends of a link, leaving x along i and coming back along ī, are the same two numbers after either pass;
-//! only their roles change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; nobody but
-//! this file asks for parity. Because each number is touched by exactly one cell per pass, the order of cells, threads
-//! and ranks cannot matter (design rule 6).
+//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either pass; only their roles
+//! change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only this file depends on the parity.
+//! Each number is accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
 //!
 //! # Layout
 //!
-//! One array per population, split axis slowest, the longer of the others innermost, one ghost cell on every side. Rows are padded
-//! to 64 bytes but not to 4 KiB and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
-//! third of the speed. Memory comes from `mmap` with huge pages advised before the first touch.
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one ghost cell on every
+//! side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
+//! third of the speed. Memory comes from `mmap` with huge pages advised before the first access.
 //!
-//! The place of an array is a sum of two parts, one of c_x and one of (c_y, c_z), so that after either pass the numbers that a
-//! cell reads and writes lie at nine addresses and two distances from them: few enough for the registers of the processor, where 27
-//! addresses are not. D3Q19 leaves four places empty, which are never touched and so cost no memory.
+//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers that a cell reads and
+//! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
+//! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
@@ -103,7 +102,7 @@ impl<S: Stored> Populations<S> {
     /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
     ///
     /// # Errors
-    /// When the memory cannot be had, or the slab needs more than 2³² numbers.
+    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
     pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
@@ -219,7 +218,7 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of slot `i` of a cell, whatever the parity.
+    /// Position of slot `i` of a cell, independently of the parity.
     #[inline(always)]
     #[must_use]
     pub fn slot(&self, cell: usize, i: usize) -> usize {
@@ -335,7 +334,7 @@ impl<S: Stored> Populations<S> {
         add_rows(&self.velocities.c, row, moments);
     }
 
-    /// Moments of a row as [`Self::row_moments`], and what stands out among its cells, with `half` of the body force in the
+    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
     /// momentum.
     pub fn row_extremes(
         &self,
@@ -391,7 +390,7 @@ impl<S: Stored> Populations<S> {
     }
 }
 
-/// What stands out among the cells of a row.
+/// The extreme values of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
     /// Largest squared speed.

@@ -1,4 +1,4 @@
-//! Sums whose order does not matter: values as integers of 2^-56 lattice units.
+//! Sums that do not depend on the order: values as integers of 2^-56 lattice units.
 
 /// Quanta in one lattice unit: link values are summed as integers of 2^-56, so that neither the order of links nor the
 /// number of ranks can change a sum. Single values stay below 128; larger ones saturate (the flow guard has fired long before).

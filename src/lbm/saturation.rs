@@ -1,30 +1,30 @@
-//! Partially saturated cells: a cell that solids fill by a fraction ε collides as fluid and as solid at once.
+//! Partially saturated cells: a cell with solid fraction ε collides as fluid and as solid at once.
 //!
 //! ```text
 //! f_i* = f_i + (1 - B) (Ω_i + S_i) + B Ω^s_i
 //! ```
 //!
-//! Ω_i is the collision of the fluid with its force S_i, Ω^s_i the solid collision operator, one file each, and B the weighting of ε
-//! ([`Weighting`]). The force of a cell on the solid is what the fluid loses, -B Σ c_i Ω^s_i, to rounding; the mass of a cell stays.
+//! Ω_i is the collision of the fluid with its force S_i, Ω^s_i the solid collision operator (one file each), and B the weighting of ε
+//! ([`Weighting`]). The force of a cell on the solid is the momentum that the fluid loses, -B Σ c_i Ω^s_i, to rounding. The mass of a cell is conserved.
 //! Sources: D. R. Noble, J. R. Torczynski, Int. J. Mod. Phys. C 9 (1998) 1189; D. J. Holdych, PhD thesis, Urbana (2003); D. R. J. Owen,
 //! C. R. Leonardi, Y. T. Feng, Int. J. Numer. Meth. Eng. 87 (2011) 66.
 //!
-//! **Several bodies in a cell**: B(ε) is taken of the sum of their fractions, at most 1, and shared in proportion, so that two
-//! blocks that fill a cell together close it. The cell moves with the mean of their velocities weighted by their shares; each
-//! receives its own part of the force, and the parts add up to what the fluid gave. The force is that at the mean velocity: at each one's
-//! own, two bodies with parts a and b would exchange a b ρ (u_a - u_b) a step, a drag between them that no fluid gives.
+//! **Several bodies in a cell.** B(ε) is evaluated for the sum of their fractions, at most 1, and shared in proportion, so that two
+//! blocks that fill a cell together close it. The cell moves with the mean of their velocities, weighted by their shares. Each body
+//! receives its own part of the force, and the parts add up to the momentum that the fluid loses. The force is evaluated at the mean velocity: at the
+//! individual velocities two bodies with parts a and b would exchange a b ρ (u_a - u_b) per step, an unphysical drag between them.
 //!
-//! **Deep inside** a body, where no fluid is beside a cell, its populations are set to the equilibrium at the solid's velocity. Nothing
-//! there damps what the surface sends in: without it bodies that slide on each other stir the fluid inside until it carries momentum
-//! through them, and a cell that is uncovered shows it.
+//! **Deep inside** a body, where no neighbouring cell contains fluid, the populations are set to the equilibrium at the solid's velocity.
+//! Otherwise nothing there damps the populations that enter from the surface. Bodies that slide on each other would then stir the internal fluid
+//! until it carries momentum through them, and this fluid would appear in cells that are uncovered.
 //!
-//! Full cells at a surface, and between bodies that touch, keep what they reverse less 1/64 of it: an undamped exchange between two of them
-//! would swing for ever, and at high Reynolds numbers grow.
+//! **Full cells** at a surface, and between bodies in contact, reverse populations with a loss of 1/64. An undamped exchange between two
+//! full cells would oscillate for ever, and grow at high Reynolds numbers.
 //!
 //! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells (`contact.rs`).
 //!
-//! Beside the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop asks once for a vector of cells whether any is
-//! covered, and then once which operator acts; the rest of this module runs only where one is (`pass.rs`).
+//! Besides the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop tests once per vector of cells whether any is
+//! covered, and then selects the operator. The rest of this module runs only for covered cells (`pass.rs`).
 
 mod contact;
 pub mod cover;
@@ -63,7 +63,7 @@ macro_rules! solid_operators {
             /// Every operator of the list.
             pub const ALL: &[Self] = &[$(Self::$operator,)*];
 
-            /// What the operator says of itself.
+            /// The description of the operator.
             #[must_use]
             pub fn model(self) -> &'static dyn Model {
                 match self {
@@ -122,7 +122,7 @@ solid_operators! {
     viscosity_matched ViscosityMatched,
 }
 
-/// A solid collision operator: what the program asks about it.
+/// A solid collision operator: its interface to the program.
 pub trait Model {
     /// The operator in the schema of a case.
     fn documentation(&self) -> &'static str;
@@ -181,9 +181,9 @@ impl LightBody {
 /// Densities of bodies over that of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRatios {
-    /// Every lighter body was thrown away.
+    /// Every lighter body was unstable.
     pub fails: f64,
-    /// No heavier body was thrown away.
+    /// No heavier body was unstable.
     pub holds: f64,
 }
 

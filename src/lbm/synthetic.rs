@@ -2,13 +2,13 @@
 //!
 //! u(x) = A Σ_n a_n cos(k_n·x + φ_n),  a_n ⊥ k_n,  |a_n| = 1,  A = (2 D/N)^½ in D dimensions
 //!
-//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1} exp(-k² σ²/2),
-//! |k| σ being the length of a vector of D + 2 normal numbers, so that the longitudinal correlation of the ensemble is
+//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1} exp(-k² σ²/2):
+//! |k| σ is the length of a vector of D + 2 normal numbers. The longitudinal correlation of the ensemble is
 //! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in groups of D: in a
 //! random frame the mode along each axis points along the next one. Their a_n are an orthogonal frame, so that the mean square of
-//! every component is one, exactly, and not only on average over seeds.
+//! every component is exactly one, not only on average over seeds.
 //!
-//! All is a function of seed and place: the same on any rank, in any order, after a restart.
+//! All values are functions of seed and position: they are the same on any rank, in any order, and after a restart.
 
 #![allow(
     rustdoc::broken_intra_doc_links,

@@ -1,9 +1,9 @@
-//! Eddies smaller than a cell: an eddy viscosity ν_t from the velocity gradient, added to the viscosity of the fluid, one file a model.
+//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to that of the fluid. One file per model.
 //!
 //! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with which the cells
-//! collided **one step before**, by second-order central differences: the pass writes the velocity of each cell beside the
-//! populations and reads the field of the step before ([`field`]), so that the field costs 36 bytes a cell and step and no pass of its
-//! own. The delay is of the order of dt, far below the time in which resolved eddies change.
+//! collided **one step before**, by second-order central differences. The pass writes the velocity of each cell beside the
+//! populations and reads the field of the previous step ([`field`]), so that the field costs 36 bytes per cell and step and no separate pass.
+//! The delay is of the order of dt, far below the time scale of resolved eddies.
 
 pub mod field;
 
@@ -95,7 +95,7 @@ pub trait Model {
 }
 
 /// Why a model is used, in `plan`.
-const ASKED: &str = "asked for; from the gradient of the velocity of the step before";
+const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
 
 /// The eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {

@@ -1,18 +1,18 @@
-//! Averages of the velocity and of its products over time, in every cell, and their means over planes.
+//! Time averages of the velocity and of its products in every cell, and their means over planes.
 //!
-//! From a start on, every so many steps, each cell whose centre is in the fluid adds its state to eleven sums: the number of
-//! samples, the density deviation, the velocity and its six products. From these come
+//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums: the number of
+//! samples, the density deviation, the velocity and its six products. From these follow
 //!
 //! ```text
 //! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
 //! ```
 //!
-//! as fields (`averages`), and, where a `profile` is asked for, the same for all cells of each plane across an axis
+//! as fields (`averages`), and, where a `profile` is requested, the same for all cells of each plane across an axis
 //! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the profile are
-//! about the mean of the plane. Eddies smaller than a cell are not in them.
+//! relative to the mean of the plane. They do not contain eddies smaller than a cell.
 //!
-//! A sum belongs to its cell, so that no rank or thread can change it; sums over planes are exact. The sums are part of a
-//! checkpoint, and of the state that its hash stands for.
+//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are part of a
+//! checkpoint and of the hash of the state.
 
 use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
@@ -70,7 +70,7 @@ impl PartialEq for Scratch {
 }
 
 impl Averages {
-    /// Of a plan that asks for them, in the slab of `fluid`; nothing sampled yet.
+    /// The averages of a plan in the slab of `fluid`, without samples.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
         let written = plan.scene.output.averages.as_ref()?;
@@ -257,7 +257,7 @@ pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table
     }
 }
 
-/// What is asked of averages where there is no lattice.
+/// The error of averages without a lattice.
 pub(super) fn none() -> Error {
     Error::Internal("there are no averages to write".into())
 }

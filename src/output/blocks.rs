@@ -1,7 +1,7 @@
 //! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of ranks.
 //!
-//! What is said of a block is said of each of its faces. `body` is the number of the named body, -1 for what has no name; `rotation` is the
-//! turn since the start, along its axis and as long as its angle.
+//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the rotation since the start
+//! as a vector: its direction is the axis, its length the angle.
 
 use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};
@@ -142,7 +142,7 @@ impl Blocks {
 
 /// A block as numbers; none for what has no faces.
 fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u64; NUMBERS]> {
-    let (_, attitude) = particles.polyhedron(k)?;
+    let (_, state) = particles.polyhedron(k)?;
     let (body, motion) = (&particles.body[k], &particles.motion[k]);
     let displacement = particles.displacement(k);
     let vectors = [
@@ -155,7 +155,7 @@ fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u
     row[0] = body.id;
     row[1] = u64::from(body.material);
     row[2] = u64::from(body.kind != Kind::Free);
-    let q = attitude.orientation.coords;
+    let q = state.orientation.coords;
     let numbers = vectors.as_flattened().iter().chain(q.iter());
     for (to, value) in row[3..].iter_mut().zip(numbers) {
         *to = value.to_bits();

@@ -1,4 +1,4 @@
-//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall or of a block.
+//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall or a block.
 
 use super::grains::{force_unit, space_vector, wrapped};
 use super::order::{sorted, vector};

@@ -22,7 +22,7 @@ pub(crate) struct Grains {
     fluid_force: Vec<f64>,
     contact_force: Vec<f64>,
     material: Vec<i32>,
-    /// Empty unless the case asks for it.
+    /// Empty unless the case requests it.
     displacement: Vec<f64>,
     displaced: bool,
 }

@@ -1,4 +1,4 @@
-//! The ranks of a run as the group that writes a file together, and what happens to its errors.
+//! The ranks of a run as the group that writes a file together, and the handling of its errors.
 
 use crate::error::Error;
 use decomposition::{Communicator, RawCommunicator};
@@ -8,7 +8,7 @@ use serde::{Serialize, de::DeserializeOwned};
 /// Exit code of a run that ends over a file.
 const INPUT_OUTPUT: i32 = 5;
 
-/// All ranks of a communicator, as [`io`] asks for them: outputs, tables and checkpoints are written through this.
+/// All ranks of a communicator as a group of [`io`]: it writes outputs, tables and checkpoints.
 #[derive(Clone, Copy, Debug)]
 pub struct RankGroup<'a>(pub &'a Communicator);
 

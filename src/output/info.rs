@@ -1,11 +1,11 @@
-//! What is in a file or folder of a run, as text or JSON: `solver info`.
+//! Description of a file or folder of a run as text or JSON: `solver info`.
 //!
-//! | given | said |
+//! | given | output |
 //! |---|---|
 //! | a folder | outcome of the run, its series, tables and checkpoints |
 //! | `.vtkhdf`, `.h5` | step, time, datasets with shape and unit, provenance |
 //! | `.xmf` | steps and times of the series |
-//! | `checkpoint_*.json` | what it holds, and whether every bit is as it was written |
+//! | `checkpoint_*.json` | contents, and whether all checksums agree |
 //! | other `.json` | its content |
 //! | `.csv` | columns, number of rows, last row |
 
@@ -93,7 +93,7 @@ fn folder(path: &Path) -> Result<Value, Error> {
         let short = one.strip_prefix(path).unwrap_or(one);
         list.insert(short.display().to_string(), value);
     };
-    // What cannot be read is said in its place: one bad file does not hide the others.
+    // A file that cannot be read is reported in its place and does not hide the others.
     let described = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
     for one in &files {
         match extension(one) {

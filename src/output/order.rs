@@ -1,4 +1,4 @@
-//! Rows in one order, whichever rank had them: so that files do not depend on the number of ranks.
+//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of ranks.
 
 use crate::error::Error;
 use decomposition::{Communicator, exchange};

@@ -1,4 +1,4 @@
-//! Velocities of a slab and of the planes next to it, for derivatives across the cuts between ranks.
+//! Velocities of a slab and of the adjacent planes, for derivatives across slabs.
 
 use crate::coupling::{BandStates, FluidView, bands};
 use crate::error::Error;

@@ -1,19 +1,19 @@
-//! Numbers over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
+//! Values over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
 //!
-//! Every file begins with the columns `step` and `time`; the columns are the same in 2-D and 3-D. Every value is gathered
-//! from the ranks that own it, or summed without rounding, so that it does not depend on their number.
+//! Every file begins with the columns `step` and `time`. The columns are the same in 2-D and 3-D. Every value is gathered from the ranks
+//! that own it, or summed without rounding, so that it does not depend on their number.
 //!
 //! | probe | columns |
 //! |---|---|
 //! | point | velocity, pressure |
 //! | line | distance from the first point, position, velocity, pressure; one row per point and time |
-//! | plane | discharge, means over the fluid cells, largest speed, share of fluid |
+//! | plane | discharge, means over the fluid cells, largest speed, fluid fraction |
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //!
-//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the line
-//! is continued. Covered cells count as they are. **Planes** are interpolated between the two planes of cells beside
-//! them; only cells whose centre is in the fluid count. **Faces**: see [`wall`].
+//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
+//! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
+//! cells whose centre is in the fluid count. **Faces**: see [`wall`].
 
 mod points;
 mod wall;

@@ -1,4 +1,4 @@
-//! When something is due.
+//! The steps at which an output is due.
 
 use crate::plan::interval::Interval;
 

@@ -6,7 +6,7 @@
 use super::fluid::Number;
 use crate::case::fluid::Precision;
 use crate::case::observe::FieldName;
-use crate::coupling::drag::Seepage;
+use crate::coupling::seepage::Seepage;
 use crate::dem::space::Space;
 use io::{Column, Image};
 
@@ -83,7 +83,8 @@ impl<T: Number> Buffers<T> {
         for cell in 0..seepage.grid().count() {
             self.pressure.push(T::of(pressure.pressure(cell)));
             self.porosity.push(T::of(pores.porosity()[cell]));
-            self.velocity.extend(pressure.flux()[cell].map(T::of));
+            self.velocity
+                .extend(seepage.water_velocity(cell).map(T::of));
         }
     }
 

@@ -1,8 +1,8 @@
-//! What outputs, probes and analyses may see of a running simulation.
+//! Read access of outputs, probes and analyses to a running simulation.
 
 use super::averages::Averages;
 use crate::coupling::FluidView;
-use crate::coupling::drag::Seepage;
+use crate::coupling::seepage::Seepage;
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
@@ -20,7 +20,7 @@ pub struct View<'a, S: Space> {
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,
-    /// Sums over time of this rank's slab, if the scene asks for averages.
+    /// Sums over time of this rank's slab, if the scene has averages.
     pub averages: Option<&'a Averages>,
     /// Grains and bodies of this rank, ghosts up to date.
     pub particles: &'a Particles<S>,

@@ -1,26 +1,27 @@
-//! Added-mass stability: how light a free body may be beside the fluid that carries it.
+//! Added-mass stability: the smallest density ratio of a free body and the fluid.
 //!
-//! The load of a step is known only after the body has moved: a body much lighter than the fluid is thrown to and fro by what it has
-//! just done to the fluid. The number is s = ρ_s/ρ_f with the radius R in cells, for other shapes n V/A in n dimensions.
+//! The load of a step is known only after the body has moved. A body much lighter than the fluid then oscillates with a growing amplitude.
+//! The parameters are s = ρ_s/ρ_f and the radius R in cells, for other shapes n V/A in n dimensions.
 //!
-//! *Links that bounce* resist a change of the velocity by 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f along its
-//! normal for each cell of its area: 2/3 for a disc and 5/9 for a sphere on the average. Over the mass this is a = 4/(3 R s) and
-//! 5/(3 R s) in a step. With the mean of two loads v(n+1) = v(n) - a (v(n) + v(n-1))/2 grows from a = 2 on, so that
+//! *Links* resist a change of the velocity with 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f along its
+//! normal for each cell of its area: on average 2/3 for a disc and 5/9 for a sphere. Divided by the mass this is a = 4/(3 R s) and
+//! 5/(3 R s) per step. With the mean of two loads, v(n+1) = v(n) - a (v(n) + v(n-1))/2 grows for a > 2, so that stability requires
 //!
 //! ```text
 //! s R > 2/3 for discs,   s R > 5/6 for spheres
 //! ```
 //!
-//! *Partially saturated cells*: the water inside takes the velocity of the body within a step, F(n) = -m_w [v(n) - v(n-1)], and what it
-//! takes is given back from the change of the body's last step. Together s [v(n+1) - v(n)] = [v(n) - 2 v(n-1) + v(n-2)]/2, which grows
-//! where s < 1/2; the resistance of the surface adds a part that falls with R. Where the water inside is left in, the first term alone
-//! is left, and light bodies are borne a little better.
+//! *Partially saturated cells*: the internal fluid takes the velocity of the body within a step, F(n) = -m_w [v(n) - v(n-1)], and its
+//! inertia is compensated with the change of the body's last step. Together s [v(n+1) - v(n)] = [v(n) - 2 v(n-1) + v(n-2)]/2, which grows
+//! for s < 1/2; the resistance of the surface adds a part that decreases with R. Without the compensation only the first term remains, and
+//! slightly lighter bodies are stable.
 //!
-//! The bounds of links stand below, those of saturated cells beside each operator ([`crate::lbm::saturation`]). They are those of runs over radii, places between the cells and relaxation times (`benches/stability/README.md`): every body
-//! lighter than `fails` was thrown away, none heavier than `holds`. Links depend on the relaxation time: above 1 the water relaxes too slowly to
-//! follow a step, below 0.6 it keeps what the body did. The steps of the solid do not matter, since the load is held through them.
+//! The limits of links are in this file, those of saturated cells in the file of each operator ([`crate::lbm::saturation`]). They are
+//! measured over radii, positions relative to the cells and relaxation times (`benches/stability/README.md`): every body lighter than
+//! `fails` was unstable, no body heavier than `holds`. The limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly
+//! to follow a step, below 0.6 it keeps the disturbance by the body. The number of solid steps has no effect, because the load is constant over them.
 //!
-//! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells that keep their water: without it they are borne better.
+//! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells with internal fluid. Lighter bodies are stable without it.
 
 use super::margin::{Margin, margin};
 use crate::case::coupling::{Coupling, SolidOperator};
@@ -144,7 +145,7 @@ fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     kinds
 }
 
-/// Notes how light the lightest body is, and refuses or warns where such bodies were thrown away.
+/// Adds the margin of the lightest body, and refuses or reports bodies that were unstable.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
@@ -168,7 +169,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let name = &scene.materials[kind.material].name;
     let path = format!("materials.{name}.density");
     margins.push(margin(
-        "least density over that of the fluid",
+        "smallest density ratio of a free body and the fluid",
         bounds.holds,
         ratio,
         &path,
@@ -185,7 +186,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
-            "a free body of {} cells in radius is {} times as dense as the fluid: {word} {} it is thrown to and fro by its own load",
+            "a free body with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it unstable",
             number(kind.radius),
             number(ratio),
             number(bound)
@@ -231,7 +232,7 @@ mod tests {
     /// The bounds enclose the border of every run.
     #[test]
     fn no_measured_border_is_outside_the_bounds() {
-        let table = include_str!("../../benches/stability/light_bodies.csv");
+        let table = include_str!("../../benches/stability/added_mass.csv");
         let lines = table.lines().filter(|line| !line.starts_with('#')).skip(1);
         let mut rows = 0;
         for line in lines {

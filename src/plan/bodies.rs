@@ -20,7 +20,7 @@ const THINNEST: f64 = 1.0;
 /// As many hold a cell that is full, however a plate lies along the lattice.
 const SOLID: f64 = 2.0;
 
-/// All limits of bodies in the water.
+/// Checks all limits of bodies in the fluid.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let Some(coupling) = &scene.coupling else {
         return;
@@ -32,7 +32,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 fn grains_path(source: &GrainSource) -> &'static str {
     match source {
         GrainSource::Growth { .. } => "grains.initial.growth.radii",
-        GrainSource::Rain { .. } => "grains.initial.deposition.grading",
+        GrainSource::Deposition { .. } => "grains.initial.deposition.grading",
         _ => "grains.initial",
     }
 }
@@ -61,7 +61,7 @@ fn diameters(
             findings.error(
                 &path,
                 format!(
-                    "the smallest diameter the fluid sees is {} cells; at least {FEWEST_CELLS}",
+                    "the smallest diameter in the fluid is {} cells; at least {FEWEST_CELLS} are required",
                     number(cells)
                 ),
                 finer(
@@ -75,7 +75,7 @@ fn diameters(
             );
         }
         margins.push(margin(
-            "fewest cells in a diameter",
+            "fewest cells per diameter",
             FEWEST_CELLS,
             cells,
             &path,
@@ -114,19 +114,19 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
         );
         if cells < THINNEST * (1.0 - 1e-9) {
             let reason = format!(
-                "the block is {} cells thick; at least {THINNEST}, else the water runs through it",
+                "the block is {} cells thick; at least {THINNEST} are required, otherwise water flows through it",
                 number(cells)
             );
             findings.error(&path, reason, remedy);
         } else if cells < SOLID * (1.0 - 1e-9) {
             let reason = format!(
-                "the block is {} cells thick; where less than {SOLID} lie across cells and fill none, water of little viscosity runs through",
+                "the block is {} cells thick; a block of less than {SOLID} cells may fill no cell completely, and water of low viscosity then flows through it",
                 number(cells)
             );
             findings.warn(&path, reason, remedy);
         }
         margins.push(margin(
-            "fewest cells in the thickness of a block",
+            "fewest cells across the thickness of a block",
             THINNEST,
             cells,
             &path,

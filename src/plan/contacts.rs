@@ -1,29 +1,29 @@
-//! The largest time step at which contacts are stable, from the highest frequency of the bodies that they connect.
+//! The largest stable time step of contacts, from the highest frequency of the bodies that they connect.
 //!
-//! A contact of a pair is a spring K and a dashpot C between two bodies of masses M, along its normal and across it, where rotation
-//! moves the point of contact too. For small motions, the explicit step with velocities half a step behind is
+//! A contact is a spring K and a dashpot C between two bodies with masses M, in the normal and tangential directions; rotation
+//! also moves the contact point. For small motions, the explicit step with velocities half a step behind is
 //!
 //! ```text
 //! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
 //! ```
 //!
-//! Its solution grows and changes its sign in every step once the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
-//! dashpots that is dt > 2/w with the highest frequency w. Dashpots shorten the step, that of one oscillator by sqrt(1 + zeta²) - zeta.
-//! Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000, chapter 6. Maps of runs
-//! under `benches/stability` confirm it.
+//! The solution grows and changes its sign in every step if the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
+//! dashpots this is dt > 2/w with the highest angular frequency w. Dashpots reduce the limit, that of one oscillator by the factor
+//! sqrt(1 + zeta²) - zeta. Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000,
+//! chapter 6. The maps of `benches/stability` confirm the limit.
 //!
 //! The step is compared with two limits:
 //!
-//! * The limit of the contacts with which a listed or read sample starts, by power iteration, which finds it from above. Beyond the
-//!   limit without friction the case is refused; contacts under little pressure slip, so that friction is no spring. Beyond the limit
-//!   with the springs of friction, and with contacts as deep as the law expects them, the case counts as unstable.
+//! * The limit of the initial contacts of a listed or read sample, by power iteration, which converges to it from above. Above the limit without
+//!   shear springs the case is refused; shear springs are left out because contacts under low pressure slip. Above the limit with shear springs, and with
+//!   the largest overlaps that the law expects, the case is unstable.
 //! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing of discs or
-//!   spheres. That of the shear springs is 16 or 20 where all grains turn the same way on 4 or 6 partners, the number in a random
-//!   packing. Z partners give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Beyond this limit,
-//!   grains that start apart or are prepared are unstable; a sample that is held together from the start gets a warning.
+//!   spheres. That of the shear springs is 16 or 20 if all grains rotate in the same sense on 4 or 6 neighbours, the number in a random
+//!   packing. Z neighbours give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Above this limit,
+//!   grains that start apart or are prepared are unstable; a sample that its initial contacts hold together gets a warning.
 //!
-//! A block is bounded by springs on all its faces, with neighbours that move against it. Beyond the limit of one face alone the case is
-//! refused.
+//! The limit of a block assumes springs on all its faces, with neighbours that move against it. Above the limit of a single face the case
+//! is refused.
 //!
 //! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
@@ -135,7 +135,7 @@ pub(super) fn check(
     }
     if sure.is_finite() {
         margins.push(margin(
-            "solid time step / limit of the contacts at the start",
+            "solid time step / limit of the initial contacts",
             dt,
             sure,
             path,
@@ -146,14 +146,14 @@ pub(super) fn check(
         findings.error(
             path,
             format!(
-                "a solid time step of {step} s is above {} s, from which on the contacts of the start throw the bodies apart",
+                "a solid time step of {step} s is above {} s, the stability limit of the initial contacts",
                 number(sure)
             ),
             remedy(scene, clock, sure),
         );
     } else if dt > worst {
         let reason = format!(
-            "a solid time step of {step} s is above {} s: bodies with contacts all round would be thrown apart",
+            "a solid time step of {step} s is above {} s, the stability limit of bodies with contacts on all sides",
             number(worst)
         );
         let remedy = remedy(scene, clock, worst);
@@ -165,7 +165,7 @@ pub(super) fn check(
     }
 }
 
-/// The steps (s) that bodies bear.
+/// Stable time steps of bodies \[s\].
 struct Limits {
     /// With the contacts of the start as they slip; infinite where they are not known or far from it.
     slipping: f64,
@@ -223,7 +223,7 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     };
     if opening > A_GRAIN_BETWEEN * smallest {
         let than = format!(
-            "more than the smallest grain, {} m: it would hold across other grains",
+            "more than the smallest grain, {} m: it would act across other grains",
             number(smallest)
         );
         findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
@@ -297,7 +297,7 @@ fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
     let limit = (0.99 * limit).min(safe);
     if scene.flow.is_some() {
         let steps = (clock.time_step / limit).ceil();
-        Remedy::from(format!("use at least {steps} solid steps in a fluid step"))
+        Remedy::from(format!("use at least {steps} solid steps per fluid step"))
             .set(path(scene), crate::number::whole(steps))
     } else if scene.time.solid_time_step.is_some() {
         let step = at_most(limit);

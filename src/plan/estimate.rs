@@ -1,7 +1,6 @@
-//! Memory, disk and time before the run.
+//! Estimates of memory, disk space and time before the run.
 //!
-//! Rates are those of one core of a recent server, assumed here and replaced by the measured ones in the summary of a
-//! run.
+//! The rates are assumed values for one core of a recent server. The summary of a run contains measured values.
 
 use super::Clock;
 use crate::case::fluid::Precision;
@@ -11,7 +10,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use serde::Serialize;
 
-/// What a run will cost.
+/// The costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
     /// Bytes of a cell: populations, and what coupling and moments keep beside them.
@@ -173,7 +172,7 @@ impl Estimate {
             findings.error(
                 "domain.spacing",
                 format!(
-                    "the run needs about {} of memory, but there are {}",
+                    "the run needs about {} of memory, but {} are available",
                     size(self.memory_bytes),
                     size(available)
                 ),
@@ -209,7 +208,7 @@ pub(crate) fn size(bytes: f64) -> String {
     }
 }
 
-/// Memory of this machine \[bytes\], where the system says it.
+/// Memory of this machine \[bytes\], if the system reports it.
 fn machine_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;

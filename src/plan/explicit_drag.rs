@@ -2,7 +2,7 @@
 //!
 //! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its start a grain of
 //! mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag stops it, its velocity changes
-//! sign and grows. The drag at the end of the interval ([`crate::coupling::drag`], `semi_implicit_drag`) is stable for any interval.
+//! sign and grows. The drag at the end of the interval ([`crate::coupling::seepage`], `semi_implicit_drag`) is stable for any interval.
 //!
 //! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where the
 //! interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable where the
@@ -10,17 +10,16 @@
 
 use super::Clock;
 use super::margin::{Margin, margin};
-use crate::coupling::drag::{Bed, Grain};
-use crate::darcy::permeability::kozeny_carman;
+use crate::darcy::drag::{Bed, Grain};
 use crate::darcy::porosity::measure;
-use crate::darcy::{Enclosure, Equations, Grid, Openness, Pores};
+use crate::darcy::{Enclosure, Equations, Grid, Liquid, Openness, Pores};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
 
-/// Compares the interval with the shortest time of drag.
+/// Compares the interval with the shortest response time of a grain.
 pub(super) fn check(
     scene: &Scene,
     clock: &Clock,
@@ -41,11 +40,11 @@ pub(super) fn check(
     let grain = Grain::new(scene.grid.dimension, smallest);
     let time = |porosity: f64| stopping_time(seepage, &grain, mass, porosity);
     let shortest = time(porosity(scene, seepage));
-    let longest = time(seepage.written.porosity_cap).max(shortest);
+    let longest = time(seepage.written.porosity_cap()).max(shortest);
     let path = "fluid.darcy.coupling_interval";
     let interval = clock.time_step;
     margins.push(margin(
-        "coupling interval / twice the time of drag",
+        "coupling interval / twice the response time of a grain",
         interval,
         2.0 * shortest,
         path,
@@ -56,7 +55,7 @@ pub(super) fn check(
     let most = (2.0 * shortest / clock.solid_time_step).ceil() - 1.0;
     let text = if most >= 1.0 {
         format!(
-            "use at most {} solid steps in an interval, or `semi_implicit_drag`",
+            "use at most {} solid steps per interval, or `semi_implicit_drag`",
             number(most)
         )
     } else {
@@ -88,20 +87,27 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
 /// The time in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\].
 fn stopping_time(seepage: &Seepage, grain: &Grain, mass: f64, porosity: f64) -> f64 {
     let written = &seepage.written;
-    let porosity = porosity.clamp(written.least_porosity, written.porosity_cap);
+    let porosity = porosity.clamp(written.least_porosity, written.porosity_cap());
+    let liquid = Liquid {
+        density: written.density,
+        viscosity: written.viscosity,
+    };
+    let resistance = written.resistance();
     let bed = Bed {
         density: written.density,
         viscosity: written.viscosity,
         porosity,
         solid: 1.0 - porosity,
-        permeability: kozeny_carman(porosity, grain.diameter),
+        permeability: resistance
+            .model()
+            .permeability(porosity, grain.diameter, liquid, 0.0),
     };
     let measure = match written.equations {
         Equations::Paper => 1.0,
         Equations::Corrected => porosity,
     };
-    let law = written.drag.model();
-    law.stopping_time(&bed, grain, mass, measure)
+    let law = written.drag();
+    law.model().stopping_time(&bed, grain, mass, measure)
 }
 
 /// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
@@ -121,7 +127,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     Openness::measure(&grid, &enclosure)
 }
 
-/// The pores of the coarse grid, counted as the case says, without grains.
+/// The pores of the coarse grid with the porosity method of the case, without grains.
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     Pores::new(
@@ -132,7 +138,7 @@ pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
 }
 
 /// Porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are prepared.
-fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
+pub(super) fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let dimension = scene.grid.dimension;
     let densest = if dimension == 2 { 0.0931 } else { 0.2595 };
     let list = match scene.grains.as_ref().map(|grains| &grains.source) {

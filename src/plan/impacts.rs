@@ -128,7 +128,7 @@ fn all(scene: &Scene) -> (Vec<Moving>, Vec<[f64; 3]>, Vec<Ball>) {
                 }
             }
             // What is prepared lies at rest.
-            GrainSource::Growth { .. } | GrainSource::Rain { .. } => {
+            GrainSource::Growth { .. } | GrainSource::Deposition { .. } => {
                 for radius in grains.radii.iter().flat_map(|(low, high)| [*low, *high]) {
                     let path = "grains.initial".into();
                     grain(path, grains.material, radius, [0.0; 3], [0.0; 3], false);

@@ -1,11 +1,12 @@
-//! Linear stability over the steps of a run: waves that grow by themselves with multiple relaxation times.
+//! Linear stability over the steps of a run: growing waves with multiple relaxation times.
 //!
-//! Near tau = 1/2 nothing but eddies damps the shortest waves, and with rates that differ from moment to moment some of them grow in
-//! fluid at rest ([`crate::lbm::collision::linear_stability`]): with the rates of Suga by 0.075 % in a step at tau = 0.5001. A short run
-//! never shows it. Over G = gain times steps an amplitude becomes e^G times itself.
+//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the rates of the moments differ, some waves grow in fluid at rest
+//! ([`crate::lbm::collision::linear_stability`]): with the rates of Suga by 0.075 % per step at tau = 0.5001. A short run does not show
+//! this. Over G = gain times steps an amplitude grows by the factor e^G.
 //!
 //! Evidence: with the rates of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau = 0.5001 after 11,000
-//! steps (G = 8.3); with cells four times as wide it held for its 3907 (G = 3.6). Eddies may hold such waves, so the finding is a warning.
+//! steps (G = 8.3). With cells four times as wide it was stable for its 3907 steps (G = 3.6). Eddy viscosity may damp such waves, so that the
+//! finding is a warning.
 
 use super::Clock;
 use crate::error::Remedy;
@@ -32,7 +33,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     let family = format!("{PATH}.collision");
     let path = &format!("{family}.{}", flow.collision.name());
     let reason = format!(
-        "at tau = {} waves of {:.1} cells gain {} % in a step in water at rest with these rates",
+        "at tau = {} waves of {:.1} cells grow by {} % per step in water at rest with these rates",
         number(flow.relaxation_time),
         wave.length(),
         number(100.0 * gain),
@@ -41,7 +42,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     if gain < FAILS {
         let steps = clock.steps;
         let long = format!(
-            "{reason}, e^{growth:.0} times themselves in {steps} steps: only eddies can hold them"
+            "{reason}, by a factor of e^{growth:.0} in {steps} steps unless eddy viscosity damps them"
         );
         findings.warn(path, long, remedy);
     } else {
@@ -58,7 +59,7 @@ mod tests {
     use crate::case::Document;
     use crate::plan::Plan;
 
-    /// What the plan says of waves in a closed box of water with an operator and relaxation time over some steps.
+    /// The finding about waves in a closed box of water with an operator and relaxation time over some steps.
     fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {
         let step = (tau - 0.5) / 3.0 * 1e-2;
         let end = step * f64::from(steps);
@@ -84,7 +85,7 @@ mod tests {
         assert_eq!(said(suga, 0.5001, 4000), None);
         let words = said(suga, 0.5001, 37_500).unwrap();
         assert!(
-            words.contains("gain 0.07536 % in a step") && words.contains("e^28 times themselves"),
+            words.contains("grow by 0.07536 % per step") && words.contains("by a factor of e^28"),
             "{words}"
         );
         assert_eq!(said(suga, 0.502, 1_000_000), None);

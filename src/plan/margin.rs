@@ -5,18 +5,18 @@ use crate::scene::findings::at_most;
 use crate::scene::flow::{Flow, PATH};
 use serde::Serialize;
 
-/// A limit and where the case stands.
+/// A limit and the value of the case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Margin {
-    /// Which limit.
+    /// The name of the limit.
     pub limit: String,
-    /// Where the case stands.
+    /// The value of the case.
     pub value: f64,
     /// The limit.
     pub allowed: f64,
-    /// How much of the limit is used; above 1 it is crossed.
+    /// The used part of the limit; above 1 the limit is exceeded.
     pub used: f64,
-    /// JSON path of what decides it.
+    /// JSON path of the field that determines it.
     pub path: String,
 }
 
@@ -30,10 +30,10 @@ pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margi
     }
 }
 
-/// The least relaxation time that is proposed: below it stability is asked of the operator and the walls, not of the clock.
+/// The smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the time step.
 const LEAST_PROPOSED: f64 = 0.505;
 
-/// Proposes `part` of the time step through whatever fixes it, where that leaves a relaxation time with which runs hold.
+/// Proposes `part` of the time step through the field that fixes it, if the resulting relaxation time is stable.
 pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Remedy {
     let dt = at_most(part * flow.time_step);
     let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);

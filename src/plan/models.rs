@@ -1,4 +1,4 @@
-//! The models a scene gets, each with its reason; also those it does not pay for.
+//! The models of a scene, each with its reason, and the models that it does not need.
 
 use super::Clock;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
@@ -11,10 +11,10 @@ use crate::scene::flow::Flow;
 use crate::scene::gravity;
 use serde::Serialize;
 
-/// A model and why.
+/// A model and its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Choice {
-    /// What is chosen.
+    /// The choice.
     pub what: String,
     /// The model.
     pub model: String,
@@ -25,7 +25,7 @@ pub struct Choice {
 pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     let mut list = Vec::new();
     let mut choose = |what: &str, model: String, reason: String| {
-        // What the case left out has a reason of its own.
+        // Automatic choices have their own reasons.
         let own = scene.chosen.why(what);
         list.push(Choice {
             what: what.into(),
@@ -43,7 +43,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         choose(
             "accuracy",
             format!("{level}: {target} % of forces, {promised}"),
-            "no row measured covers these cells".into(),
+            "no measured row covers these cells".into(),
         );
     }
     if scene.chosen.why("spacing").is_some() {
@@ -68,7 +68,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "fluid",
             "Darcy seepage".into(),
             format!(
-                "asked for; {} x {} x {} cells, coupled every {} solid steps",
+                "requested; {} x {} x {} cells, coupled every {} solid steps",
                 seepage.cells[0], seepage.cells[1], seepage.cells[2], clock.solid_steps_per_step
             ),
         );
@@ -76,13 +76,13 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "permeability",
             format!(
                 "{}, {:?} mean diameter",
-                written.resistance.model().description(),
+                written.resistance().model().description(),
                 written.mean_diameter
             ),
             format!(
                 "porosity by {}, at most {}",
                 written.porosity.model().description(),
-                written.porosity_cap
+                written.porosity_cap()
             ),
         );
         choose(
@@ -90,8 +90,20 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "conjugate gradients with multigrid".into(),
             format!("to {:e} of the driving terms", written.tolerance),
         );
-        let equations = format!("{:?} equations", written.equations);
-        choose("drag", written.drag.model().description(), equations);
+        let flow = super::pore_flow::reynolds(scene).map_or_else(
+            || "no pressure and no flux drives the water".to_owned(),
+            |re| {
+                let re = number(re);
+                format!("the water seeps at a Reynolds number of about {re}")
+            },
+        );
+        choose("equations", format!("{:?}", written.equations), flow);
+        let balance = if written.drag().model().balances() {
+            "balances the loss of pressure"
+        } else {
+            "independent of the resistance: see the closure of momentum in the log"
+        };
+        choose("drag", written.drag().model().description(), balance.into());
     }
     match &scene.flow {
         None if scene.seepage.is_some() => {}
@@ -111,7 +123,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 VelocitySet::D3Q27 if operator.only_on().is_some() => {
                     ("D3Q27", "the moments of the operator are those of this set")
                 }
-                VelocitySet::D3Q27 => ("D3Q27", "asked for: isotropic to fourth order"),
+                VelocitySet::D3Q27 => ("D3Q27", "requested: isotropic to fourth order"),
             };
             choose("lattice", name.into(), reason.into());
             let Description { model, reason } = operator.describe(flow.relaxation_time);
@@ -120,7 +132,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 || {
                     Description::new(
                         "none",
-                        "not asked for: all eddies are taken as resolved, no velocity field is kept",
+                        "not requested: all eddies are assumed to be resolved, no velocity field is stored",
                     )
                 },
                 |model| model.describe(),
@@ -158,15 +170,15 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
         Some(table) if solid => {
             let polyhedra = scene.polyhedra().count();
             let reason = if polyhedra == 0 {
-                format!("asked for; {kind}, without orientation")
+                format!("requested; {kind}, without orientation")
             } else {
-                format!("asked for; {polyhedra} polyhedra")
+                format!("requested; {polyhedra} polyhedra")
             };
             choose("contact law", table.model().describe(), reason);
             choose(
                 "solid steps",
                 format!("{} per fluid step", clock.solid_steps_per_step),
-                "the smallest number within the safety of the critical time step, or as asked"
+                "the smallest number within the safety of the critical time step, or as requested"
                     .into(),
             );
         }
@@ -200,7 +212,7 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
     };
     let fraction = match written.solid_fraction {
         SolidFraction::Exact => "exact fractions".into(),
-        SolidFraction::Samples(n) => format!("fractions from {n} samples along an edge"),
+        SolidFraction::Samples(n) => format!("solid fractions from {n} samples along an edge"),
         SolidFraction::Linear => "linear fractions".into(),
     };
     format!("partially saturated cells, {operator}, {weighting}, {fraction}")

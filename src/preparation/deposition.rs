@@ -104,7 +104,7 @@ const LANDED: f64 = 0.1;
 const LOOK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
-    /// Lets it rain: centres and radii (m), along a curve through space.
+    /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
     /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
@@ -569,7 +569,7 @@ mod tests {
     }
 
     #[test]
-    fn rain_that_is_interrupted_comes_to_the_same_bits() {
+    fn an_interrupted_deposition_ends_with_the_same_bits() {
         let deposition = Deposition {
             number: 120,
             grading: Grading::ByCount(vec![Class {
@@ -590,7 +590,7 @@ mod tests {
 
     /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
-    fn rain_settles_and_is_trimmed() {
+    fn a_deposition_settles_and_is_trimmed() {
         let deposition = small();
         let (grains, report) = deposition.run(&Supervision::none()).unwrap();
         assert!(report.settled, "{:?}", report.convergence.last());

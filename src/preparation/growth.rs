@@ -4,8 +4,8 @@
 //! cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the requested value. The result
 //! depends on the seed only: it runs on one rank, and the caller distributes it.
 //!
-//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stand still when
-//! bonded and cut must carry overlaps well below that: request a mean overlap of about 1e-6 diameters. The sizes are then the
+//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stay at rest when
+//! bonded and cut must have overlaps well below that: request a mean overlap of about 1e-6 diameters. The sizes are then the
 //! requested ones times one common factor close to 1, which the report gives; with [`Stop::SolidFraction`] the factor is exactly 1 and
 //! the overlap follows.
 //!
@@ -37,7 +37,7 @@ pub enum Sizes {
         /// Greatest diameter (m).
         largest: f64,
     },
-    /// These, one grain each; the asked solid fraction then only scales them.
+    /// These radii, one grain each; the requested solid fraction only scales them.
     List(Vec<f64>),
 }
 
@@ -45,11 +45,11 @@ pub enum Sizes {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Stop {
-    /// At the asked sizes, whatever the overlaps: their sum over the box is this solid fraction.
+    /// At the requested sizes, for any overlaps: their sum over the box is this solid fraction.
     SolidFraction(f64),
     /// Where grains with contacts have this many each, on average; then at the overlap of [`PackingSettings::overlap`].
     Coordination(f64),
-    /// Where the relaxed packing bears this mean overlap over the mean diameter.
+    /// When the relaxed packing has this mean overlap over the mean diameter.
     Overlap(f64),
 }
 
@@ -76,7 +76,7 @@ pub struct PackingSettings<S: Space> {
     pub stiffness_per_diameter: f64,
     /// Friction between grains while they are packed; none gives the densest packing.
     pub friction: f64,
-    /// Mean overlap over the mean diameter to release the packing to, where `stop` does not say.
+    /// Mean overlap over the mean diameter to which the packing is released, unless `stop` gives one.
     pub overlap: f64,
     /// Largest resultant over largest contact force in the end.
     pub unbalanced: f64,
@@ -89,7 +89,7 @@ pub struct PackingSettings<S: Space> {
 pub struct Report {
     /// Number of grains.
     pub grains: u64,
-    /// Final over asked diameters, one factor for all.
+    /// Final over requested diameters, one factor for all.
     pub size_factor: f64,
     /// Area or volume of the grains over that of the box.
     pub solid_fraction: f64,
@@ -157,7 +157,7 @@ impl<S: Space> PackingSettings<S> {
             .product()
     }
 
-    /// The asked radii (m).
+    /// The requested radii \[m\].
     fn radii(&self) -> Result<Vec<f64>, Error> {
         let fraction = match self.stop {
             Stop::SolidFraction(fraction) => fraction,
@@ -203,7 +203,7 @@ impl<S: Space> PackingSettings<S> {
 /// How far a packing is: all that the next batch of steps depends on beside the grains and their contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Sizes over the asked ones.
+    /// Sizes over the requested ones.
     factor: f64,
     /// Growing of a packing that falls apart, the next time it does.
     growth: f64,
@@ -238,11 +238,11 @@ enum Stage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Purpose {
-    /// The sizes are those asked for: this rest is the last.
+    /// The sizes are the requested ones: this is the last relaxation.
     Last,
     /// To see what overlaps there are.
     Coarse,
-    /// To see whether the overlaps are those asked for.
+    /// Whether the overlaps are the requested ones.
     Fine,
 }
 
@@ -421,7 +421,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// Batches of steps, and after each the decision what comes next, until the packing is done.
+    /// Batches of steps, each followed by the choice of the next stage, until the packing is complete.
     fn run(&mut self) -> Result<(), Error> {
         while self.progress.stage != Stage::Done {
             while self.progress.left > 0 {
@@ -472,7 +472,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.progress.left = steps;
     }
 
-    /// The sizes at which growth ends, over the asked ones.
+    /// The sizes at which growth ends, over the requested ones.
     fn full_size(&self) -> f64 {
         match self.settings.stop {
             Stop::SolidFraction(_) => 1.0,
@@ -480,7 +480,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// The next stage of growth to the asked sizes, or until the packing jams.
+    /// The next stage of growth to the requested sizes, or until the packing jams.
     fn grow(&mut self) {
         let next = self.progress.factor * (1.0 + STAGE_GROWTH);
         self.set_factor(next.min(self.full_size()));
@@ -560,7 +560,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// Where sizes are free brings the mean overlap to what is asked, in steps down.
+    /// If the sizes are free, reduces the mean overlap in steps to the requested value.
     fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
         let target = match self.settings.stop {
             Stop::SolidFraction(_) => {
@@ -675,7 +675,7 @@ mod tests {
         }
     }
 
-    /// The packing is jammed, at rest, at the asked overlap; bonded and cut it stands still, and no bond breaks.
+    /// The packing is jammed, at rest, at the requested overlap; bonded and cut it stays at rest, and no bond breaks.
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
         let settings = small();

@@ -1,7 +1,7 @@
-//! The order of grains that the program makes: along a Z-order curve (G. M. Morton 1966).
+//! The order of generated grains: along a Z-order curve (G. M. Morton 1966).
 //!
-//! Grains are numbered from this order, and arrays, lists and sums go by number: neighbours in space then lie close in
-//! memory, and few pairs cross from one thread's grains to another's.
+//! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie close in memory, and
+//! few pairs cross from one thread's grains to another's.
 
 use crate::dem::{Components, Space};
 use crate::number::whole;

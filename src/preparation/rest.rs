@@ -1,8 +1,7 @@
-//! Rest of bonded grains before the run, without the fluid.
+//! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the water moved, and
-//! the report gives their number. Everything stands still meanwhile, driven bodies too; then each grain and body gets the velocity of
-//! the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the flow started, and
+//! the report gives their number. Driven bodies are at rest meanwhile. Afterwards each grain and body gets the velocity of the case.
 
 use super::supervision::{Request, Requests};
 use crate::dem::particles::Particles;
@@ -19,7 +18,7 @@ use std::collections::HashMap;
 /// Velocity and spin by id.
 type Velocities = HashMap<u64, [f64; 6]>;
 
-/// Velocity and spin of whatever moves, by id, the same on all ranks: grains may change their rank before they are needed.
+/// Velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank before they are needed.
 /// Collective.
 fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
@@ -79,7 +78,7 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Bonds the contacts and stops all that moves; none where the case asks for no bonds. Collective.
+    /// Bonds the contacts and stops all bodies; none if the case has no bonds. Collective.
     ///
     /// # Errors
     /// As [`Dem::advance`].
@@ -179,7 +178,7 @@ impl Rest {
             set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
         }
         let line = format!(
-            "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke on the way",
+            "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke during the relaxation",
             self.bonds,
             self.steps,
             unbalanced_text(still.unbalanced()),

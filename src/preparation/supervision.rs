@@ -1,4 +1,4 @@
-//! Reports, interruption and resumption of the making of a sample, which can take minutes.
+//! Reports, interruption and resumption of the preparation of a sample, which can take minutes.
 
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
@@ -15,7 +15,7 @@ const REPORT_EVERY: Duration = Duration::from_secs(30);
 /// Time between questions to the supervisor.
 const ASK_EVERY: Duration = Duration::from_millis(500);
 
-/// What is asked of running work.
+/// A request to a running operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Request {
     /// Go on.
@@ -28,7 +28,7 @@ pub enum Request {
 
 /// Requests to work that all ranks do together.
 pub trait Requests {
-    /// Steps until the ranks ask again; the same on all ranks.
+    /// Steps until the next check for requests; the same on all ranks.
     fn steps(&self) -> u64;
 
     /// The strongest request of any rank. Collective.
@@ -174,7 +174,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         self.asked.set(Instant::now());
         if request == Request::Stop {
             return Err(Error::Stopped(format!(
-                "the sample is in the making, {} solid steps",
+                "preparation of the sample: {} solid steps",
                 dem.steps()
             )));
         }

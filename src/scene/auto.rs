@@ -1,16 +1,15 @@
-//! What a case leaves out is chosen here, from its facts and the accuracy that it asks for: spacing, time step, operator, eddies, number
-//! type, coupling, contact law. What a case states is never touched.
+//! Automatic choices for fields that a case leaves out, from its values and its accuracy: spacing, time step, operator, eddy viscosity,
+//! storage precision, coupling, contact law. Values that a case states are never changed.
 //!
-//! 1. The coupling, from shapes ([`solids`]).
-//! 2. The spacing, from what the water must resolve ([`features`]) and what cells are worth ([`measured`]), so that every edge of the
+//! 1. The coupling, from the shapes ([`solids`]).
+//! 2. The spacing, from the features that the flow must resolve ([`features`]) and the measured errors ([`measured`]), so that every edge of the
 //!    domain is a whole number of cells ([`spacing`]).
-//! 3. With the scene made, the time step and the operator, from its speeds ([`step`]); a fast flow may ask for finer cells, and the
-//!    scene is made once more.
-//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]); in seepage it and the coupling interval from what loads the
+//! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require finer cells; the
+//!    scene is then resolved once more.
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval follow from the load on the
 //!    bed ([`seepage`]).
 //!
-//! Spacing, time step and what belongs to them are chosen only where a case names an `accuracy` or leaves out spacing or time step; all
-//! other cases mean what they always meant.
+//! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time step.
 
 pub(crate) mod features;
 pub mod measured;
@@ -30,7 +29,7 @@ use std::borrow::Cow;
 /// What was chosen.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chosen {
-    /// What the case asks for; none where it leaves nothing out that depends on it.
+    /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
     /// Largest relative error that the rows measured promise, twice their own; none where no row covers the case.
     pub promised: Option<f64>,
@@ -72,7 +71,7 @@ impl Chosen {
     }
 }
 
-/// The accuracy for which numbers are chosen; none where the case states them all and asks for none.
+/// The accuracy of the automatic choices; none if the case states all values and no accuracy.
 pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     let lbm = features::lattice(case);
     let no_step = lbm.is_some_and(|lbm| {

@@ -1,4 +1,4 @@
-//! The blocks of a scene: a jointed rock mass, a file or a list; their places, and that they start apart.
+//! The blocks of a scene: a jointed rock mass, a file or a list; their positions, and the check that they do not overlap.
 
 mod overlaps;
 
@@ -160,7 +160,7 @@ fn jointed(
         findings.error(
             &format!("{path}.aperture"),
             format!(
-                "open joints must leave something of the thinnest block: at most {} m, half of smallest_thickness",
+                "the aperture must be smaller than the thinnest block: at most {} m, half of smallest_thickness",
                 number(narrowest)
             ),
             "use a smaller aperture, or a larger smallest_thickness",
@@ -441,11 +441,7 @@ fn listed(
 ) -> Option<Vec<RockBlock>> {
     let at = "blocks.initial.list";
     if written.is_empty() {
-        findings.error(
-            at,
-            "the list holds no block",
-            "add one, or leave `blocks` out",
-        );
+        findings.error(at, "the list holds no block", "add one, or omit `blocks`");
     }
     let mut blocks = Vec::with_capacity(written.len());
     for (n, block) in written.iter().enumerate() {

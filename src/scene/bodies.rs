@@ -50,7 +50,7 @@ impl Body {
 pub enum Mobility {
     /// Not at all.
     Fixed,
-    /// With its velocity, whatever acts on it.
+    /// With a prescribed velocity.
     Driven,
     /// By the forces on it.
     Free,
@@ -83,8 +83,8 @@ pub(crate) fn bodies(
                 if body.orientation.is_some() {
                     findings.error(
                         &format!("{path}.orientation"),
-                        "a disc or sphere looks the same from all sides",
-                        Remedy::take_out("take it out", &format!("{path}.orientation")),
+                        "the orientation of a disc or sphere has no effect",
+                        Remedy::take_out("remove it", &format!("{path}.orientation")),
                     );
                 }
                 (None, *radius)

@@ -1,4 +1,4 @@
-//! The analysis of a ground that collapses, resolved: axes, boxes of the seepage points, and the thresholds as written.
+//! The resolved analysis of a ground collapse: axes, boxes of the seepage points, and the thresholds as written.
 
 use super::block::Block;
 use super::findings::{Findings, number};
@@ -16,7 +16,7 @@ use serde_json::json;
 /// More cells than this are a slip of a unit; the state of the analysis holds a number for each.
 pub const MOST_CELLS: f64 = 1e6;
 
-/// Analysis of a ground that collapses.
+/// Analysis of ground collapse.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroundCollapse {
     /// Time between samples \[s\].
@@ -65,14 +65,14 @@ pub(crate) fn resolve(
         findings.error(
             PATH,
             "there are no grains in this case",
-            Remedy::take_out("add `grains`, or take the analysis out", PATH),
+            Remedy::take_out("add `grains`, or remove the analysis", PATH),
         );
     }
     if grid.dimension != 3 {
         findings.error(
             PATH,
             "this analysis needs a surface over two horizontal axes, so 3-D, and this is a 2-D problem",
-            Remedy::take_out("take it out; `erosion_law` is for 2-D too", PATH),
+            Remedy::take_out("remove it; `erosion_law` is also for 2-D", PATH),
         );
         return None;
     }
@@ -81,7 +81,7 @@ pub(crate) fn resolve(
         findings.error(
             "gravity",
             "the settlement of the ground is measured along gravity, which must point along one axis",
-            Remedy::from("write for example [0, 0, -9.81], or take `analysis.ground_collapse` out")
+            Remedy::from("write for example [0, 0, -9.81], or remove `analysis.ground_collapse`")
                 .set("gravity", json!([0, 0, -9.81])),
         );
         return None;
@@ -96,9 +96,9 @@ pub(crate) fn resolve(
     if long == vertical {
         findings.error(
             &format!("{PATH}.long_axis"),
-            "this axis is vertical, as gravity says",
+            "this axis is vertical, parallel to gravity",
             Remedy::take_out(
-                "name a horizontal axis, or leave it out",
+                "name a horizontal axis, or omit it",
                 &format!("{PATH}.long_axis"),
             ),
         );
@@ -115,7 +115,7 @@ pub(crate) fn resolve(
                     "a cell is larger than the domain, which is {} m along its shortest axis",
                     number(least)
                 ),
-                Remedy::take_out("use about two mean diameters, or leave it out", &path),
+                Remedy::take_out("use about two mean diameters, or omit it", &path),
             );
         } else if cells > MOST_CELLS {
             findings.error(

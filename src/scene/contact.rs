@@ -1,4 +1,4 @@
-//! The contact law of a scene, and the facts of the scene that it is resolved against.
+//! The contact law of a scene, and the properties of the scene that its resolution needs.
 
 use super::Scene;
 use super::findings::Findings;

@@ -1,4 +1,4 @@
-//! Collects what is wrong with a case, each finding with the value as it stands in the case.
+//! Collects the findings of a case, each with the value as it stands in the case.
 
 use crate::case::set::lookup;
 use crate::case::text::{MOST_PROBLEMS, brief};
@@ -105,7 +105,7 @@ impl<'a> Findings<'a> {
                 self.problems.push(Problem {
                     path: "the case".into(),
                     value: String::new(),
-                    reason: format!("only the first {MOST_PROBLEMS} of this weight are listed"),
+                    reason: format!("only the first {MOST_PROBLEMS} of this severity are listed"),
                     remedy: "correct those first".into(),
                     severity,
                 });

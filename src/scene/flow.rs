@@ -245,14 +245,12 @@ fn time_step(
             "`reference_velocity` and `lattice_velocity` fix the time step together",
             if lbm.lattice_velocity.is_some() {
                 Remedy::take_out(
-                    format!("add `{missing}`, or leave `lattice_velocity` out"),
+                    format!("add `{missing}`, or omit `lattice_velocity`"),
                     &format!("{PATH}.lattice_velocity"),
                 )
             } else {
-                Remedy::from(format!(
-                    "add `{missing}` (for example 0.05), or leave both out"
-                ))
-                .set(format!("{PATH}.lattice_velocity"), 0.05)
+                Remedy::from(format!("add `{missing}` (for example 0.05), or omit both"))
+                    .set(format!("{PATH}.lattice_velocity"), 0.05)
             },
         );
         if given.is_empty() || missing == "lattice_velocity" {
@@ -350,7 +348,7 @@ fn time_step(
     Some((dt, name))
 }
 
-/// Proposes a time step instead of whatever fixes it.
+/// Proposes a time step instead of the field that fixes it.
 fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
     let null = serde_json::Value::Null;
     let mut remedy = Remedy::from(text);

@@ -8,7 +8,8 @@ use super::sample::{self, Grain};
 use super::{grading, material, unique};
 use crate::case::Case;
 use crate::case::grains::{
-    Amount, Deposition as WrittenRain, Grading, GrainSource as Written, Growth, Radii, SizeClass,
+    Amount, Deposition as WrittenDeposition, Grading, GrainSource as Written, Growth, Radii,
+    SizeClass,
 };
 use crate::error::Remedy;
 use crate::number::real;
@@ -48,13 +49,13 @@ pub enum GrainSource {
         growth: Growth,
     },
     /// A cloud that falls from a box.
-    Rain {
+    Deposition {
         /// The box.
         block: Block,
         /// Sizes.
         grading: grading::Grading,
         /// The rest as written.
-        rain: WrittenRain,
+        deposition: WrittenDeposition,
     },
     /// A saved sample, read already.
     File {
@@ -100,7 +101,7 @@ pub(crate) fn grains(
                 findings.error(
                     "grains.initial.list",
                     "the list holds no grain",
-                    "add one, or leave `grains` out",
+                    "add one, or omit `grains`",
                 );
             }
             let mut resolved = Vec::with_capacity(list.len());
@@ -274,10 +275,10 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// Rain that can fall, or findings.
+/// Resolves and checks a gravity deposition.
 fn falls(
     case: &Case,
-    written: &WrittenRain,
+    written: &WrittenDeposition,
     grid: &Grid,
     findings: &mut Findings,
 ) -> Option<Source> {
@@ -302,7 +303,7 @@ fn falls(
             findings.error(
                 &format!("{path}.grading.{name}"),
                 reason,
-                "correct the classes, or let more grains fall",
+                "correct the classes, or use more grains",
             );
             return None;
         }
@@ -358,16 +359,16 @@ fn falls(
         };
         findings.error(
             "gravity",
-            "rain needs gravity along one axis",
+            "a deposition needs gravity along one axis",
             Remedy::from(format!("write for example {down}")).set("gravity", down),
         );
     }
     let bounds = grading.bounds();
     Some((
-        GrainSource::Rain {
+        GrainSource::Deposition {
             block,
             grading,
-            rain: written.clone(),
+            deposition: written.clone(),
         },
         Some(bounds),
         number_of,

@@ -1,4 +1,4 @@
-//! The box as cells.
+//! The domain as a grid of cells.
 
 use super::findings::{Findings, length_of, number};
 use crate::case::domain::{Domain, Split};
@@ -99,9 +99,9 @@ impl Grid {
         for (n, axis) in domain.periodic.iter().enumerate() {
             let path = format!("domain.periodic[{n}]");
             if axis.index() >= dimension {
-                findings.error(&path, "there is no z in a 2-D problem", "take it out");
+                findings.error(&path, "there is no z in a 2-D problem", "remove it");
             } else if std::mem::replace(&mut periodic[axis.index()], true) {
-                findings.error(&path, "this axis is named twice", "take one out");
+                findings.error(&path, "this axis is named twice", "remove one of them");
             }
         }
         let split_axis = match domain.split {
@@ -129,7 +129,7 @@ impl Grid {
                     "domain.slab_bounds",
                     format!("the planes must rise and lie between 0 and {most}"),
                     Remedy::take_out(
-                        "sort them, or leave them out for equal slabs",
+                        "sort them, or omit them for equal slabs",
                         "domain.slab_bounds",
                     ),
                 );

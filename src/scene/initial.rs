@@ -1,4 +1,4 @@
-//! The flow at the start.
+//! The initial flow.
 
 use super::block::Block;
 use super::findings::{Findings, LATTICE_PATH as PATH};
@@ -97,7 +97,7 @@ pub(super) fn initial(
                 findings.error(
                     &format!("{path}.taylor_green.waves_along_z"),
                     "the waves repeat along z, but the domain does not",
-                    "make the domain 3-D and periodic along z, or leave this out",
+                    "make the domain 3-D and periodic along z, or omit this",
                 );
             }
             let wave = |axis: usize, waves: u32| {

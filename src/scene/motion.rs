@@ -1,4 +1,4 @@
-//! What bodies, blocks and grains share: the motion at the start, and the density that free motion needs.
+//! Common parts of bodies, blocks and grains: the initial motion, and the density that free motion requires.
 
 use super::block::Block;
 use super::findings::Findings;
@@ -16,7 +16,7 @@ pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     {
         findings.error(
             &format!("materials.{name}.density"),
-            "what moves freely needs the density of its material",
+            "a freely moving body needs the density of its material",
             Remedy::from("add it in kg/m3, for example 2650")
                 .set(format!("materials.{name}.density"), 2650),
         );

@@ -171,7 +171,7 @@ pub(crate) fn regions(
         findings.warn(
             "regions",
             "there are no grains in this case",
-            "add `grains`, or take the regions out",
+            "add `grains`, or remove the regions",
         );
     }
     regions
@@ -200,14 +200,14 @@ pub(crate) fn probes(
             findings.error(
                 &format!("{path}.at"),
                 "there is no fluid to probe",
-                "add `fluid`, or take the probe out",
+                "add `fluid`, or remove the probe",
             );
         }
         if needs_fluid && matches!(case.fluid, Some(Fluid::Darcy(_))) {
             findings.error(
                 &format!("{path}.at"),
                 "probes of the water sample a fluid on a lattice; this is seepage",
-                "take `output.fluid`, which has the pressure and velocity of every cell, or take the probe out",
+                "use `output.fluid`, which has the pressure and velocity of every cell, or remove the probe",
             );
         }
         let at = match &probe.at {
@@ -327,14 +327,14 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
             findings.error(
                 "output.fluid",
                 "there is no fluid in this case",
-                Remedy::take_out("take this output out", "output.fluid"),
+                Remedy::take_out("remove this output", "output.fluid"),
             );
         }
         if fluid.fields.is_empty() {
             findings.error(
                 "output.fluid.fields",
                 "no field is named",
-                Remedy::take_out("name one, or take this output out", "output.fluid"),
+                Remedy::take_out("name one, or remove this output", "output.fluid"),
             );
         }
         for (n, field) in fluid.fields.iter().enumerate() {
@@ -342,7 +342,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                 findings.error(
                     &format!("output.fluid.fields[{n}]"),
                     "this field is named twice",
-                    "take one out",
+                    "remove one of them",
                 );
             }
         }
@@ -360,7 +360,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                 findings.error(
                     path,
                     "there are no grains, blocks or bodies in this case",
-                    "take this output out",
+                    "remove this output",
                 );
             }
         }
@@ -379,7 +379,7 @@ fn averages(case: &Case, findings: &mut Findings) {
         findings.error(
             path,
             "averages are those of a fluid on a lattice, and there is none in this case",
-            Remedy::take_out("take this output out", path),
+            Remedy::take_out("remove this output", path),
         );
     }
     due(
@@ -437,7 +437,7 @@ pub(crate) fn erosion_law(
             findings.error(
                 path,
                 format!("there is no {what} in this case"),
-                format!("add `{what}`, or take the analysis out"),
+                format!("add `{what}`, or remove the analysis"),
             );
         }
     }
@@ -456,7 +456,7 @@ pub(crate) fn erosion_law(
             ),
             None => (
                 path.to_string(),
-                "no region removes grains, so nothing would ever count as eroded",
+                "no region removes grains, so that no erosion would be counted",
             ),
         };
         findings.error(

@@ -1,14 +1,14 @@
-//! Pairs of discs or spheres that are near each other, in a time that grows with their number.
+//! Pairs of nearby discs or spheres, at a cost proportional to their number.
 //!
-//! Balls are put into levels by size, each twice as large as the one below. A level has a grid whose cells are as wide as its largest
-//! ball, so that a ball of this level or a smaller one meets nothing beyond the next cell. The balls of a row of cells are in order
-//! of x and are swept; neighbouring rows are found by their place. So neither a slab full of grains nor a wide range of sizes costs more than the
-//! pairs that are really near.
+//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as wide as its largest
+//! ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The balls of a row of cells are sorted
+//! by x and swept; adjacent rows are found by index. Neither a slab full of grains nor a wide range of sizes costs more than the number of
+//! nearby pairs.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
 
-/// A disc or sphere, with whatever gap counts as near.
+/// A disc or sphere, enlarged by the gap that counts as near.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
     /// Centre \[m\].

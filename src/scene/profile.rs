@@ -1,6 +1,6 @@
 //! Velocities over a face from a CSV file: the tangential coordinates \[m\], then the velocity components [m/s].
 //!
-//! The first line is a header; empty lines and lines that begin with `#` are skipped. What [`Table`] makes of the rows stands there.
+//! The first line is a header. Empty lines and lines that begin with `#` are skipped. [`Table`] interpolates between the rows.
 
 use crate::lbm::boundary::profile::Table;
 use io::csv::Reader;

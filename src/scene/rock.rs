@@ -1,12 +1,11 @@
-//! A rock mass cut into blocks by sets of joints.
+//! A rock mass cut into blocks by joint sets.
 //!
-//! The mass is a convex solid. One plane of one set after the other cuts the blocks that it crosses, each with the probability
-//! `persistence` of the set: so 3DEC defines persistence (Itasca, `block cut joint-set`), since a block must stay convex and a joint
-//! cannot end inside one. A cut that would leave a sliver, thinner or smaller than what is given, is not made: the blocks
-//! fill the mass at all times. At last the faces on joints are moved apart by the aperture, so that water gets in.
+//! The mass is a convex solid. The planes of the sets cut, one after another, the blocks that they cross, each with the probability
+//! `persistence` of the set. This is the definition of persistence in 3DEC (Itasca, `block cut joint-set`): a block must stay convex, and a
+//! joint cannot end inside one. A cut that would leave a part thinner or smaller than the given limits is not made, so that the blocks always
+//! fill the mass. Finally the faces on joints are moved apart by the aperture, so that water can enter.
 //!
-//! What is random is a function of the seed and of the cuts that made a block, not of the order in which blocks are
-//! looked at.
+//! Random numbers are functions of the seed and of the cuts that made a block; they do not depend on the order in which blocks are processed.
 
 pub mod joints;
 pub mod list;
@@ -50,7 +49,7 @@ impl RockMass {
     /// The blocks.
     ///
     /// # Errors
-    /// Where an aperture as wide as a block leaves nothing of it.
+    /// An aperture as wide as a block, which leaves nothing of it.
     pub fn blocks(&self) -> Result<Vec<Solid>, ShapeError> {
         let back = 0.5 * self.aperture;
         self.parts()

@@ -1,4 +1,4 @@
-//! A prepared sample of grains as CSV, so that every run of a study can start from the same one.
+//! A prepared sample of grains as CSV, so that all runs of a study can start from the same sample.
 //!
 //! A header names the columns, in any order:
 //!
@@ -11,8 +11,7 @@
 //! | `angular_velocity_x`, `_y` (3-D only), `angular_velocity_z` | [rad/s] | 0 |
 //! | `id` | whole number, each once: grains stand in its order | the order of the lines |
 //!
-//! Another column is refused: whoever wrote it meant something. Numbers are written with all their digits: a sample read back is
-//! the sample written.
+//! Other columns are refused. Numbers are written with all their digits, so that a sample is read back with the same bits.
 
 use crate::case::check::nearest;
 use io::csv::Reader;

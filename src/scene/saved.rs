@@ -1,4 +1,4 @@
-//! Names of files that a case has written into the folder of its run: plain, and none of the run's own.
+//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's own files.
 
 use super::findings::Findings;
 use crate::case::Case;
@@ -72,7 +72,9 @@ fn wrong(written: &Path) -> Option<String> {
     let own = OWN.contains(&lower.as_str())
         || OWN_ENDINGS.iter().any(|end| lower.ends_with(end))
         || OWN_BEGINNINGS.iter().any(|begin| lower.starts_with(begin));
-    own.then(|| "the run writes files of this name itself, or it begins with a dot".into())
+    own.then(|| {
+        "the program writes files of this name itself, or the name begins with a dot".into()
+    })
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The seepage of a scene: its coarse grid, and a condition for parts of the faces.
+//! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
 use super::block::Block;
 use super::findings::{Findings, number};
@@ -17,7 +17,7 @@ use serde_json::json;
 
 /// Where the seepage stands in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
-/// Steps of the grains between two couplings where nothing is said, and the most of them.
+/// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
 
@@ -26,7 +26,7 @@ const MOST_INTERVAL: u32 = 1_000_000;
 pub struct Seepage {
     /// The choices as written.
     pub written: Darcy,
-    /// Longest time between two couplings for the accuracy asked for \[s\]; none where the case states the interval or asks for none.
+    /// Longest coupling interval for the requested accuracy \[s\]; none if the case states the interval or no accuracy.
     pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
@@ -51,7 +51,7 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last.
     pub to: [usize; 3],
-    /// What holds there.
+    /// The condition.
     pub condition: Condition,
 }
 
@@ -68,8 +68,8 @@ impl Seepage {
         if grid.periodic.iter().any(|p| *p) {
             findings.error(
                 "domain.periodic",
-                "the seepage knows walls and openings only: its grid does not repeat itself",
-                Remedy::from("leave `periodic` out").set("domain.periodic", json!([])),
+                "seepage does not support periodic axes",
+                Remedy::from("omit `periodic`").set("domain.periodic", json!([])),
             );
         }
         let (cells, origin, spacing) = coarse(written, grid, findings)?;
@@ -128,6 +128,35 @@ impl Seepage {
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// Height of the grid along gravity; its longest edge without gravity \[m\].
+    pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
+        let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
+        let axis = (0..dimension).max_by(|&a, &b| {
+            let order = gravity[a].abs().total_cmp(&gravity[b].abs());
+            order.then(edge(a).total_cmp(&edge(b)))
+        });
+        axis.map_or(0.0, edge)
+    }
+
+    /// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
+        let density = self.written.density;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let excess = |patch: &Patch| match patch.condition {
+            Condition::Pressure { value } => {
+                let place = self.centre(patch);
+                let below: f64 = (0..3).map(|a| gravity[a] * place[a]).sum();
+                Some(value - density * below)
+            }
+            Condition::Head { value } => Some(density * strength * value),
+            _ => None,
+        };
+        let imposed = || self.patches.iter().filter_map(excess);
+        let high = imposed().fold(f64::NEG_INFINITY, f64::max);
+        let low = imposed().fold(f64::INFINITY, f64::min);
+        (high - low).max(0.0)
+    }
+
     fn patches_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Patch> {
         let mut patches = Vec::new();
         let mut known = Vec::new();
@@ -164,7 +193,7 @@ impl Seepage {
                 if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
                     findings.error(
                         &format!("{path}.patch"),
-                        "the patch holds the centre of no cell of the coarse grid",
+                        "the patch contains no cell centre of the coarse grid",
                         format!(
                             "the grid reaches from {:?} to {:?} m in cells of {:?} m",
                             &self.origin[..grid.dimension],
@@ -200,7 +229,7 @@ impl Seepage {
                 findings.error(
                     &path,
                     "all of it lies behind a plane of the enclosure: no water passes",
-                    "move it to where the water is, or the plane",
+                    "move it into the water, or move the plane",
                 );
             }
             patches.push(patch);
@@ -273,18 +302,19 @@ impl Seepage {
             }
         }
         let written = &self.written;
-        if written.least_porosity >= written.porosity_cap {
+        let cap = written.porosity_cap();
+        if written.least_porosity >= cap {
             findings.error(
                 &format!("{PATH}.least_porosity"),
                 "the least porosity must be below the cap",
-                Remedy::from(format!("use a value below {}", written.porosity_cap))
-                    .set(format!("{PATH}.least_porosity"), 0.5 * written.porosity_cap),
+                Remedy::from(format!("use a value below {cap}"))
+                    .set(format!("{PATH}.least_porosity"), 0.5 * cap),
             );
         }
-        if !written.resistance.model().goes_with(written.equations) {
+        if !written.resistance().model().goes_with(written.equations) {
             findings.error(
                 &format!("{PATH}.resistance"),
-                "this resistance does not go with the equations as printed, which know that of Kozeny and Carman alone",
+                "the equations as printed allow only the resistance of Kozeny and Carman",
                 Remedy::from(
                     "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
                 )
@@ -323,14 +353,14 @@ impl Seepage {
             findings.error(
                 "coupling",
                 "the seepage acts on the grains by its own drag",
-                Remedy::take_out("take the coupling out", "coupling"),
+                Remedy::take_out("remove the coupling", "coupling"),
             );
         }
         if case.time.warm_up.is_some() {
             findings.error(
                 "time.warm_up",
                 "the seepage is steady at every coupling: there is nothing to warm up",
-                Remedy::take_out("take it out", "time.warm_up"),
+                Remedy::take_out("remove it", "time.warm_up"),
             );
         }
         if case.grains.is_none() && case.bodies.is_empty() {

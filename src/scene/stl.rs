@@ -1,11 +1,11 @@
 //! Triangulated surfaces from STL files, as text or binary.
 //!
-//! STL lists the corners of each triangle by themselves: corners within 1e-7 of the extent of the surface are one vertex, so
-//! that triangles know their neighbours. Triangles without an area are left out. The normals of the file are not used: walls are
-//! touched from both sides.
+//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into one vertex, which gives
+//! the neighbours of a triangle. Triangles without an area are left out. The normals of the file are not used, because walls act
+//! on both sides.
 //!
-//! The reader is our own: text is read in double precision where the crate `stl_io` rounds to single precision, a message names
-//! the line, and the number of triangles is compared with the length of the file before anything is allocated.
+//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single precision, its messages name
+//! the line, and it compares the number of triangles with the length of the file before it allocates memory.
 
 use crate::dem::Surface;
 use nalgebra::Vector3;
@@ -17,7 +17,7 @@ const MERGE: f64 = 1e-7;
 /// The surface of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
-/// A sentence that says what is wrong.
+/// A sentence about the error.
 pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Surface, String> {
     let corners = corners(bytes, scale, origin)?;
     let (vertices, numbers) = merged(&corners);
@@ -39,7 +39,7 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
 /// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
-/// A sentence that says what is wrong.
+/// A sentence about the error.
 pub(crate) fn triangles(
     bytes: &[u8],
     scale: f64,

@@ -92,19 +92,15 @@ pub(crate) fn walls(
     for (n, face) in case.box_walls.iter().enumerate() {
         let path = format!("box_walls[{n}]");
         if face.axis() >= grid.dimension {
-            findings.error(
-                &path,
-                "there is no such face in a 2-D problem",
-                "take it out",
-            );
+            findings.error(&path, "there is no such face in a 2-D problem", "remove it");
         } else if grid.periodic[face.axis()] {
             findings.error(
                 &path,
                 "the domain is periodic there: a wall contradicts this",
-                "take it out",
+                "remove it",
             );
         } else if std::mem::replace(&mut taken[face.index()], true) {
-            findings.error(&path, "this face is named twice", "take one out");
+            findings.error(&path, "this face is named twice", "remove one of them");
         }
         let index = match (&case.box_wall_material, of_grains) {
             (Some(name), _) => material(names, name, "box_wall_material", findings),
@@ -194,8 +190,8 @@ fn facets(
     if grid.periodic.contains(&true) {
         findings.error(
             path,
-            "a wall of facets cannot stand in a domain with a periodic axis",
-            "use planes, or take out `domain.periodic`",
+            "a domain with a periodic axis cannot contain a wall of facets",
+            "use planes, or remove `domain.periodic`",
         );
     }
     let (path, made, remedy) = match shape {

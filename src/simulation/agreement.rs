@@ -1,4 +1,4 @@
-//! Errors that keep their kind when all ranks learn of them.
+//! Errors that keep their kind when they are shared with all ranks.
 
 use crate::error::Error;
 use decomposition::Communicator;

@@ -1,7 +1,7 @@
-//! What became of the blocks, for `summary.json`: where they are in the mean, how fast, and their energies.
+//! The blocks in `summary.json`: mean position, mean velocity and energies.
 //!
-//! All blocks but those that never move, weighted by mass. The energy of position is that of gravity above the origin of the
-//! domain: what it and the energy of motion have lost together went into friction and dashpots, or sits in the springs. The sums are
+//! The values are means over all blocks that can move, weighted by mass. The potential energy is that of gravity above the origin of the
+//! domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots, or is stored in the springs. The sums are
 //! exact, so that they do not depend on the ranks.
 
 use crate::dem::particles::{Kind, Particles};
@@ -25,7 +25,7 @@ pub fn summary<S: Space>(
     for k in 0..particles.owned() {
         let body = &particles.body[k];
         let ours = (named..plan.scene.first_grain()).contains(&body.id);
-        let Some((shape, attitude)) = particles.polyhedron(k).filter(|_| ours) else {
+        let Some((shape, state)) = particles.polyhedron(k).filter(|_| ours) else {
             continue;
         };
         if body.kind != Kind::Free {
@@ -36,7 +36,7 @@ pub fn summary<S: Space>(
         let speeds = (0..S::DIMENSION).map(|axis| motion.velocity.get(axis).powi(2));
         let energy = 0.5 * body.mass * speeds.sum::<f64>();
         sums[0].add(body.mass);
-        sums[1].add(energy + attitude.energy(&inertia));
+        sums[1].add(energy + state.energy(&inertia));
         let displacement = particles.displacement(k).unwrap_or_default();
         for axis in 0..S::DIMENSION {
             let position = motion.position.get(axis);

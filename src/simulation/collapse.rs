@@ -1,9 +1,9 @@
-//! Records of collapsing ground: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
-//! and two figures at its end. The quantities are defined in [`crate::analysis::ground_collapse`].
+//! Records of a ground collapse: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
+//! and two figures at its end. [`crate::analysis::ground_collapse`] defines the quantities.
 //!
-//! Every `ground_collapse.every` seconds the grains of all ranks come to rank 0, are sorted by id, turned into the frame of the
-//! analysis (long axis, across, up) and measured there, so that the rows have the same bits on any number of ranks: 64
-//! bytes a grain and a few milliseconds per 10,000 grains and row. What left in between is known on every rank.
+//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them into the frame of the
+//! analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on any number of ranks. This costs 64
+//! bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know the grains that left in between.
 
 mod gathered;
 
@@ -89,7 +89,7 @@ pub struct CollapseRecorder {
 
 impl CollapseRecorder {
     /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
-    /// step. Nothing is opened, and nothing costs anything, where the case does not ask.
+    /// step. Without such an analysis nothing is opened, and there is no cost.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -278,7 +278,7 @@ impl CollapseRecorder {
         };
         let Some(state) = state else {
             return Err(Error::Io(
-                "the checkpoint holds no ground as it was at time 0, since its run did not ask for it; take `analysis.ground_collapse` out, or start anew"
+                "the checkpoint does not contain the ground at time 0, because its run had no `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
                     .into(),
             ));
         };

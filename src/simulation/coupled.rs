@@ -1,4 +1,4 @@
-//! From the plan to the fluid with its coupling.
+//! Construction of the fluid with its coupling from the plan.
 
 use crate::case::coupling::{
     BounceBack as WrittenBounceBack, Coupling, Scheme as WrittenScheme, SolidFraction,

@@ -1,4 +1,4 @@
-//! Energy of motion of all that moves by forces, for `summary.json`.
+//! Kinetic energy of all bodies that forces move, for `summary.json`.
 
 use crate::dem::particles::{Kind, Particles};
 use crate::dem::space::{Components, Space};
@@ -14,7 +14,7 @@ pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator
         }
         sum.add(0.5 * body.mass * motion.velocity.scalar(&motion.velocity));
         sum.add(match particles.polyhedron(k) {
-            Some((shape, attitude)) => attitude.energy(&shape.inertia(body.mass / shape.volume())),
+            Some((shape, state)) => state.energy(&shape.inertia(body.mass / shape.volume())),
             None => {
                 let spins = (0..S::Spin::COUNT).map(|axis| motion.spin.get(axis).powi(2));
                 0.5 * body.inertia * spins.sum::<f64>()

@@ -1,30 +1,30 @@
 //! Records of the erosion in a piping run: `removed.csv`, `bonds.csv` and `erosion.csv`.
 //!
-//! After every fluid step the grains that left and the bonds that broke are noted; every `erosion_law.every` seconds the
-//! state of the hole becomes one row. Let x be the axis of the flow, y the axis across the hole and L, d_h its length and width:
+//! Removed grains and broken bonds are recorded after every fluid step. Every `erosion_law.every` seconds the state of the hole is written as one row.
+//! Let x be the axis of the flow, y the axis across the hole and L, d_h its length and width:
 //!
-//! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, solid cells at rest.
-//!   [`hole_faces`] finds the faces in s(y), against the mean of s outside the hole at the first row.
+//! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, with zero velocity in solid cells.
+//!   [`hole_faces`] finds the faces in s(y), relative to the mean of s outside the hole at the first row.
 //! - **Gradient.** [`shear_by_gradient`] of V_x(y) at those faces, times the dynamic viscosity.
-//! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as hole erosion
-//!   tests are read. What is lost in the chambers makes it an upper bound.
-//! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, so it
-//!   is independent of the other two. A grain of volume V inside a packing of solid fraction phi feels in any case
-//!   the seepage force G V / phi, with G the pressure drop over L, because there the grains carry the whole pressure drop. What the
-//!   grains behind a face feel beyond it is what the flow in the hole hands over:
+//! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as in hole erosion
+//!   tests. Losses in the chambers make it an upper bound.
+//! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, and therefore
+//!   independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any case
+//!   the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole pressure drop. The additional force on
+//!   the grains behind a face is the traction of the flow in the hole:
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean diameters
-//!   behind a face or `hole::BEFORE` in front of it; the shear fades within less than a diameter, so a deeper layer adds only
+//!   behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so that a deeper layer adds only
 //!   noise. G is the difference of the mean pressures of the water at the two ends of that layer, in the planes of cells just
 //!   outside the hole box; phi is measured once, from the grains beside the hole at the first row.
-//! - **Bonds.** A bond breaks at the wall of the hole where its contact point lies between the faces of the last row or within
-//!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; else inside. Before the
+//! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or within
+//!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise inside. Before the
 //!   first row the faces are those of the box in the case.
 //!
 //! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses are kg/m;
 //! in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
 //!
-//! Rank 0 writes. Rows are appended; a resumed run first cuts the tables back to its checkpoint, so that they go on as those of
-//! a run that was never stopped.
+//! Rank 0 writes. Rows are appended. A resumed run first truncates the tables to its checkpoint, so that they equal those of
+//! an uninterrupted run.
 
 mod hole;
 
@@ -456,7 +456,7 @@ impl ErosionRecorder {
             && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
     }
 
-    /// The largest speed over C in a row written since this was last asked.
+    /// The largest speed over C in a row written since the last call.
     pub fn take_speed(&mut self) -> Option<f64> {
         self.speed.take()
     }
@@ -565,8 +565,7 @@ impl ErosionRecorder {
             bonds_broken: self.state.bonds_inside + self.state.bonds_at_wall,
             bonds_broken_inside: self.state.bonds_inside,
             bonds_broken_at_wall: self.state.bonds_at_wall,
-            // Lattice velocities are in units of C.
-            mach: sums.speed,
+            lattice_velocity: sums.speed,
             mass_error,
         };
         self.state.last_row = Some(view.step);

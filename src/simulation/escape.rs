@@ -1,4 +1,4 @@
-//! What to do about a grain that left through an open face, in words of its case.
+//! Remedies for a grain that left through an open face, in terms of the case.
 
 use crate::case::geometry::{Extent, Face, Vector};
 use crate::case::observe::{Action, Region, When};
@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::plan::Plan;
 use serde_json::{Value, json};
 
-/// An error of a step that began at `time` \[s\], with what can be done where it tells of a grain that left the box.
+/// An error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
 pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
     let Error::Numerical(text) = &error else {
         return error;
@@ -31,7 +31,7 @@ pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Erro
             format!("{close} (a named body or block is never removed by a region)")
         } else {
             let region = region_at(face, plan);
-            format!("let a region take such grains out, \"regions\": [{region}], or {close}")
+            format!("remove such grains with a region, \"regions\": [{region}], or {close}")
         }
     };
     Error::Numerical(format!(

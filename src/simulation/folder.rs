@@ -1,12 +1,12 @@
-//! The folder of a run: one run at a time uses it, and a new run never mixes its files with those of an earlier one.
+//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier one.
 //!
-//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process however that ends,
-//! and the host, process and start of the holder for whoever reads it. On a file system whose locks do not reach other hosts, a
-//! lock of another host counts while its file has been touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job
-//! that its batch system has requeued takes over from its earlier attempt at once.
+//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and which states host,
+//! process and start time of the holder. On a file system whose locks do not reach other hosts, a lock of another host is valid while its
+//! file was touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job that its batch system has requeued takes over
+//! from its earlier attempt at once.
 //!
-//! A fresh run refuses a folder that holds another run, unless told to replace it. Then all files of the earlier run go before the
-//! first file of the new one comes, checkpoints first: at no moment does a restart find a state that belongs to other files.
+//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run are then deleted before the
+//! first file of the new one is written, checkpoints first, so that a restart never finds a state that belongs to other files.
 
 use super::agreement;
 use super::progress::clock;
@@ -113,14 +113,14 @@ impl Holder {
             .as_ref()
             .map_or(String::new(), |[job, _]| format!(" (job {job})"));
         format!(
-            "process {} on {}{job} runs there since {} (h:min:s)",
+            "process {} on {}{job} has been running there for {} (h:min:s)",
             self.process,
             self.host,
             clock(Duration::from_secs(since).as_secs_f64())
         )
     }
 
-    /// Whether this is an earlier attempt of the job that asks: batch systems end one before they begin the next.
+    /// Whether this is an earlier attempt of the same job: batch systems end one before they start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -154,7 +154,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Takes the folder for this run, makes it where it is missing, and clears it of an earlier run where that was asked for.
+    /// Takes the folder for this run, creates it if it is missing, and deletes an earlier run if requested.
     /// Collective; the first rank acts.
     ///
     /// # Errors
@@ -176,7 +176,7 @@ impl RunFolder {
                     // What was found stays as it is, without a trace of this process.
                     drop(Release(path.join(LOCK), &lock));
                     return Err(Error::Usage(format!(
-                        "{} holds another run ({}); go on with it by `solver restart {0}`, choose another --output, or replace it with --overwrite",
+                        "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, or replace it with --overwrite",
                         path.display(),
                         found.describe()
                     )));
@@ -279,7 +279,7 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Takes the lock of this name, or says who holds it.
+/// Takes the lock of this name, or returns its holder.
 fn take(path: &Path) -> Result<File, Error> {
     // A holder that ends between opening and locking leaves a file without a name: try again then.
     for _ in 0..100 {
@@ -344,7 +344,7 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
     let folder = path.parent().unwrap_or(path).display();
     let who = holder.map_or_else(|| "another process runs there".to_owned(), Holder::describe);
     Error::Usage(format!(
-        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if that process is gone for certain, remove {}",
+        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if that process certainly no longer exists, remove {}",
         path.display()
     ))
 }

@@ -1,20 +1,20 @@
-//! Guards: what goes wrong is named (cell, grain or opening) before it spoils a run, and the balance of mass and momentum is kept
-//! as a meter.
+//! Guards: checks of the state that end a run and name the cell, grain or opening, and meters of the mass and momentum balance.
 //!
-//! * *Look*: every `guards.check_every_steps` steps (100 unless the case says otherwise), and at the end however it comes, every cell
-//!   and every grain is looked at ([`look`]). A number that is not finite, a speed above `guards.max_lattice_velocity` and a compression above
-//!   `guards.max_compression` end the run; [`failure`] names the cell. A compression above `guards.warn_compression` is said at
-//!   once, and in each line of the log while it lasts. Cells that bodies shut in are left out there: bodies that move squeeze them. The warm-up is looked at in the same way. A look takes 9, 30 and 40 ns a cell
-//!   with 9, 19 and 27 populations in f64 where reading them once takes 7, 16 and 24 (one core of a busy machine); a step reads and
-//!   writes them, so that a look each 100 steps costs 0.6 to 0.9 % of the steps where these wait for the memory, and less elsewhere.
-//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]); a look ends the run where it
-//!   is deeper than `guards.max_overlap`. A soft contact is pierced by what it cannot stop: then positions are no longer those of bodies.
-//! * *Openings*: at each look inflow and outflow are taken beside each other ([`openings`]).
-//! * *Balance*: in one step of [`BALANCE_EVERY`] the mass of the lattice before and after is held against what the faces let
-//!   through (moving bounce-back lets nothing through), and the momentum of the water outside the bodies against bodies, body force
-//!   and the faces of the cells outside the bodies.
+//! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is checked ([`look`]). A
+//!   value that is not finite, a speed above `guards.max_lattice_velocity` and a compression above `guards.max_compression` end the run;
+//!   [`failure`] names the cell. A compression above `guards.warn_compression` is reported at once, and in each line of the log while it
+//!   lasts. Cells enclosed by bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same way. A
+//!   check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16 and 24 ns (one core of
+//!   a busy machine). A step reads and writes the populations, so that a check every 100 steps costs 0.6 to 0.9 % of memory-bound
+//!   steps, and less otherwise.
+//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]). A check ends the run if it
+//!   is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through it.
+//! * *Openings*: at each check inflow and outflow are compared ([`openings`]).
+//! * *Balance*: in one step of [`BALANCE_EVERY`] the change of the mass of the lattice is compared with the flux through the
+//!   faces (moving bounce-back passes no mass), and the change of the momentum of the water outside the bodies with the forces of bodies, body force and
+//!   the faces of the cells outside the bodies.
 //!
-//! What was never measured is none: tables print `-`, `summary.json` has `null`.
+//! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
 mod failure;
 mod look;
@@ -53,7 +53,8 @@ const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 pub struct State {
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
-    mach: Option<f64>,
+    #[serde(alias = "mach")]
+    lattice_velocity: Option<f64>,
     /// Density deviation of largest size, and its cell.
     squeezed: Option<(Option<f64>, Option<u64>)>,
     openings: openings::State,
@@ -106,7 +107,7 @@ impl Guards {
         State {
             mass_error: self.mass_error,
             momentum_error: self.momentum_error,
-            mach: self.speed[1],
+            lattice_velocity: self.speed[1],
             squeezed: self.squeezed[1].map(|at| (Some(at.value), Some(at.cell))),
             openings: self.openings.state(),
             warned: self.warned,
@@ -118,7 +119,7 @@ impl Guards {
     pub fn restore(&mut self, state: State) {
         self.mass_error = state.mass_error;
         self.momentum_error = state.momentum_error;
-        self.speed[1] = state.mach;
+        self.speed[1] = state.lattice_velocity;
         self.squeezed[1] = state
             .squeezed
             .and_then(|(value, cell)| value.zip(cell))
@@ -140,9 +141,9 @@ impl Guards {
         self.momentum_error
     }
 
-    /// Largest speed of the water over the lattice velocity C of any look.
+    /// Largest fluid speed of all checks in lattice units, |u| dt/h.
     #[must_use]
-    pub fn mach(&self) -> Option<f64> {
+    pub fn lattice_velocity(&self) -> Option<f64> {
         self.speed[1]
     }
 
@@ -191,7 +192,7 @@ impl Guards {
         })
     }
 
-    /// Another observer saw this largest speed over C: what it writes is never above what is said here.
+    /// Adds the largest speed over C that another recorder measured, so that its values never exceed the reported maximum.
     pub fn also_seen(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
@@ -210,7 +211,7 @@ impl Guards {
         self.openings.flows(&mean).then(|| mean.imbalance())
     }
 
-    /// What there is to say of the water in a line of the log.
+    /// The part about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
             [Some(now), Some(most)] => format!("lattice velocity {now:.3} (largest {most:.3})"),
@@ -239,12 +240,12 @@ impl Guards {
         text
     }
 
-    /// Sentences that have come up since this was last asked.
+    /// Sentences since the last call.
     pub fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
-    /// What is to be said at the end of a run.
+    /// Warnings at the end of a run.
     #[must_use]
     pub fn warnings(&self, plan: &Plan) -> Vec<String> {
         let mut all = Vec::new();
@@ -282,7 +283,7 @@ impl Guards {
                     ""
                 };
                 all.push(format!(
-                    "the balance of {what} of a step is off by {error:.1e}, where {limit:.0e} is allowed for{why}"
+                    "the {what} balance of a step has an error of {error:.1e}, above {limit:.0e}{why}"
                 ));
             }
         }
@@ -298,7 +299,7 @@ impl Guards {
         Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
-    /// What is said where inflow and outflow should agree and do not.
+    /// The warning that inflow and outflow differ.
     fn unbalanced(&self, plan: &Plan) -> Option<String> {
         let mean = self.openings.disagree()?;
         let units = plan.units?;
@@ -315,11 +316,11 @@ impl Guards {
                 ("drains", "enters")
             };
             format!(
-                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; see that an open way of several cells leads from inlet to outlet"
+                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; check that an open path of several cells leads from inlet to outlet"
             )
         } else {
             format!(
-                "{both}: they differ by {:.0} % after sound has crossed the domain many times; what is missing changes the density",
+                "{both}: they differ by {:.0} % after sound has crossed the domain many times; the difference changes the density",
                 100.0 * mean.imbalance().abs()
             )
         })
@@ -413,7 +414,7 @@ impl Guards {
         }
     }
 
-    /// Looks at the state after `step`, unless that has been done: no run ends with a state that nobody looked at. Collective.
+    /// Checks the state after `step`, unless that has been done, so that the final state of a run is always checked. Collective.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -522,7 +523,7 @@ impl Guards {
                 self.warned[0] = true;
                 let cell = Order::of(flow).cell(squeezed.cell);
                 self.news.push(format!(
-                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures are off by as much; a smaller time step lowers it by its square",
+                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures have an error of this size, which decreases with the square of the time step",
                     failure::point(plan.scene.grid.centre(cell), plan),
                     failure::density(squeezed.value, plan),
                     limits.warn_compression
@@ -557,7 +558,7 @@ impl fmt::Display for When {
     }
 }
 
-/// The larger of two numbers that may not have been measured; what is no number counts as the largest.
+/// The larger of two values that may not have been measured; NaN counts as the largest.
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),

@@ -1,4 +1,4 @@
-//! Where the time goes: phases of the step, and how much of them is waiting for other ranks; reduced over ranks for the table at the end.
+//! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the table at the end.
 
 use decomposition::{Communicator, Waited, waited};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! The sample of a run: made on the first rank, saved in the folder of the run, the same errors on all ranks.
+//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all ranks.
 
 use super::agreement;
 use super::folder::RunFolder;
@@ -68,13 +68,13 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
         );
         match written {
             Ok(()) => (self.report)(&format!(
-                "the sample so far is kept: {} grains, {} solid steps",
+                "the unfinished sample is saved: {} grains, {} solid steps",
                 particles.owned(),
                 dem.steps()
             )),
             Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
                 (self.report)(&format!(
-                    "the sample so far is not kept: that needs {needed} bytes, {path} has {free}; it goes on"
+                    "the unfinished sample is not saved: it needs {needed} bytes, {path} has {free}; the preparation continues"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),
@@ -103,7 +103,7 @@ fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
 /// checkpoints of an unfinished sample. Collective.
 ///
 /// # Errors
-/// When the sample cannot be made, read or saved, and [`Error::Stopped`] when it was asked to; the same on all ranks.
+/// When the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.
 pub fn grains<S: Space>(
     plan: &Plan,
     folder: &RunFolder,

@@ -1,10 +1,10 @@
-//! What a person sees while a run goes on: a bar on a terminal, plain lines in a batch log.
+//! Progress of a run: a bar on a terminal, plain lines in a batch log.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// What there is to say about the present moment.
+/// The state of the run for a progress line.
 #[derive(Clone, Debug, Default)]
 pub struct Moment {
     /// Steps done and in all.
@@ -19,7 +19,7 @@ pub struct Moment {
     pub grains: u64,
     /// Solid steps per step.
     pub solid_steps: u64,
-    /// More, such as `Mach 0.03, eroded 12 %`.
+    /// More, such as `lattice velocity 0.03, eroded 12 %`.
     pub more: String,
 }
 
@@ -56,7 +56,7 @@ impl Progress {
         }
     }
 
-    /// Whether it is time to speak (asked every few steps).
+    /// Whether a progress line is due (called every few steps).
     #[must_use]
     pub fn due(&self) -> bool {
         self.speaks && self.last.elapsed() >= self.every

@@ -1,4 +1,4 @@
-//! The states of what records a run, as a checkpoint holds them.
+//! The states of the recorders of a run in a checkpoint.
 
 use super::{collapse, erosion, guards, removal};
 use crate::error::Error;
@@ -12,7 +12,7 @@ pub(super) struct Recorders {
     pub(super) removal: removal::State,
     /// The erosion record.
     pub(super) recorder: erosion::State,
-    /// The collapse record; none where the case asks for none.
+    /// The collapse record; none without such an analysis.
     #[serde(default)]
     pub(super) collapse: Option<collapse::State>,
     /// The meters of the guards; [`saved_guards`] reads them.

@@ -1,14 +1,14 @@
-//! Grains that leave and grains that appear: regions that remove and regions that generate.
+//! Regions that remove and regions that generate grains.
 //!
-//! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is taken out; the
-//! first region that holds it counts. Named bodies stay. A generating region owes `rate x time` grains. The draws of
-//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]); of the places drawn the first
-//! one that is free of every grain, body and wall is taken. Where none of a batch is free, the next step goes on with
-//! the next batch. Ids continue above every id that was ever in use.
+//! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is removed; the
+//! first region that contains it counts. Named bodies stay. A generating region adds `rate x time` grains. The draws of
+//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]). The first drawn position that is free of every
+//! grain, body and wall is used. If no position of a batch is free, the next step continues with the next batch. New ids are larger than every
+//! id used before.
 //!
-//! Whether a grain is inside is asked of its position brought into the periodic box here, not of the image the neighbour
-//! lists hold, so that neither ranks nor list rebuilds show. In a step in which nothing happens the cost is a scan of the own
-//! grains and one reduction of a number.
+//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour lists, so that the
+//! result does not depend on ranks or list rebuilds. A step without such events costs a scan of the own grains and one
+//! reduction of a number.
 
 use crate::analysis::erosion_law::RemovedGrain;
 use crate::case::grains::Radii;

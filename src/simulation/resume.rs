@@ -1,8 +1,8 @@
-//! What a run goes on from: its newest checkpoint, and a case that fits it.
+//! Continuation of a run from its newest checkpoint, with a case that fits it.
 //!
-//! A checkpoint carries the case that it was written for. The case in the folder, with what `--set` changes, is compared with it field
-//! by field: what a restart may change ([`crate::case::restart`]) it does, anything else is refused by name. What both cases leave out
-//! stays as it was chosen for the run, so that a later end or another output moves no time step.
+//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by field. Changes that a
+//! restart allows ([`crate::case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
+//! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
 use super::setup;
@@ -76,19 +76,19 @@ impl Resumed {
             return serde_json::from_value(stage["settling"].clone())
                 .map(Stage::Rest)
                 .map_err(|_| {
-                    Error::Io("the saved preparation does not say how far it was".into())
+                    Error::Io("the saved preparation does not contain its progress".into())
                 });
         }
         stage["warm_up"].as_u64().map(Stage::WarmUp).ok_or_else(|| {
             Error::Io(format!(
-                "{} does not say how far the preparation was",
+                "{} does not contain the progress of the preparation",
                 self.found.path.display()
             ))
         })
     }
 }
 
-/// What every checkpoint says of its run.
+/// Attributes of the run in every checkpoint.
 pub(super) fn attributes(plan: &Plan) -> Value {
     json!({
         "case": plan.case_text,
@@ -121,7 +121,7 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
             let kept = communicator.all_reduce_max_u64(u64::from(sample.is_dir())) > 0;
             if !kept {
                 return Err(Error::Io(format!(
-                    "no checkpoint in {path}{reason}; begin again with `solver {0}/case.json --output ..` or, in the same folder, with a copy of that case and --overwrite",
+                    "no checkpoint in {path}{reason}; start again with `solver {0}/case.json --output ..` or, in the same folder, with a copy of that case and --overwrite",
                     folder.path().display()
                 )));
             }
@@ -132,7 +132,7 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
     let found = found.map_err(|e| Error::Io(e.to_string()))?;
     if communicator.rank() == 0 {
         for passed in &found.passed_over {
-            log::warn!("checkpoint passed over: {passed}");
+            log::warn!("checkpoint skipped: {passed}");
         }
         report_version(&found);
     }
@@ -163,7 +163,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     };
     if (manifest.time - time).abs() > 1e-9 * time.abs() {
         return wrong(format!(
-            "it says {} s at step {}, where the case is at {time} s",
+            "it states {} s at step {}; the case is at {time} s",
             manifest.time, manifest.step
         ));
     }
@@ -206,7 +206,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
             .map(|seepage| seepage.cells.iter().product()),
         grains: (scene.has_solids() || generates).then_some(grains),
         steps: plan.clock.steps,
-        // A shorter warm-up may have been asked for since.
+        // The restart may have requested a shorter warm-up.
         warm_up: if changed {
             u64::MAX
         } else {
@@ -256,7 +256,7 @@ pub(super) fn cut_tables_back(
 ) -> Result<(), Error> {
     let written = &found.manifest.attributes["tables"];
     if written.is_null() {
-        // A checkpoint of an earlier version says nothing of them.
+        // A checkpoint of an earlier version does not contain them.
         return Ok(());
     }
     let marks: Marks = serde_json::from_value(written.clone())
@@ -271,7 +271,7 @@ pub(super) fn cut_tables_back(
     if communicator.rank() == 0 {
         for name in gone {
             log::warn!(
-                "{} is gone: a new one begins at step {}",
+                "{} is missing: a new table begins at step {}",
                 folder.join(name).display(),
                 found.manifest.step
             );
@@ -305,7 +305,7 @@ pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
         && (saved(super::folder::CHECKPOINTS) || saved(super::folder::PREPARATION))
 }
 
-/// Reads the case of a folder with what `set` changes; says what is wrong with single fields before anything else is looked at.
+/// Reads the case of a folder with the changes of `set`; reports problems of single fields first.
 ///
 /// # Errors
 /// What is wrong, with the file named.
@@ -321,7 +321,7 @@ pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document
 /// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
 ///
 /// # Errors
-/// Every change that the state cannot follow, and what is wrong with the case; what makes it unstable, unless that is allowed.
+/// All changes that a restart does not allow, all errors of the case, and its instabilities unless they are allowed.
 pub(super) fn plan(
     text: &str,
     set: &[String],
@@ -338,7 +338,7 @@ pub(super) fn plan(
     let broken = |problems: Vec<Problem>| {
         let first = problems.first().map(ToString::to_string);
         Error::Io(format!(
-            "{}: the case that it carries cannot be used: {}",
+            "{}: its case cannot be used: {}",
             found.path.display(),
             first.unwrap_or_default()
         ))
@@ -370,7 +370,7 @@ pub(super) fn plan(
     Ok((plan, resumed))
 }
 
-/// Problems with the file named, unless they are with what `set` gives: nobody gave the file on the command line.
+/// Problems with the name of the file, unless `set` causes them: the file was not given on the command line.
 fn of_file(file: &Path, set: &[String], problems: Vec<Problem>) -> Vec<Problem> {
     let given = |path: &str| {
         let assigned = set.iter().filter_map(|one| one.split_once('='));
@@ -396,7 +396,7 @@ fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Re
     let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
     if theirs != Some(plan.case_hash.as_str()) {
         return Err(Error::Io(format!(
-            "{} was written by a version that did not keep its case, and belongs to another one (hash {}, this case {}); restart it without --set",
+            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case {}); restart it without --set",
             resumed.found.path.display(),
             theirs.unwrap_or("missing"),
             plan.case_hash
@@ -425,8 +425,8 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
             problems.push(refusal(
                 name,
                 format!("{ours} (was {theirs})"),
-                "the saved state counts in the old one",
-                "restart with the version and the case that the run was started with",
+                "the saved state is in the old scale",
+                "restart with the version and the case of the original run",
             ));
         }
     }
@@ -437,7 +437,7 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
             "time.end",
             plan.scene.time.end.to_string(),
             format!(
-                "the checkpoint is at {} s already",
+                "the checkpoint is already at {} s",
                 resumed.found.manifest.time
             ),
             &format!("use at least {}", resumed.found.manifest.time),
@@ -466,8 +466,8 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
                 problems.push(refusal(
                     &format!("walls[{n}].{field}"),
                     format!("changed, of the wall `{}`", wall.name),
-                    "a restart may not change this: the saved contacts are with the wall as it was",
-                    "take this wall out and add one of another name",
+                    "a restart may not change this: the saved contacts belong to the original wall",
+                    "remove this wall and add one with another name",
                 ));
             }
         }
@@ -497,8 +497,8 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         return Err(Error::Case(vec![refusal(
             &format!("regions[{n}].action.generate"),
             "new".into(),
-            "the run did not generate grains: which ids are free is not known",
-            "start another run with it",
+            "the run did not generate grains, so that the free ids are not known",
+            "start a new run with it",
         )]));
     }
     let regions = new.scene.regions.iter();
@@ -528,7 +528,7 @@ pub(super) fn clear_of_new_walls<S: Space>(
     particles: &Particles<S>,
     domain: &Domain,
 ) -> Result<(), Error> {
-    /// Of a radius: contacts bear overlaps up to this, deeper ones would burst apart.
+    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
     const ALLOWED: f64 = 0.05;
     let walls = setup::walls::<S>(plan);
     let new = walls.iter().zip(&plan.scene.walls).zip(origins);
@@ -544,7 +544,7 @@ pub(super) fn clear_of_new_walls<S: Space>(
             if distance < (1.0 - ALLOWED) * radius {
                 struck.get_or_insert_with(|| {
                     format!(
-                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); put it where nothing stands",
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
                         written.name, particles.body[k].id, distance
                     )
                 });
@@ -559,7 +559,7 @@ pub(super) fn clear_of_new_walls<S: Space>(
                 "walls",
                 "new".into(),
                 e.message,
-                "or take the wall out",
+                "or remove the wall",
             )])
         })
 }

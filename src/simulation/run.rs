@@ -1,8 +1,8 @@
-//! How runs are launched: on MPI and threads, in a folder that is theirs, afresh or from a checkpoint.
+//! Launch of runs: on MPI and threads, in a folder of their own, new or from a checkpoint.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `start` | the way to the first step: state from the plan or a checkpoint, preparation |
+//! | `start` | everything before the first step: state from the plan or a checkpoint, preparation |
 //! | `runner` | the loop, requests, checkpoints |
 //! | `summary` | the table at the end and `summary.json` |
 
@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What a run or restart is asked for beside its case.
+/// Options of a run or restart besides its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
     /// Folder for everything the run writes; a restart goes on in its own.
@@ -53,7 +53,7 @@ pub struct RunOptions {
 /// Runs a plan from its start.
 ///
 /// # Errors
-/// Why the run ended before its end; [`Error::Stopped`] when it was asked to.
+/// The reason of an early end; [`Error::Stopped`] after a request.
 pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
     on_world(options.threads, |communicator, threads| {
         let path = options.output.as_deref().unwrap_or(Path::new("results"));
@@ -84,7 +84,7 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
     let path = folder.join("case.json");
     let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| {
         Error::Io(format!(
-            "{e}; a folder that can go on holds the case of its run"
+            "{e}; the folder of a run that can continue contains its case"
         ))
     })?;
     resume::read(&text, set, folder)?;
@@ -117,7 +117,7 @@ pub(crate) struct Bounds {
     pub(crate) limit: Option<Duration>,
 }
 
-/// Runs a plan on ranks that are there already, without a word; goes on where an earlier attempt at it was stopped. Collective.
+/// Runs a plan on existing ranks, without messages; continues an earlier attempt that was stopped. Collective.
 ///
 /// # Errors
 /// As [`run`].
@@ -190,14 +190,14 @@ pub(crate) fn on_world<T>(
         && !matches!(error, Error::Stopped(_))
         && !communicator.all_arrive(PATIENCE)
     {
-        // The others know nothing of it and wait for this rank: nobody is left hanging.
+        // The other ranks do not know of the error and wait for this rank.
         log::error!("rank {}: {error}", communicator.rank());
         communicator.abort(error.exit_code());
     }
     result
 }
 
-/// The threads of this rank: as asked, or its share of the machine.
+/// The threads of this rank: as requested, or its share of the machine.
 fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<usize, Error> {
     let threads = asked.unwrap_or_else(|| {
         let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
@@ -222,7 +222,7 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
         Err(Ended::BeforeItsFirstStep(error)) => {
             let error = match error {
                 Error::Stopped(text) => {
-                    Error::Stopped(format!("{text}; go on with `solver restart {folder}`"))
+                    Error::Stopped(format!("{text}; continue with `solver restart {folder}`"))
                 }
                 error => error,
             };
@@ -247,7 +247,7 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 enum Ended {
     /// In its preparation: nothing has been written about it.
     BeforeItsFirstStep(Error),
-    /// Later: the run has told.
+    /// Later: the run has reported it.
     Later(Error),
 }
 
@@ -306,7 +306,7 @@ fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
         .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
 }
 
-/// A run before its first step on this process alone, without a word, for whoever steps it himself: tests and
+/// A run before its first step on this process alone, without messages, for callers that step it themselves: tests and
 /// measurements. Outputs go to `folder`.
 ///
 /// # Errors

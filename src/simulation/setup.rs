@@ -4,7 +4,7 @@ pub mod blocks;
 
 use super::coupled;
 use crate::coupling::body_map::GHOSTS;
-use crate::coupling::drag::{self, Seepage};
+use crate::coupling::seepage::{self, Seepage};
 use crate::darcy;
 use crate::dem::particles::{Body, Kind, Motion, Particles};
 pub use crate::dem::space::vector;
@@ -379,17 +379,17 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
-    let settings = drag::Settings {
+    let settings = seepage::Settings {
         liquid,
         permeability: darcy::Permeability {
-            law: written.resistance,
+            law: written.resistance(),
             diameter: pores.mean(),
-            porosity_cap: written.porosity_cap,
+            porosity_cap: written.porosity_cap(),
             least_porosity: written.least_porosity,
         },
-        drag: written.drag,
+        drag: written.drag(),
         equations: written.equations,
-        transient: written.transient_porosity,
+        transient: written.transient_porosity(),
         semi_implicit: written.semi_implicit_drag,
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,

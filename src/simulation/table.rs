@@ -1,7 +1,6 @@
 //! CSV files that grow during a run: rank 0 writes, and all ranks agree on the outcome ([`super::agreement`]).
 //!
-//! Rows begin with the step; a resumed run first cuts a table back to its checkpoint, so that it goes on as that of a run that
-//! was never stopped.
+//! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an uninterrupted run.
 
 use crate::error::Error;
 use io::csv::step_of;
@@ -59,7 +58,7 @@ impl Table {
         Ok(())
     }
 
-    /// A table with this text instead of whatever was there.
+    /// A table with this text, which replaces the previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
         let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
         // A crash leaves the old table or the new one.

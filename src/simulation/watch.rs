@@ -1,20 +1,20 @@
-//! Requests from outside: signals, a file named STOP, the walltime, the clock of checkpoints.
+//! Requests to a run: signals, a file named STOP, the walltime, the interval of checkpoints.
 //!
-//! | request | answer |
+//! | request | response |
 //! |---|---|
-//! | SIGTERM, SIGINT, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit 75 |
-//! | SIGUSR1, SIGCONT | checkpoint, go on |
+//! | SIGTERM, SIGINT, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
+//! | SIGUSR1, SIGCONT | checkpoint, the run continues |
 //!
-//! Open MPI's mpirun passes SIGUSR1 and SIGUSR2 on and ends with the ranks' exit code. SIGTERM to mpirun itself is
-//! different: it sends SIGCONT, waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends
-//! SIGKILL, and ends with 1 whatever the ranks do. Hence the checkpoint at SIGCONT: it is the first word of what comes. The
-//! two waits come with every end other than success, an abort or 75 included, so a longer timeout has its price.
+//! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun` itself sends SIGCONT,
+//! waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends SIGKILL, and ends with 1 for any exit code of the
+//! ranks. The run therefore writes a checkpoint at SIGCONT, the first of these signals. Both waits also occur at every end other
+//! than success, an abort or 75 included, so that a longer timeout delays these ends.
 //!
-//! All ranks agree on the answer in one reduction, so that they stop at the same step. They ask every [`MOST_STEPS`] steps, or more
-//! often where steps are so slow that this would take more than a second.
+//! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every [`MOST_STEPS`] steps,
+//! or more often if these steps would take more than a second.
 //!
-//! What the first rank does alone, such as growing a sample, is watched too: the others [`attend`](Watch::attend), so that a
-//! request that reaches any rank is heard.
+//! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call [`attend`](Watch::attend), so
+//! that a request to any rank takes effect.
 
 use crate::error::Error;
 use crate::preparation::supervision::{Request, Requests};
@@ -38,7 +38,7 @@ pub struct Signals {
     save: Arc<AtomicBool>,
 }
 
-/// Catches signals from now on: what comes before the first step, while a case is planned, is answered then.
+/// Catches signals from now on; requests that arrive before the first step take effect at that step.
 ///
 /// # Errors
 /// When signals cannot be caught.
@@ -121,7 +121,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// The same pace on all ranks, whoever asked before.
+    /// The same interval on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -170,7 +170,7 @@ impl Watch {
 
     /// Removes the STOP files, so that the next run does not stop at once.
     pub fn forget_file(&self) {
-        // Nobody else is hurt if it stays: the next run stops again and says why.
+        // If it stays, the next run stops again with a message.
         for file in &self.files {
             let _ = std::fs::remove_file(file);
         }

@@ -1,4 +1,4 @@
-//! The members of a study: every combination of what is varied, and those listed, each with its case checked and planned.
+//! The members of a study: every combination of the variations, and the listed members, each with its case checked and planned.
 
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;
@@ -26,9 +26,9 @@ pub struct Member {
     pub labels: Vec<Option<String>>,
     /// Its case as a tree.
     pub case: Value,
-    /// What the plan says of the case.
+    /// The verdict of the plan on the case.
     pub verdict: Verdict,
-    /// What the plan said in full.
+    /// The findings of the plan.
     pub problems: Vec<Problem>,
     /// What is run; none where nothing can be.
     pub prepared: Option<Prepared>,
@@ -77,7 +77,7 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     let drafts = drafts(study)?;
     let mut found = names(&drafts, study);
     let mut members = Vec::new();
-    // The same sentence about many members is said once, with the first of them.
+    // A sentence that applies to many members is printed once, with the first of them.
     let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
     for draft in drafts {
         if found.len() >= MOST_PROBLEMS {
@@ -225,14 +225,14 @@ fn file_name(text: &str) -> String {
     name.trim_end_matches('-').to_owned()
 }
 
-/// Names that are empty, taken twice, or asked for and not there.
+/// Names that are empty, duplicate, or referred to and missing.
 fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
     for draft in drafts {
         if draft.name.trim_matches('.').is_empty() || seen.contains(&draft.name.as_str()) {
-            let reason = "every member needs a name of its own, with letters or digits".into();
-            let remedy = "give other names, or take a value out that stands there twice";
+            let reason = "every member needs a unique name with letters or digits".into();
+            let remedy = "give other names, or remove a duplicate value";
             found.push(problem(
                 "members",
                 &format!("{:?}", draft.name),
@@ -397,7 +397,7 @@ mod tests {
         let last = &members[17];
         assert_eq!(last.name, "operator=trt_spacing=2.5e-5_relaxation_time=1.5");
         assert_eq!(last.number("domain.spacing"), Some(2.5e-5));
-        // Formulas see what is varied.
+        // Formulas use the varied values.
         assert_eq!(last.number("probes[0].at.plane.position"), Some(1.25e-5));
         assert_eq!(last.value(1), Some(2.5e-5));
         assert_eq!(last.value(0), None);
@@ -438,7 +438,7 @@ mod tests {
             "domain.spcing",
             "did you mean `spacing`",
             "relaxation_time = \"half\"",
-            "nothing is named \"nothing\"",
+            "there is no value named \"nothing\"",
             "as in 1 more members",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");

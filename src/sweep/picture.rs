@@ -1,5 +1,5 @@
-//! `sweep.svg`: error against time and against memory, the Pareto set joined and named; and `map.svg`: which members
-//! finish over two varied fields, beside what the plan says of them.
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled. `map.svg`: the outcome of the
+//! members over two varied fields, with the prediction of the plan.
 
 use super::members::Member;
 use super::record::Outcome;
@@ -111,7 +111,7 @@ impl Front<'_> {
         }
     }
 
-    /// Colour, label and members by the value of the first varied thing; each listed member by itself where nothing is varied.
+    /// Colour, label and members by the value of the first variation; without variations each listed member is a group.
     fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
         let labels: Vec<String> = match self.study.vary.0.first() {
             Some((_, variation)) => variation.labels(),
@@ -145,7 +145,7 @@ impl Front<'_> {
     }
 }
 
-/// What the plan said of a member beside what became of it.
+/// The prediction of the plan and the outcome of a member.
 #[derive(Clone, Debug)]
 struct Place {
     name: String,
@@ -164,7 +164,7 @@ pub struct Map {
     places: Vec<Place>,
 }
 
-/// Kinds of places: what the plan says, whether the member finished, colour, style, and words for the legend.
+/// Kinds of outcomes: prediction of the plan, whether the member finished, colour, style, and text of the legend.
 const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
     (Verdict::Valid, true, "#009E73", Style::Square, "finished"),
     (
@@ -179,7 +179,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
         true,
         "#D55E00",
         Style::OpenSquare,
-        "refused, finished all the same",
+        "refused, but finished",
     ),
     (
         Verdict::Refused,
@@ -200,7 +200,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
         false,
         "#222222",
         Style::Square,
-        "did not finish without a word",
+        "did not finish, no finding",
     ),
 ];
 
@@ -345,7 +345,7 @@ impl Map {
 
 impl Place {
     fn is_of(&self, verdict: Verdict, finished: bool) -> bool {
-        // Warnings say nothing against the end of a run.
+        // Warnings do not predict a failure.
         let own = match self.verdict {
             Verdict::ValidWithWarnings => Verdict::Valid,
             other => other,

@@ -1,4 +1,4 @@
-//! How a member ended and what it cost: `member.json` in its folder.
+//! Outcome and cost of a member: `member.json` in its folder.
 
 use super::members::Member;
 use crate::error::Error;
@@ -72,7 +72,7 @@ impl Outcome {
 pub struct Record {
     /// How it ended.
     pub outcome: Outcome,
-    /// What it said last, where it did not finish.
+    /// Its last message, if it did not finish.
     pub message: String,
     /// Hash of its case.
     pub case_hash: String,

@@ -1,11 +1,11 @@
 //! Members as processes of this program, one or several at a time.
 //!
-//! A member is asked to stop by the file `STOP` in its folder, at which a run writes a checkpoint and ends with 75 on any
-//! number of ranks; one that has not ended a minute later is ended by force. This happens when a signal, a file `STOP` in the folder
-//! of the sweep or its wall time ends the sweep, and when a member reaches its time limit.
+//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number of ranks. A
+//! member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP` in the folder of the sweep or
+//! its wall time ends the sweep, and when a member reaches its time limit.
 //!
-//! Environment, as for the scripts under `jobs`: SOLVER (the program; this one without it), LAUNCH (what starts MPI;
-//! `mpirun -n RANKS` without it, and nothing for one rank).
+//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command that starts MPI;
+//! default: `mpirun -n RANKS`, and none for one rank).
 
 use super::Report;
 use super::members::Member;
@@ -66,7 +66,7 @@ fn solver() -> Result<PathBuf, Error> {
     }
 }
 
-/// What the program that runs members says of its version.
+/// The version that the program of the members prints.
 ///
 /// # Errors
 /// [`Error::Io`] where it cannot be started.
@@ -121,7 +121,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Whether a signal, the file STOP or the clock asks for an end.
+    /// Whether a signal, the file STOP or the clock requests an end.
     fn is_to_stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
             || self.end.is_some_and(|end| Instant::now() >= end)
@@ -175,7 +175,7 @@ impl<'a> Runner<'a> {
             return Ok(());
         }
         Err(Error::Stopped(format!(
-            "{} members are to be run or to go on; the same command goes on",
+            "{} members are not finished; the same command continues",
             stopped + queue.len()
         )))
     }
@@ -256,7 +256,7 @@ impl<'a> Runner<'a> {
         log::debug!(
             "member {} {}: {command:?}",
             member.name,
-            if again { "goes on" } else { "begins" }
+            if again { "continues" } else { "starts" }
         );
         let child = command
             .spawn()
@@ -274,7 +274,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// The program behind whatever starts its ranks.
+    /// The program without the command that starts its ranks.
     fn launcher(&self) -> Command {
         let launch = std::env::var("LAUNCH")
             .ok()
@@ -294,7 +294,7 @@ impl<'a> Runner<'a> {
         command
     }
 
-    /// Looks whether a member has ended, and asks it to where it should; true where it has and its record is written.
+    /// Checks whether a member has ended, and stops it if required; true if it has ended and its record is written.
     fn look(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
         let fail = |e: std::io::Error| Error::Io(format!("{}: {e}", job.member.name));
         let (ended, processor) = processor_time(job.child.id());
@@ -373,7 +373,7 @@ fn empty(folder: &Path) -> Result<(), Error> {
     fs::remove_dir_all(folder).map_err(|e| Error::Io(format!("{}: {e}", folder.display())))
 }
 
-/// What a run said last of what was wrong.
+/// The last error message of a run.
 fn last_words(folder: &Path) -> String {
     let text =
         io::plain::text(&folder.join("errors.txt"), io::plain::LONGEST_CASE).unwrap_or_default();

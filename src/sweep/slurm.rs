@@ -1,9 +1,9 @@
-//! A job array for Slurm: a task for each member, requeued from its checkpoint as often as needed.
+//! A job array for Slurm: one task for each member, requeued from its checkpoint until it is done.
 
 use super::study::Study;
 use std::path::Path;
 
-/// The script, with the paths as they are from the folder in which it was asked for.
+/// The script, with paths relative to the current folder.
 #[must_use]
 pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> String {
     let absolute = |path: &Path| {

@@ -251,7 +251,7 @@ impl Study {
     /// Reads the text of a study.
     ///
     /// # Errors
-    /// Everything that can be said against it without its case.
+    /// All problems that can be found without its case.
     pub fn read(text: &str) -> Result<Self, Vec<Problem>> {
         let (tree, mut problems) = text::parse(text);
         if let Some(mut tree) = tree {
@@ -349,11 +349,11 @@ impl Study {
         let of_numbers = !matches!(reference, Reference::Found(FoundReference::Table(_)));
         if profile && !of_profiles {
             let reason =
-                "the output is a profile, which is compared with a table or a member".into();
+                "the output is a profile, which requires a table or a member as reference".into();
             let remedy = "write {\"table\": ..}, {\"member\": ..} or {\"finest\": ..}";
             found.push(problem(path, "a number", reason, remedy));
         } else if !profile && !of_numbers {
-            let reason = "the output is a number, which no table can be compared with".into();
+            let reason = "the output is a number, which cannot be compared with a table".into();
             found.push(problem(
                 path,
                 "a table",
@@ -423,7 +423,7 @@ impl Output {
             found.push(problem(path, "ambiguous", reason, "keep one of them"));
         }
         if file.is_some() && of.is_none() && *take != Take::Count {
-            let reason = "what is read of the rows is missing".into();
+            let reason = "the formula of the rows is missing".into();
             found.push(problem(
                 &format!("{path}.of"),
                 "missing",

@@ -1,4 +1,4 @@
-//! Outputs, errors and costs of the members, and which of them are in the Pareto set: no other member has both a smaller error
+//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a smaller error
 //! and a smaller cost.
 
 use super::members::Member;
@@ -41,7 +41,7 @@ pub struct Row {
     pub memory: Option<f64>,
     /// Steps.
     pub steps: Option<u64>,
-    /// Core-seconds or processor time, as the study asks \[s\].
+    /// Core-seconds or processor time, as selected by the study \[s\].
     pub cost: Option<f64>,
     /// In the Pareto set of error against this cost.
     pub pareto_time: bool,
@@ -51,7 +51,7 @@ pub struct Row {
     pub state_hash: String,
     /// Commit of the program.
     pub commit: String,
-    /// What there is to say.
+    /// Remarks.
     pub note: String,
 }
 
@@ -404,7 +404,7 @@ impl Comparison<'_> {
         let mine = self.found[self.at].get(n).cloned().flatten();
         Ok(match (mine, wanted) {
             (Some(Found::Number(mine)), Found::Number(wanted)) => {
-                // Exactly 0 asks for the absolute error.
+                // A reference of exactly 0 requires the absolute error.
                 let size = if wanted == 0.0 { 1.0 } else { wanted.abs() };
                 (Some(wanted), Some((mine - wanted).abs() / size))
             }
@@ -462,7 +462,7 @@ pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
         .collect()
 }
 
-/// The name of the processor; `unknown` where the system does not tell.
+/// The name of the processor; `unknown` if the system does not report it.
 #[must_use]
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

@@ -68,7 +68,7 @@ fn examples_without_their_numerics_still_plan() {
         "cavity",
         "collision",
         "seepage",
-        "rain",
+        "deposition",
     ] {
         let text = solver::case::examples::find(name).unwrap().text;
         let mut set = vec!["domain.spacing=null".to_owned()];
@@ -147,7 +147,7 @@ fn what_is_stated_is_taken() {
 }
 
 #[test]
-fn a_stricter_level_has_finer_cells_and_a_smaller_mach_number() {
+fn a_stricter_level_has_finer_cells_and_a_smaller_lattice_velocity() {
     let folder = root().join("spheres-dilute");
     let mut last = (0, f64::INFINITY);
     for level in [
@@ -157,13 +157,13 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_mach_number() {
         "{\"drag_error\": 0.01}",
     ] {
         let plan = plan(&folder, &[&format!("accuracy={level}")]);
-        let mach = plan
+        let flow = plan
             .scene
             .chosen
             .limits
             .iter()
             .find(|l| l.what.starts_with("lattice velocity"));
-        let step = mach.unwrap().time_step / plan.scene.grid.spacing;
+        let step = flow.unwrap().time_step / plan.scene.grid.spacing;
         let cells = plan.scene.grid.cell_count();
         assert!(cells >= last.0 && step <= last.1, "{level}: {cells} cells");
         last = (cells, step);

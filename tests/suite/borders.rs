@@ -67,7 +67,7 @@ fn contacts_fail_where_the_plan_refuses_them() {
 }
 
 #[test]
-fn light_bodies_fail_where_the_plan_refuses_them() {
+fn light_free_bodies_fail_where_the_plan_refuses_them() {
     let ratios: (&str, &[&str]) = ("density_ratio", &["0.1", "0.2", "0.3", "1.01"]);
     agrees(
         "free-disc",
@@ -84,11 +84,11 @@ fn light_bodies_fail_where_the_plan_refuses_them() {
 }
 
 #[test]
-fn drag_that_is_held_too_long_fails_where_the_plan_refuses_it() {
+fn explicit_drag_fails_where_the_plan_refuses_it() {
     let choices: &[(&str, &[&str])] = &[
-        ("drag", &["held", "at the end"]),
+        ("drag", &["explicit", "semi-implicit"]),
         ("porosity", &["0.6"]),
         ("drag_time", &["0.1", "0.45", "0.55"]),
     ];
-    agrees("held-drag", choices);
+    agrees("explicit-drag", choices);
 }

@@ -185,9 +185,12 @@ fn soil_that_cannot_be_is_named() {
     );
     // Walls that the cloud falls past.
     let open = ("walls", "[]");
-    refuses(&Study::of("rain", &[open]), &["grain ", "outside the box"]);
+    refuses(
+        &Study::of("deposition", &[open]),
+        &["grain ", "outside the box"],
+    );
     // A level of trimming below the floor.
     let level = ("grains.initial.deposition.trim_above", "0.001");
     let short = ("grains.initial.deposition.stop.at_most_steps", "2000");
-    refuses(&Study::of("rain", &[level, short]), &["trim_above"]);
+    refuses(&Study::of("deposition", &[level, short]), &["trim_above"]);
 }

@@ -330,7 +330,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["time.solid_time_step=1e-6"]),
         "time.solid_time_step",
     ),
-    // Mach
+    // Lattice velocity
     (
         "lid too fast",
         "couette",
@@ -547,55 +547,55 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
     (
         "parts that are not the whole",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.grading.by_count[0].fraction=0.7"]),
         "grains.initial.deposition.grading.by_count",
     ),
     (
         "a class without a grain",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.number=2"]),
         "grains.initial.deposition.grading.by_count",
     ),
     (
         "coarse grains wider than the cloud",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.grading.by_count[1].max=0.01"]),
         "grains.initial.deposition.grading.by_count",
     ),
     (
         "more grains than the cloud holds",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.number=20000"]),
         "grains.initial.deposition.number",
     ),
     (
-        "rain without gravity",
-        "rain",
+        "deposition without gravity",
+        "deposition",
         Set(&["gravity=[0, 0, 0]"]),
         "gravity",
     ),
     (
         "a polygon that is not plane",
-        "rain",
+        "deposition",
         Set(&["walls[0].shape.polygon[2]=[0.005, 0.021, 0.06]"]),
         "walls[0].shape.polygon",
     ),
     (
         "facets in a periodic domain",
-        "rain",
+        "deposition",
         Set(&["domain.periodic=[\"x\"]"]),
         "walls[0].shape",
     ),
     (
         "a mesh that is not there",
-        "rain",
+        "deposition",
         Set(&["walls[0].shape={\"mesh\": {\"path\": \"no.stl\"}}"]),
         "walls[0].shape.mesh.path",
     ),
     (
         "a box without volume",
-        "rain",
+        "deposition",
         Set(&["walls[0].shape={\"box\": {\"from\": [0, 0, 0], \"to\": [0, 1, 1]}}"]),
         "walls[0].shape.box",
     ),
@@ -1039,7 +1039,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
     (
         "an elastic pair twice",
-        "rain",
+        "deposition",
         Set(&[
             ELASTIC,
             "contact={\"hertz_mindlin\": {\"pairs\": [{\"materials\": [\"soil\", \"soil\"]}, {\"materials\": [\"soil\", \"soil\"]}]}}",
@@ -1048,19 +1048,19 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
     (
         "elastic bonds",
-        "rain",
+        "deposition",
         Set(&[ELASTIC, "contact={\"hertz_mindlin\": {}}"]),
         "grains.bond_at_start",
     ),
     (
         "elastic grains that fall softly",
-        "rain",
+        "deposition",
         Set(&[ELASTIC, "contact={\"hertz_mindlin\": {}}"]),
         "grains.initial.deposition.falling_stiffness",
     ),
     (
         "a step longer than Rayleigh's",
-        "rain",
+        "deposition",
         Set(&[
             ELASTIC,
             "contact={\"hertz_mindlin\": {}}",
@@ -1073,7 +1073,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     // Grading
     (
         "a class the wrong way round",
-        "rain",
+        "deposition",
         Set(&[
             "grains.initial.deposition.grading.by_count[0]={\"min\": 0.0012, \"max\": 0.001, \"fraction\": 0.8}",
         ]),
@@ -1081,25 +1081,25 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
     (
         "a class of no size",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.grading.by_count[0].min=0"]),
         "grains.initial.deposition.grading.by_count[0].min",
     ),
     (
         "a negative part",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.grading.by_count[0].fraction=-0.8"]),
         "grains.initial.deposition.grading.by_count[0].fraction",
     ),
     (
         "a grading of no class",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.grading.by_count=[]"]),
         "grains.initial.deposition.grading.by_count",
     ),
     (
         "a cloud outside the domain",
-        "rain",
+        "deposition",
         Set(&["grains.initial.deposition.box.from=[-0.004, 0, 0.022]"]),
         "grains.initial.deposition.box",
     ),
@@ -1158,7 +1158,10 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     (
         "porosity limits crossed",
         "seepage",
-        Set(&["fluid.darcy.least_porosity=0.8"]),
+        Set(&[
+            "fluid.darcy.least_porosity=0.8",
+            "fluid.darcy.porosity_cap=0.7",
+        ]),
         "fluid.darcy.least_porosity",
     ),
     (
@@ -1236,7 +1239,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     ),
     (
         "bonds that hold across grains",
-        "rain",
+        "deposition",
         Set(&["contact.contact_bond.tensile_strength=1e6"]),
         "contact.contact_bond.tensile_strength",
     ),

@@ -9,13 +9,14 @@ use std::path::Path;
 
 /// The circles that are allowed: the files of a circle stand in one of these lists.
 const ALLOWED: &[&[&str]] = &[
-    // The list of drag laws names the laws, which implement the trait beside it.
+    // A drag law may be used as a resistance: the list of resistances names it, and its file implements both traits.
     &[
-        "src/coupling/drag/dallavalle.rs",
-        "src/coupling/drag/di_felice.rs",
-        "src/coupling/drag/gidaspow.rs",
-        "src/coupling/drag/kozeny_carman.rs",
-        "src/coupling/drag/law.rs",
+        "src/darcy/drag.rs",
+        "src/darcy/drag/di_felice.rs",
+        "src/darcy/drag/gidaspow.rs",
+        "src/darcy/permeability.rs",
+        "src/darcy/permeability/ergun.rs",
+        "src/darcy/permeability/kozeny_carman.rs",
     ],
 ];
 

@@ -147,7 +147,7 @@ fn sand_leaves_as_single_grains() {
     let asked = ["output.grains.displacement=true", "time.end=0.014"];
     let done = study.restart("silent", 1, &asked).expect(3);
     assert!(
-        done.stderr.contains("where its grains started"),
+        done.stderr.contains("initial positions of its grains"),
         "{}",
         done.stderr
     );

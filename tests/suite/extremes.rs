@@ -204,7 +204,7 @@ fn densities() -> Vec<Row> {
     ]
 }
 
-/// Relaxation times, Mach numbers, Reynolds numbers.
+/// Relaxation times, lattice velocities, Reynolds numbers.
 fn flows() -> Vec<Row> {
     // 0.3 m/s times a cosine and a sine of 0.995 each, times the decay: 0.2925 m/s.
     const DECAYED: End = Result(&[("velocity_x", 0.288, 0.298)]);
@@ -255,19 +255,19 @@ fn flows() -> Vec<Row> {
         // No part of the water is faster than the lid.
         // In the corner under the lid the density is 1.7 times that at rest.
         row(
-            "Mach 0.3",
+            "lattice velocity 0.3",
             LID,
             &["guards.max_compression=1"],
             Result(&[("largest_speed", 0.1, 1.0)]),
         ),
         row(
-            "Mach 0.31",
+            "lattice velocity 0.31",
             LID,
             &[".lattice_velocity=0.31"],
             Refused(".lattice_velocity", "at most 0.3"),
         ),
         row(
-            "Mach 0.3 at Re 16 000",
+            "lattice velocity 0.3 at Re 16 000",
             LID,
             &[".kinematic_viscosity=1e-6"],
             Fails("moves at lattice velocity"),
@@ -533,6 +533,12 @@ fn ranks_and_sizes() -> Vec<Row> {
 }
 
 /// Pores that are all of a cell, and less than none.
+/// The resistance of Kozeny and Carman up to a porosity of 0.7.
+const LINEAR: [&str; 2] = [
+    "fluid.darcy.resistance=kozeny_carman",
+    "fluid.darcy.porosity_cap=0.7",
+];
+
 fn pores() -> Vec<Row> {
     let eight: Vec<String> = (0..8)
         .map(|n| {
@@ -551,7 +557,7 @@ fn pores() -> Vec<Row> {
         row(
             "porosity 1",
             SHAFT,
-            &[],
+            &LINEAR,
             Result(&[
                 ("/seepage/inflow", 6.22e-8, 6.24e-8),
                 ("/seepage/outflow", 6.22e-8, 6.24e-8),
@@ -561,7 +567,7 @@ fn pores() -> Vec<Row> {
         row(
             "porosity below 0",
             SHAFT,
-            &[&eight],
+            &[LINEAR[0], LINEAR[1], &eight],
             Result(&[
                 ("/seepage/inflow", 1.2e-4, 1.54e-4),
                 ("/seepage/outflow", 1.2e-4, 1.54e-4),
@@ -668,7 +674,7 @@ fn densities_near_and_far_from_that_of_water() {
 }
 
 #[test]
-fn relaxation_times_mach_and_reynolds_numbers() {
+fn relaxation_times_lattice_velocities_and_reynolds_numbers() {
     all_end_as_they_must(&flows());
 }
 

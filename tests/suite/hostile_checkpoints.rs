@@ -152,7 +152,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
             json!("checkpoint_1.h5/../../x.h5"),
             "no file of a checkpoint",
         ),
-        ("/time", json!(1e9), "it says 1000000000 s at step"),
+        ("/time", json!(1e9), "it states 1000000000 s at step"),
         ("/bytes", json!(huge), "for arrays of"),
         ("/bytes", json!(17), "does not fit into a file of 17 bytes"),
         (
@@ -165,8 +165,12 @@ fn a_signed_manifest_is_bounded_by_the_case() {
             json!([huge, 0, 0]),
             "grains, and the case has",
         ),
-        ("/attributes/rows", json!([1, 2]), "does not say how many"),
-        ("/attributes/seepage", json!(huge), "numbers of seepage"),
+        (
+            "/attributes/rows",
+            json!([1, 2]),
+            "does not state its number of",
+        ),
+        ("/attributes/seepage", json!(huge), "numbers of the seepage"),
         (
             "/attributes/fluid_steps",
             json!(0),
@@ -178,8 +182,8 @@ fn a_signed_manifest_is_bounded_by_the_case() {
             "more averages than steps",
         ),
         ("/attributes/typical_radius", json!(1e300), "typical radius"),
-        ("/attributes/notes", json!([1]), "notes are no object"),
-        ("/attributes/case", json!("{}"), "the case that it carries"),
+        ("/attributes/notes", json!([1]), "notes are not an object"),
+        ("/attributes/case", json!("{}"), "its case cannot be used"),
         (
             "/attributes/columns",
             json!([[["id", "imaginary"]], [], []]),
@@ -207,7 +211,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
     let mut tree = copy.tree.clone();
     tree["step"] = json!(u64::MAX);
     sign(&copy.manifest, &tree);
-    copy.ends(3, 0, "the checkpoint is at");
+    copy.ends(3, 0, "the checkpoint is already at");
     for (n, shape) in shapes {
         let mut tree = copy.tree.clone();
         tree["arrays"][n]["shape"] = shape;
@@ -291,10 +295,10 @@ fn a_table_that_was_changed_is_told() {
         let mut flipped = whole.clone();
         flipped[length - 3] ^= 1;
         std::fs::write(&path, &flipped).unwrap();
-        copy.refused(0, "are not those of the checkpoint; put it back");
+        copy.refused(0, "are not those of the checkpoint; restore it");
         copy.refused(2, name);
         std::fs::write(&path, &whole[..length - 1]).unwrap();
-        copy.refused(0, "at the checkpoint; put it back");
+        copy.refused(0, "at the checkpoint; restore it");
         // Longer is cut back, as a run that was killed leaves it.
         std::fs::write(
             &path,
@@ -310,7 +314,7 @@ fn a_table_that_was_changed_is_told() {
     let (code, told) = copy.restart(0);
     assert_eq!(code, Some(0), "{told}");
     assert!(
-        told.contains("bonds.csv is gone: a new one begins at step"),
+        told.contains("bonds.csv is missing: a new table begins at step"),
         "{told}"
     );
 }

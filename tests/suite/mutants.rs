@@ -561,7 +561,7 @@ fn runs(plan: &Plan) -> bool {
     let grown = plan.scene.grains.as_ref().is_some_and(|grains| {
         matches!(
             grains.source,
-            GrainSource::Growth { .. } | GrainSource::Rain { .. }
+            GrainSource::Growth { .. } | GrainSource::Deposition { .. }
         )
     });
     let cells = plan.scene.flow.is_some() || plan.scene.seepage.is_some();

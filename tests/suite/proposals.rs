@@ -115,7 +115,7 @@ const MORE: &[(&str, &str, &[&str])] = &[
     ),
     (
         "a dense cloud",
-        "rain",
+        "deposition",
         &["grains.initial.deposition.number=100000"],
     ),
     (

@@ -39,7 +39,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
             .restart("parts", ranks, &[&format!("time.end={end}")])
             .expect(0);
         assert!(
-            done.stdout.contains("going on from step"),
+            done.stdout.contains("continuing from step"),
             "{}",
             done.stdout
         );
@@ -101,7 +101,7 @@ fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
             .restart("parts", ranks, &[&format!("time.end={end}")])
             .expect(0);
         assert!(
-            done.stdout.contains("going on from step"),
+            done.stdout.contains("continuing from step"),
             "{}",
             done.stdout
         );
@@ -243,7 +243,7 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
-/// A jointed slab on soft springs, a named block beside it: shapes, attitudes and the memory of faces go with the blocks.
+/// A jointed slab on soft springs, a named block beside it: shapes, orientations and the histories of faces go with the blocks.
 #[test]
 fn blocks_without_fluid() {
     let _beside = beside_others();

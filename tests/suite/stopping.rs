@@ -368,8 +368,8 @@ fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on
     arguments.extend(["--max-walltime".into(), "0:00:04".into()]);
     let done = start(2, &arguments).wait().expect(5);
     assert!(
-        done.stderr.contains("no room for a checkpoint")
-            && done.stderr.contains("there is none to go on from"),
+        done.stderr.contains("no space for a checkpoint")
+            && done.stderr.contains("there is no earlier checkpoint"),
         "{}",
         done.stderr
     );

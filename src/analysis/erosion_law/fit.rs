@@ -1,28 +1,28 @@
-//! The erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9).
+//! The fit of the erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9).
 //!
-//! **Least squares.** `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so its least value is
-//! found exactly: for every set of points above the threshold the weighted line through them, or, where its threshold
-//! falls outside the gap that belongs to the set, the best law with the threshold at the end of the gap. The least of
-//! these is the fit; no start value, no iteration, no local minimum. `tau_c >= 0`.
+//! **Least squares.** The sum `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so that its minimum is
+//! found exactly. For every set of points above the threshold, the candidate is the weighted line through them. If the threshold of
+//! this line lies outside the gap that belongs to the set, the candidate is the best law with the threshold at the end of the gap.
+//! The best candidate is the fit. There is no start value, no iteration and no local minimum. `tau_c >= 0`.
 //!
-//! **Weights** are one over the variance that the *law* predicts, not the data, since weights from observed rates pull a
-//! law down: `b q max(rate, q) + (s rate)^2` with the quantum q of the window (one grain), its burstiness b (batch
-//! variance over Poisson variance, at least 1) and a relative scatter s from run to run, the smallest with which the
-//! weighted misfit of the points above the threshold is no more than their number less two (Paule and Mandel, J. Res. Natl.
-//! Bur. Stand. 87, 377, 1982). Weights and law are iterated to rest.
+//! **Weights** are the inverse of the variance that the *law* predicts, because weights from observed rates bias the law to low
+//! values: `b q max(rate, q) + (s rate)^2`. `q` is the quantum of the window (one grain), `b` its burstiness (batch variance over
+//! Poisson variance, at least 1), and `s` the relative scatter between runs. `s` is the smallest value with which the weighted misfit
+//! of the points above the threshold does not exceed their number less two (Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 377,
+//! 1982). Weights and law are iterated until they converge.
 //!
-//! **Intervals** of 95 %: from the covariance of the line (Student's t) and from a bootstrap that draws whole runs, since
-//! windows of one run share its packing; the hull of both is reported. The bootstrap is seeded: same data, same numbers.
+//! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a bootstrap that draws whole
+//! runs, because the windows of one run share a packing. The bootstrap is seeded: the same data give the same numbers.
 //!
-//! **Lower bound**: where the run with the highest stress does not erode, tau_c is at least that stress, and there
-//! is no k_d. Where it erodes but fewer than two stresses do, tau_c lies between the stresses on both sides.
+//! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is undefined. If it
+//! erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and the lowest one with erosion.
 
 use super::rate::RateWindow;
 use super::statistics::{median, student};
 use crate::number::real;
 use crate::random::SplitMix;
 
-/// An interval of confidence, 95 % unless said otherwise.
+/// A confidence interval, 95 % unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Interval {
     /// Lower end.
@@ -113,7 +113,7 @@ impl Default for FitOptions {
     }
 }
 
-/// What the points say about the law.
+/// The law that follows from the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
@@ -215,7 +215,7 @@ impl Line {
     }
 }
 
-/// Fits the law, or says which bound the points give. `None` without a point that has a finite stress and rate.
+/// Fits the law, or returns the bound that the points give. `None` without a point that has a finite stress and rate.
 #[must_use]
 pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
     let mut points: Vec<RatePoint> = points
@@ -562,7 +562,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     (slope, -median(&mut intercepts) / slope)
 }
 
-/// What the fits of a cohesion series say together.
+/// Trends over the fits of a cohesion series.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.

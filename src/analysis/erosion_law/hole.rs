@@ -1,14 +1,14 @@
-//! Where the faces of the hole are and which shear stress acts on them.
+//! The faces of the hole and the shear stress on them.
 //!
-//! The fluid of the paper's equation 10 (corrected) pulls on a face with `tau_h = mu dV_x/dy`, `V_x(y)` the
-//! velocity along the hole, averaged over its length with solid cells counted as at rest. Two other ways stand beside
-//! it: the balance of the pressure difference against both faces, `dP d_h / (2 L)`, as hole erosion tests use
-//! it, and the summed traction on the grains. For plane Poiseuille flow between straight faces the three are equal.
+//! The paper's equation 10 (corrected) gives the shear stress on a face as `tau_h = mu dV_x/dy`. `V_x(y)` is the velocity along the
+//! hole, averaged over its length, with zero velocity in solid cells. Two other definitions are computed as well: the balance of the
+//! pressure difference and the stress on both faces, `dP d_h / (2 L)`, as in hole erosion tests, and the summed traction on the
+//! grains. The three are equal for plane Poiseuille flow between straight faces.
 //!
-//! Faces: let `s` be the solid fraction, averaged along the hole, and `s_0` its value in the intact packing. The face is
-//! the step from 0 to `s_0` that fits the profile best in the least-squares sense from the middle of the hole to the
-//! wall. Loose grains carried through the hole or a gap in the packing do not move it, where a search for the first
-//! solid cell would stop at them. The step is then placed inside its cell by where `s` crosses `s_0 / 2`.
+//! Faces: `s` is the solid fraction averaged along the hole, and `s_0` its value in the intact packing. The face is the step from 0
+//! to `s_0` that fits the profile best, in the least-squares sense, from the middle of the hole to the wall. Loose grains in the hole
+//! and gaps in the packing do not move it, whereas a search for the first solid cell would stop at them. The position of the step
+//! within its cell is where `s` crosses `s_0 / 2`.
 
 use crate::number::real;
 

@@ -1,24 +1,24 @@
-//! Erosion rate per pipe area, with its standard error.
+//! Erosion rate per area of the hole, with its standard error.
 //!
-//! `rate = (dM_e/dt) / (2 L)`: mass leaving per time over the two faces of a hole of length L.
+//! `rate = (dM_e/dt) / (2 L)`: the mass that leaves per time, over the two faces of a hole of length L.
 //!
-//! M_e(t) is a staircase: each grain is a step. Steps are counts of independent events, so the mass that left in a window
-//! over its length is the least-variance estimate of a constant rate, better than a line through M_e(t), whose residuals
-//! are correlated (they are a random walk) and whose textbook error is far too small. Its variance is that of a compound
-//! Poisson process, `sum m_i^2 / T^2 = rate * J / A` with `J = sum m_i^2 / sum m_i` the mean jump and `A = 2 L T`. Grains
-//! that leave in clusters make the process burstier: the variance of the means of eight equal batches of the window is
-//! taken instead where it is larger. Theil and Sen's median slope stands beside as a check against outliers.
+//! **Estimate.** M_e(t) is a staircase with one step per grain. The steps are independent events, so that the mass that left in a
+//! window, divided by its length, is the least-variance estimate of a constant rate. A line through M_e(t) is a worse estimate: its
+//! residuals are a random walk, and its textbook error is far too small. The variance is that of a compound Poisson process,
+//! `sum m_i^2 / T^2 = rate * J / A` with the mean jump `J = sum m_i^2 / sum m_i` and `A = 2 L T`. Grains that leave in clusters
+//! increase the variance. If the variance of the means of eight equal batches of the window is larger, it is used instead. The median
+//! slope of Theil and Sen is reported as a check against outliers.
 //!
-//! Windows: from the end of the pressure ramp, or the first grain that leaves if that is later (the time the first grain
-//! needs to reach the outlet is no time without erosion), to the time at which 60 % of the mass is gone or to the end.
-//! This span is cut into equal parts, as many as hold at least twenty grains each, at most four: the hole widens, so
-//! that one run gives the rate at several stresses. The stress, width and length of a window are means over its records.
+//! **Windows.** The span begins at the end of the pressure ramp, or with the first grain that leaves if that is later, because the
+//! grain first has to reach the outlet. It ends when 60 % of the mass is eroded, or with the run. The span is cut into at most four
+//! equal parts with at least twenty grains each. The hole widens, so that one run gives the rate at several stresses. Stress, width
+//! and length of a window are means over its records.
 //!
-//! A run as a whole ([`run_point`]) is read as one hole erosion test: mean rate and mean stress from the time at which 2 % of
-//! the mass is gone to the time at which 60 % is. That is one point per run, as in figure 5 of the paper. Both means are over
-//! the same span: the stress on the hole as it was cut beside the rate of the widened one would make k_d too large.
+//! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded mass. This
+//! gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the initial stress with the rate
+//! of the widened hole would overestimate k_d.
 //!
-//! A window erodes where at least three grains left in it: loose grains beside the cut hole are no erosion.
+//! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
 
 use super::record::{ErosionRecord, RemovedGrain};
 use crate::number::real;
@@ -28,7 +28,7 @@ use crate::number::real;
 pub struct WindowOptions {
     /// Most windows per run.
     pub windows: usize,
-    /// Fewest grains for a window of its own.
+    /// Smallest number of grains in a window.
     pub grains: u64,
     /// Fewest grains that count as erosion.
     pub eroding_grains: u64,
@@ -291,7 +291,7 @@ mod tests {
             bonds_broken: 0,
             bonds_broken_inside: 0,
             bonds_broken_at_wall: 0,
-            mach: 0.0,
+            lattice_velocity: 0.0,
             mass_error: 0.0,
         }
     }

@@ -1,4 +1,4 @@
-//! What a run writes down about erosion, and how it is read back.
+//! The erosion records of a run: their columns, and how they are written and read.
 //!
 //! | file | row | one row per |
 //! |---|---|---|
@@ -7,9 +7,9 @@
 //! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
-//! Each struct is declared once, with the name and unit of every column beside the field, so that header, writer and
-//! reader cannot drift apart. Numbers are written with the shortest text that reads back to the same bits; a value
-//! that does not exist (the shear on a hole that is gone) is `NaN`.
+//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same declaration. Numbers
+//! are written with the shortest text that reads back to the same bits. Undefined values, such as the shear stress on a hole that no
+//! longer exists, are `NaN`.
 
 use crate::error::Error;
 use io::csv::Reader;
@@ -128,8 +128,9 @@ pub struct ErosionRecord {
     bonds_broken_inside: u64 = "bonds_broken_inside [1]",
     /// Of these, at the wall of the hole.
     bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
-    /// Largest speed over the lattice velocity C = h/dt.
-    mach: f64 = "mach [1]",
+    /// Largest fluid speed in lattice units, |u| dt/h. Earlier versions named the column `mach [1]`.
+    #[serde(alias = "mach [1]")]
+    lattice_velocity: f64 = "lattice_velocity [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
 }
@@ -236,10 +237,13 @@ pub struct ErosionSummary {
     pub hole_length: f64,
 }
 
-/// Reads a CSV file whose first line is exactly the header of the row.
+/// Columns that earlier versions wrote under another name: that name and the present one.
+const RENAMED: [(&str, &str); 1] = [("mach [1]", "lattice_velocity [1]")];
+
+/// Reads a CSV file whose first line is the header of the row. Column names of earlier versions are accepted.
 ///
-/// A run that was killed and resumed may have written rows after its last checkpoint twice: of rows with the same
-/// `key` the last is kept, in the place of the first. Lines that start with `#` are skipped.
+/// A run that was killed and resumed may have written rows after its last checkpoint twice. Of rows with the same
+/// `key` the last one replaces the first. Lines that start with `#` are skipped.
 ///
 /// # Errors
 /// [`Error::Io`] with file, line and column where the file cannot be read.
@@ -248,10 +252,15 @@ pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>,
     let text = io::plain::text(path, io::plain::LONGEST_TABLE)
         .map_err(|error| Error::Io(error.to_string()))?;
     let mut lines = Reader::new(&text).ok_or_else(|| fail("the file is empty".to_owned()))?;
-    if lines.names() != R::COLUMNS {
+    let present = |name| match RENAMED.iter().find(|(old, _)| *old == name) {
+        Some((_, now)) => *now,
+        None => name,
+    };
+    let names = lines.names();
+    if !(names.iter().map(|name| present(name))).eq(R::COLUMNS.iter().copied()) {
         return Err(fail(format!(
             "the columns are `{}`, expected `{}`",
-            lines.names().join(","),
+            names.join(","),
             R::header()
         )));
     }
@@ -311,7 +320,7 @@ mod tests {
             bonds_broken: u64::MAX,
             bonds_broken_inside: 2,
             bonds_broken_at_wall: 3,
-            mach: 0.0,
+            lattice_velocity: 0.0,
             mass_error: -0.0,
         }
     }
@@ -334,6 +343,23 @@ mod tests {
             assert!(b.shear_traction.is_nan());
             assert!(b.eroded_fraction.abs() < f64::MIN_POSITIVE);
         }
+    }
+
+    #[test]
+    fn a_table_of_an_earlier_version_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("erosion.csv");
+        let row = ErosionRecord {
+            lattice_velocity: 0.05,
+            ..record(1)
+        };
+        write_rows(&path, &[row]).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let old = text.replace("lattice_velocity [1]", "mach [1]");
+        assert_ne!(old, text);
+        fs::write(&path, old).unwrap();
+        let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
+        assert_eq!(back[0].lattice_velocity.to_bits(), 0.05_f64.to_bits());
     }
 
     #[test]
@@ -369,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ledger_keeps_mode_and_place() {
+    fn bond_events_keep_mode_and_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bonds.csv");
         let row = BondBreak {

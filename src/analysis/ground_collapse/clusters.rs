@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 /// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters are in
-/// rising order, whatever the order of the bonds.
+/// rising order, independently of the order of the bonds.
 #[must_use]
 pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     let mut sorted = grains.to_vec();

@@ -1,7 +1,6 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! The definitions stand in [`super`]. All functions are pure; a list of grains in another order may round differently, so
-//! give them by rising id.
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by rising id.
 
 use crate::number::real;
 use serde::{Deserialize, Serialize};
@@ -78,7 +77,7 @@ pub struct Limits {
     pub moving: f64,
     /// A column that went down by this much belongs to the depression \[m\].
     pub settled: f64,
-    /// Percentile of the settlement that is asked for.
+    /// Percentile of the settlement to be computed.
     pub percentile: f64,
 }
 
@@ -125,7 +124,7 @@ pub struct Sample {
     pub settlement_max: f64,
     /// Mean settlement over the middle third along the long axis \[m\].
     pub settlement_middle: f64,
-    /// The percentile asked for \[m\].
+    /// The requested percentile \[m\].
     pub settlement_percentile: f64,
     /// Where it has settled.
     pub depression: Depression,

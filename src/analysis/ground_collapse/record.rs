@@ -1,14 +1,14 @@
-//! What a run writes down about the collapse of its ground, and how it is read back.
+//! The records of a ground collapse: their columns, and how they are written and read.
 //!
 //! | file | row | one row per |
 //! |---|---|---|
 //! | `collapse.csv` | [`CollapseRecord`] | sample |
 //! | `collapse_points.csv` | [`PointRecord`] | sample and seepage point |
-//! | `clusters.csv` | [`ClusterRecord`] | sample, kind and size of cluster that occurs |
+//! | `clusters.csv` | [`ClusterRecord`] | sample, kind and size of the clusters present |
 //! | `surface.csv` | [`SurfaceRecord`] | sample and column of cells that was ground |
 //! | `summary.json`, key `collapse` | [`CollapseSummary`] | run |
 //!
-//! Columns that do not exist at a time (the shape of a front that does not move) are `NaN`.
+//! Undefined values, such as the shape of a front that does not move, are `NaN`.
 
 use crate::analysis::erosion_law::Row;
 use crate::analysis::erosion_law::record::{Value, csv_row};
@@ -41,7 +41,7 @@ pub struct CollapseRecord {
     settlement_max: f64 = "settlement_max [m]",
     /// Mean settlement over the middle third of the long axis, m.
     settlement_middle: f64 = "settlement_middle [m]",
-    /// Percentile of the settlement that the case asks for, m.
+    /// The requested percentile of the settlement, m.
     settlement_percentile: f64 = "settlement_percentile [m]",
     /// Length along the long axis that has settled, m.
     extension: f64 = "extension [m]",

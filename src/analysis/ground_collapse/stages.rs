@@ -1,4 +1,4 @@
-//! When hole, arch, sinkhole and extension began: see [`super`] for the definitions and their reasons.
+//! The times at which hole, arch, sinkhole and extension begin. [`super`] defines the criteria.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! A schema made ready for many values: a look without paths or words.
+//! A schema prepared for many values: a check without paths and messages.
 
 use serde_json::Value;
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 pub(super) enum Template<'a> {
     /// Only the walk over the schema can tell.
     Unknown,
-    /// Absent or as the other template says.
+    /// Absent or as the other template requires.
     Optional(Box<Template<'a>>),
     Number {
         whole: bool,

@@ -1,4 +1,4 @@
-//! The reference as HTML: one file for each page, each complete in itself, with a sidebar, in light and dark.
+//! The reference as HTML: one self-contained file per page, with a sidebar, in light and dark.
 
 use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;

@@ -1,4 +1,4 @@
-//! The reference as Markdown: one file for each page.
+//! The reference as Markdown: one file per page.
 
 use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;

@@ -1,4 +1,4 @@
-//! JSON text to a tree where nothing is wrong with it.
+//! JSON text to a tree, for texts without errors.
 
 use super::{MOST_KEYS, MOST_VALUES};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use std::cell::Cell;
 use std::fmt;
 
-/// The tree, or nothing where there is anything to say about the text.
+/// The tree, or none if the text has problems.
 pub(super) fn parse(text: &str) -> Option<Value> {
     let mut reader = serde_json::Deserializer::from_str(text);
     let tree = Plain(&Cell::new(0)).deserialize(&mut reader).ok()?;

@@ -1,4 +1,4 @@
-//! Which body holds each cell near a slab.
+//! The body that contains each cell near a slab.
 
 use super::{BodyMap, FLUID, GHOSTS, Look, Mapped, OUTSIDE, tag, threads};
 use crate::coupling::solid_fraction::Form;

@@ -1,8 +1,10 @@
-//! A ball over all cells of a box at once, exactly: the bits of [`sphere_box`](crate::darcy::overlap::sphere_box) at a fraction of its cost.
+//! The exact solid fractions of a ball in all cells of a box at once: the bits of [`sphere_box`](crate::darcy::overlap::sphere_box) at a fraction of
+//! its cost.
 //!
-//! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the corner that is made of one
-//! function of each coordinate (cap) and one of each pair (edge, three arctangents). Cells share corners, and corners coordinates, so both are
-//! tabulated: 3 N² edges for a ball N cells across, where its surface alone takes 24 for each of some 3 N² cells.
+//! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the corner. This function
+//! consists of one function of each coordinate (cap) and one of each pair (edge, three arctangents). Cells share corners, and corners
+//! share coordinates, so that both are tabulated: 3 N² edges for a ball N cells across, whereas its surface alone needs 24 for each of
+//! some 3 N² cells.
 
 use crate::darcy::overlap::{cap, edge, octant_of};
 

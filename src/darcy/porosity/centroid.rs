@@ -1,4 +1,4 @@
-//! Porosity by centres: the whole grain counts for the cell that holds its centre.
+//! Porosity by centres: the whole grain counts in the cell that contains its centre.
 
 use super::Method;
 use crate::darcy::grid::Grid;

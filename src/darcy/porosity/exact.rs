@@ -1,4 +1,4 @@
-//! Porosity by overlaps: the volume that sphere and cell have in common ([`crate::darcy::overlap`]).
+//! Porosity by overlaps: the common volume of sphere and cell ([`crate::darcy::overlap`]).
 
 use super::{Method, measure};
 use crate::darcy::grid::Grid;

@@ -1,7 +1,8 @@
-//! Springs and friction of blocks, with damping by mass.
+//! Springs and friction of blocks, with mass-proportional damping.
 //!
-//! Two blocks, a block and a sphere and a block at a wall meet in the narrow phase of [`crate::dem::polyhedron`], and their force is
-//! [`crate::dem::polyhedron::force`]. Here are the parameters, and the same law for two spheres and a sphere at a wall:
+//! The narrow phase of [`crate::dem::polyhedron`] handles pairs of blocks, a block and a sphere, and a block at a wall;
+//! [`crate::dem::polyhedron::force`] computes their force. This file contains the parameters, and the same law for two spheres and a sphere
+//! at a wall:
 //!
 //! ```text
 //! F_n = k_n overlap - c_n d(gap)/dt, at least 0
@@ -9,7 +10,7 @@
 //! area = pi R overlap,   R = r1 r2/(r1 + r2), the radius at a wall
 //! ```
 //!
-//! The area counts where stiffness is per area; to leading order the volume of the overlap is `area overlap`, as for a block's patch.
+//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for a block's patch.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -39,7 +40,7 @@ use crate::error::{Remedy, Report};
 pub struct Input {
     /// Normal stiffness k_n.
     pub normal_stiffness: NormalStiffness,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
@@ -55,11 +56,11 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Mass-proportional damping α of all free bodies [1/s]: a body without contacts slows down as exp(-α t).
+    /// Mass-proportional damping α of all free bodies [1/s]: the velocity of a body without contacts decays as exp(-α t).
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass_damping: f64,
-    /// How a contact is condensed to a point, a normal and a depth.
+    /// Model that reduces a contact to a point, a normal and a depth.
     #[serde(default)]
     pub model: Model,
     /// Parameters of pairs of materials that differ from those above.
@@ -72,9 +73,9 @@ pub struct Input {
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "BlockStiffness")]
 pub enum NormalStiffness {
-    /// The same for every contact [N/m].
+    /// Stiffness of a contact [N/m].
     PerContact(#[schemars(extend("exclusiveMinimum" = 0))] f64),
-    /// Times the area of contact [Pa/m], as joints of rock are measured.
+    /// Stiffness per contact area [Pa/m], as for rock joints.
     PerArea(#[schemars(extend("exclusiveMinimum" = 0))] f64),
 }
 
@@ -107,7 +108,7 @@ pub struct Pair {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub normal_stiffness: Option<f64>,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: Option<f64>,
@@ -172,15 +173,15 @@ impl Input {
         if let Some(path) = source {
             report.error(
                 path,
-                "grains are not prepared with the law of blocks".into(),
-                "prepare them with another law, and read the file that they save".into(),
+                "the law of blocks does not prepare grains".into(),
+                "prepare them with another law, and read the saved sample".into(),
             );
         }
         if scene.bond_at_start {
             report.error(
                 "grains.bond_at_start",
                 "the law of blocks has no bonds".into(),
-                "take it out".into(),
+                "remove it".into(),
             );
         }
     }
@@ -196,7 +197,7 @@ impl<F: From<Blocks>> ContactParameters<F> for Input {
         if scene.dimension == 2 {
             report.error(
                 path,
-                "this is a law for three dimensions".into(),
+                "this law is for three dimensions".into(),
                 if scene.polyhedra {
                     "use a domain of three dimensions".into()
                 } else {

@@ -5,12 +5,12 @@
 //! F_s = F_s' - k_s slip dt,                 |F_s| <= F_n tan(phi) + C while bonded, else F_n tan(phi)
 //! ```
 //!
-//! A bond that is pulled with more than C fails in tension and the contact is lost; one that is sheared beyond its limit loses
-//! both cohesions for good and drops at once to friction, or to nothing where it was in tension. Bonds are made once,
-//! where contacts then exist, at the forces they then carry: nothing heals.
-//! With k_n and C proportional to the pair's mean diameter d the bond opens by C/k_n whatever d.
-//! Optional dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do not
-//! take part in failure; without a bond they never pull.
+//! A bond fails in tension above the force C, and the contact ends. A bond that is sheared beyond its limit permanently loses both
+//! cohesions. The shear force drops at once to the friction limit, or to zero if the contact was in tension. Bonds are made once, at the
+//! existing contacts with their present forces; broken bonds do not heal. With k_n and C proportional to the pair's mean diameter d, the bond
+//! opens by C/k_n for any d. Optional dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do
+//! not contribute to failure; without a bond they never pull.
+//!
 //! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
 //! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
 
@@ -39,7 +39,7 @@ use crate::error::Report;
 pub struct Input {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
@@ -58,7 +58,7 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,

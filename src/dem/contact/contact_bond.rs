@@ -6,16 +6,16 @@
 //! unbonded:  the linear law with Coulomb friction, pushing only
 //! ```
 //!
-//! A bond is a point of glue: it bears no moment and does not slip, whatever the friction would allow. It fails in tension
-//! where its normal spring pulls with more than the tensile strength T, else in shear where its shear spring bears more than
-//! the shear strength S, and is then gone for good: from the same step on the contact is an unbonded one, which
-//! keeps of the shear force what friction bears, and nothing across a gap. Strengths are forces and act on the springs alone, not on the
-//! dashpots, which are fractions of critical damping as in [`super::linear`].
+//! A bond acts at a point: it transmits no moment and does not slip, independently of friction. It fails in tension if its normal spring
+//! pulls with more than the tensile strength T, otherwise in shear if its shear spring exceeds the shear strength S. A failed bond does not
+//! heal. From the same step on the contact is unbonded: its shear force is reduced to the friction limit, and to zero across a gap.
+//! Strengths are forces and apply to the springs alone, not to the dashpots, which are fractions of critical damping as in [`super::linear`].
 //!
-//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` says what the normal
-//! spring of a bond across a gap measures from: 0, so that it pulls at once with k_n times the gap (a gap beyond T/k_n fails
-//! in the first step), or, with `unstressed`, the gap it was made at, so that it starts without a force. Once
-//! broken, overlaps count from contact again. Before it breaks, a bond opens by T/k_n and shears by S/k_s.
+//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` is the reference of the normal
+//! spring of a bond across a gap. With 0 the spring pulls at once with k_n times the gap, and a gap beyond T/k_n fails in the first step.
+//! With `unstressed` it is the gap at which the bond was made, so that the bond starts without a force. After failure overlaps count from
+//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
+//!
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
 
 #![allow(
@@ -45,7 +45,7 @@ use crate::error::Report;
 pub struct Input {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
@@ -53,18 +53,18 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: f64,
-    /// Force that pulls a bond apart [N]; in 2-D per metre of depth.
+    /// Tensile strength of a bond [N]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub tensile_strength: f64,
-    /// Force that shears a bond off [N]; in 2-D per metre of depth.
+    /// Shear strength of a bond [N]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub shear_strength: f64,
     /// Largest gap between two surfaces that `bond_at_start` bonds [m]; with 0 only bodies in contact are bonded.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub bonding_gap: f64,
-    /// Whether a bond across a gap starts without a force. Otherwise it starts with a pull of k_n times the gap, and fails at once
-    /// where that exceeds its strength.
+    /// Whether a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the gap, and fails in
+    /// the first step if this exceeds its strength.
     #[serde(default)]
     pub unstressed: bool,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
@@ -75,10 +75,10 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Resistance to rolling; absent, there is none.
+    /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,

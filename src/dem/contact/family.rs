@@ -1,4 +1,4 @@
-//! A list of contact laws, a line each, as types: what a case may choose, what comes of it, and the way to the concrete law.
+//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to the concrete law.
 
 use super::{ContactLaw, PairProperties};
 use crate::dem::engine::bodies::Bodies;

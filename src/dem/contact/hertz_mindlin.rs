@@ -1,5 +1,5 @@
-//! The law of Hertz along the normal and of Mindlin without slip across it, with Coulomb friction, for spheres of elastic
-//! material.
+//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb friction, for spheres of
+//! elastic material.
 //!
 //! ```text
 //! F_n = 4/3 E* sqrt(R*) overlap^(3/2) - c_n d(gap)/dt                 pushing; pulling only with `attraction`
@@ -10,16 +10,15 @@
 //! 1/E* = (1 - nu1²)/E1 + (1 - nu2²)/E2,    1/G* = 2 (2 - nu1)(1 + nu1)/E1 + 2 (2 - nu2)(1 + nu2)/E2
 //! ```
 //!
-//! The variant is the incremental one with the tangent stiffness of Mindlin's contact that does not slip (H-MDns of Di Renzo
-//! and Di Maio): the partial slip of Mindlin and Deresiewicz at the edge of the contact is left out. `F_s'` is the spring's
-//! force of the last step, turned with the contact; where the contact has shrunk from radius a' to a, it keeps the part that
-//! the smaller contact bears, without which a spring loaded at large and unloaded at small overlaps would give off more work
-//! than it took in (Thornton et al.).
+//! The variant is the incremental one with the tangent stiffness of Mindlin's contact without slip (H-MDns of Di Renzo and Di Maio): the
+//! partial slip of Mindlin and Deresiewicz at the edge of the contact is neglected. `F_s'` is the spring's force of the last step, rotated
+//! with the contact. If the contact has shrunk from radius a' to a, the force is reduced in proportion. Without this reduction a spring that
+//! is loaded at large overlaps and unloaded at small ones would return more work than it received (Thornton et al.).
 //!
-//! The dashpots make restitution a number of the material: with z = overlap^(5/4) the head-on collision is that of the
-//! linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), whatever the speed. With
-//! attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`; a dashpot that only pushes restitutes as the pushing linear one
-//! (Schwager and Pöschel), and [`damping`] finds the zeta of either.
+//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that of the linear spring
+//! with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed. With attraction
+//! `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing linear one (Schwager and Pöschel).
+//! [`damping`] finds the zeta of either.
 //!
 //! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder Technology 71
 //! (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004) 525,
@@ -57,19 +56,19 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: f64,
-    /// Coefficient of restitution: speed after a head-on collision over the speed before, without unit; 1 is elastic.
+    /// Coefficient of restitution [1]: speed after a head-on collision over the speed before; 1 is elastic.
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
     /// Whether the dashpot may pull while the grains separate. The restitution is the same with and without it.
     #[serde(default)]
     pub attraction: bool,
-    /// Largest expected speed of approach [m/s]; the overlap that it causes gives the stiffness for the time step. Default: the sum of
-    /// the two largest speeds at the start and the speed of a fall through the domain.
+    /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step. Default: the sum of
+    /// the two largest initial speeds and the speed of a fall through the domain.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub impact_speed: Option<f64>,
-    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -93,7 +92,7 @@ pub struct Pair {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Coefficient of restitution: speed after a head-on collision over the speed before.
+    /// Coefficient of restitution [1]: speed after a head-on collision over the speed before.
     #[serde(default)]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: Option<f64>,
@@ -110,7 +109,7 @@ impl Input {
                 if value.is_none() {
                     report.error(
                         &format!("materials.{}.{field}", material.name),
-                        "hertz_mindlin takes the stiffness of contacts from every material".into(),
+                        "hertz_mindlin requires the elastic moduli of every material".into(),
                         format!("write for example {example}, glass").into(),
                     );
                 }
@@ -136,14 +135,14 @@ impl Input {
             report.error(
                 "grains.initial.deposition.falling_stiffness",
                 "hertz_mindlin has no spring to soften".into(),
-                "take it out, or let the grains fall with a softer young_modulus and read them from the file that they save".into(),
+                "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved sample".into(),
             );
         }
         if scene.bond_at_start {
             report.error(
                 "grains.bond_at_start",
                 "hertz_mindlin has no bonds".into(),
-                "take it out, or use contact_bond".into(),
+                "remove it, or use contact_bond".into(),
             );
         }
     }
@@ -154,7 +153,7 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
         if scene.dimension == 2 {
             report.error(
                 PATH,
-                "this is a law of spheres: the contact of two discs in the plane has no force of its overlap alone".into(),
+                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap alone".into(),
                 Remedy::from("use linear, or a domain of three dimensions").set("contact", linear::example()),
             );
             return None;

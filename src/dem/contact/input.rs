@@ -91,7 +91,7 @@ impl SceneFacts<'_> {
 }
 
 /// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an override at
-/// its path. A pair that is given twice, and a material that nobody knows, are findings.
+/// its path. Duplicate pairs and unknown materials are findings.
 pub(super) fn pair_table<P: Clone, O>(
     (path, scene): (&str, &SceneFacts<'_>),
     base: PairTable<P>,
@@ -127,9 +127,9 @@ pub(super) fn pair_table<P: Clone, O>(
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaled {
-    /// Times the mean diameter [unit per m].
+    /// Value per mean diameter of the pair [unit per m].
     PerDiameter(#[schemars(range(min = 0.0))] f64),
-    /// The same for every pair. In 2-D per metre of depth.
+    /// Value of every pair; in 2-D per metre of depth.
     Absolute(#[schemars(range(min = 0.0))] f64),
 }
 
@@ -191,7 +191,7 @@ pub struct Pair {
     /// Normal stiffness [N/m]; per diameter [N/m2].
     #[serde(default)]
     pub normal_stiffness: Option<Scaled>,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: Option<f64>,
@@ -235,7 +235,7 @@ impl Pair {
             report.error(
                 &path,
                 "this law has no cohesion".into(),
-                Remedy::take_out("use cohesive_frictional, or take it out", &path),
+                Remedy::take_out("use cohesive_frictional, or remove it", &path),
             );
         }
     }
@@ -251,7 +251,7 @@ impl Pair {
                 report.error(
                     &path,
                     "this law has no bonds of given strength".into(),
-                    Remedy::take_out("use contact_bond, or take it out", &path),
+                    Remedy::take_out("use contact_bond, or remove it", &path),
                 );
             }
         }
@@ -263,7 +263,7 @@ pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
     friction_angle_degrees.to_radians().tan()
 }
 
-/// k_s/k_n where a case does not say.
+/// Default of k_s/k_n.
 pub(super) fn default_ratio() -> f64 {
     0.4
 }

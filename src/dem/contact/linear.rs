@@ -5,10 +5,11 @@
 //! F_s = cut(F_s' - k_s slip dt - c_s slip)       cut to length mu max(F_n, 0)
 //! ```
 //!
-//! `F_s'` is the spring's force of the last step, turned with the contact. The dashpots are given as fractions of critical
-//! damping of the pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with attraction then
-//! restitutes `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`; without attraction
-//! it ends earlier and restitutes more. While sliding the spring holds the limit and the shear dashpot rests.
+//! `F_s'` is the spring's force of the last step, rotated with the contact. The dashpots are given as fractions of critical damping of the
+//! pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with attraction has the restitution
+//! `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`. Without attraction it is shorter, and the
+//! restitution is larger. While the contact slides, the spring keeps the limit force and the shear dashpot does not act.
+//!
 //! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
 
 #![allow(
@@ -38,7 +39,7 @@ use crate::error::Report;
 pub struct Input {
     /// Normal stiffness k_n [N/m].
     pub normal_stiffness: Scaled,
-    /// k_s/k_n, without unit.
+    /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
@@ -58,10 +59,10 @@ pub struct Input {
     /// faster than the damping ratio implies.
     #[serde(default)]
     pub attraction: bool,
-    /// Resistance to rolling; absent, there is none.
+    /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Local (non-viscous) damping: a force of this fraction of the force on a grain acts against its motion, without unit; 0 is off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,

@@ -1,4 +1,4 @@
-//! What planning, preparation and outputs ask of a resolved contact law.
+//! The interface of a resolved contact law for plan, preparation and outputs.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! The engine of a law that is known when a run starts: one call per step goes through it, no loop does.
+//! The engine of a law that is selected when a run starts: dispatched once per step, outside of all loops.
 
 use super::super::Contact;
 use super::super::contact::family::Visitor;
@@ -25,7 +25,7 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact this rank reports.
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
-    /// What this rank has now.
+    /// The present counts of this rank.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
     /// The deepest contact so far, on this rank.
     fn deepest(&self) -> Deepest;

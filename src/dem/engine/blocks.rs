@@ -43,7 +43,7 @@ fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
 }
 
 impl<S: Space> Engine<S, Blocks> {
-    /// Adds the actions of facets: one contact with each face, with the memory it had.
+    /// Adds the actions of facets: one contact with each face, with the history it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let mut facets = std::mem::take(&mut self.facets);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
@@ -90,11 +90,11 @@ impl<S: Space> Engine<S, Blocks> {
                 world.note_at_wall(&touch, pair.grain, pair.wall, &mut record);
                 let facet = face[0][0];
                 let held = facets.held(&pair).iter().find(|held| held.facet == facet);
-                let mut memory = held.map_or(History::default(), |held| held.memory);
-                let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut memory);
+                let mut history = held.map_or(History::default(), |held| held.history);
+                let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut history);
                 contact[k].force += load.force;
                 contact[k].torque += load.torque;
-                facets.next.push(Held { facet, memory });
+                facets.next.push(Held { facet, history });
             }
             facets.pairs[at].held = (start, ghosts::index(facets.next.len()));
         }
@@ -289,7 +289,7 @@ impl<S: Space> Bodies<S> for Blocks {
             return None;
         }
         let between = S::to_volume(&span.between);
-        let (touch, swapped) = world.meet(pair, &between, &mut pair.memory.clone(), narrow);
+        let (touch, swapped) = world.meet(pair, &between, &mut pair.history.clone(), narrow);
         let touch = touch?;
         let (arm, normal) = if swapped {
             (touch.arm + between, -touch.normal)
@@ -319,7 +319,7 @@ impl<S: Space> Bodies<S> for Blocks {
         if world.shape(k).is_none() {
             return engine.sphere_plane_contact(particles, pair);
         }
-        let touch = world.meet_plane(pair, wall, &mut pair.memory.clone(), narrow)?;
+        let touch = world.meet_plane(pair, wall, &mut pair.history.clone(), narrow)?;
         Some(Contact {
             grain: k,
             other: None,

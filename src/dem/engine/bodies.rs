@@ -1,5 +1,5 @@
-//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies says here how they
-//! move, which pairs of near spheres may touch, and how forces come about. The defaults are those of spheres.
+//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies defines here how they
+//! move, which pairs of near spheres may touch, and how forces are computed. The defaults are those of spheres.
 
 use super::super::Contact;
 use super::super::particles::SPHERE;
@@ -26,7 +26,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         Ok(Engine::new(law, settings, walls))
     }
 
-    /// Refuses bodies that the law knows nothing of.
+    /// Refuses bodies that the law does not support.
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {
         let shapes = particles.shape.iter();
         match shapes

@@ -56,7 +56,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
             let far = pair.reach + L::bonding_gap(&constants);
             if squared < far * far
-                && L::bond(&constants, &mut pair.memory, pair.reach - squared.sqrt())
+                && L::bond(&constants, &mut pair.history, pair.reach - squared.sqrt())
                 && ends.0 < particles.owned()
             {
                 bonds += 1;
@@ -66,7 +66,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let distance = self.walls[pair.wall as usize]
                 .distance(&particles.motion[pair.grain as usize].position);
             if distance < pair.radius + L::bonding_gap(&pair.constants)
-                && L::bond(&pair.constants, &mut pair.memory, pair.radius - distance)
+                && L::bond(&pair.constants, &mut pair.history, pair.radius - distance)
             {
                 bonds += 1;
             }
@@ -87,18 +87,18 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             facets.taken.resize(held.len(), false);
             let start = ghosts::index(facets.next.len());
             for one in &facets.found {
-                let mut memory =
-                    memory_of(surface, held, &mut facets.taken, &facets.found, one.facet);
-                if L::bond(&pair.constants, &mut memory, pair.radius - one.distance) {
+                let mut history =
+                    history_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
                     bonds += 1;
                 }
-                // A fresh memory is none, whether lists were made meanwhile or not.
-                if (one.distance < pair.radius || L::bonded(&memory))
-                    && memory != L::History::default()
+                // A fresh history is none, whether lists were made meanwhile or not.
+                if (one.distance < pair.radius || L::bonded(&history))
+                    && history != L::History::default()
                 {
                     facets.next.push(Held {
                         facet: one.facet,
-                        memory,
+                        history,
                     });
                 }
             }
@@ -113,13 +113,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Takes every bond away; the contacts stay.
     pub(in crate::dem) fn unbond(&mut self) {
         for pair in &mut self.pairs {
-            L::unbond(&mut pair.memory);
+            L::unbond(&mut pair.history);
         }
         for pair in &mut self.wall_pairs {
-            L::unbond(&mut pair.memory);
+            L::unbond(&mut pair.history);
         }
         for held in &mut self.facets.held {
-            L::unbond(&mut held.memory);
+            L::unbond(&mut held.history);
         }
     }
 }

@@ -21,15 +21,15 @@ pub(in crate::dem) struct SurfacePair<C> {
     pub(super) constants: C,
 }
 
-/// The memory of a contact with a facet.
+/// The history of a contact with a facet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held<M> {
     pub(super) facet: u32,
-    pub(super) memory: M,
+    pub(super) history: M,
 }
 
 /// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
-/// take over the memory of the same facet, or else of a facet beside it: shear survives an interior edge.
+/// take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
 #[derive(Debug)]
 pub(super) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
@@ -77,7 +77,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         };
         let grain = &motion[pair.grain as usize];
         let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
-        let reach = if held.iter().any(|old| L::bonded(&old.memory)) {
+        let reach = if held.iter().any(|old| L::bonded(&old.history)) {
             pair.radius + pair.opening
         } else {
             pair.radius
@@ -88,8 +88,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         self.taken.resize(held.len(), false);
         let start = ghosts::index(self.next.len());
         for one in &self.found {
-            let mut memory = memory_of(surface, held, &mut self.taken, &self.found, one.facet);
-            if one.distance >= pair.radius && !L::bonded(&memory) {
+            let mut history = history_of(surface, held, &mut self.taken, &self.found, one.facet);
+            if one.distance >= pair.radius && !L::bonded(&history) {
                 continue;
             }
             let normal = S::from_volume(&one.normal);
@@ -100,7 +100,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 Other::Wall(pair.wall),
             );
             let failure = act_at_wall::<S, L>(
-                (&pair.constants, &mut memory),
+                (&pair.constants, &mut history),
                 (pair.radius, one.distance, &normal),
                 (grain, &wall.velocity),
                 &mut contact[pair.grain as usize],
@@ -114,11 +114,11 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                     mode,
                 });
             }
-            // A fresh memory is none, whether lists were made meanwhile or not.
-            if (one.distance < pair.radius || L::bonded(&memory)) && memory != M::default() {
+            // A fresh history is none, whether lists were made meanwhile or not.
+            if (one.distance < pair.radius || L::bonded(&history)) && history != M::default() {
                 self.next.push(Held {
                     facet: one.facet,
-                    memory,
+                    history,
                 });
             }
         }
@@ -136,8 +136,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     }
 }
 
-/// The memory among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
-pub(super) fn memory_of<M: Copy + Default>(
+/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+pub(super) fn history_of<M: Copy + Default>(
     surface: &Surface,
     held: &[Held<M>],
     taken: &mut [bool],
@@ -154,7 +154,7 @@ pub(super) fn memory_of<M: Copy + Default>(
     });
     at.map_or(M::default(), |at| {
         taken[at] = true;
-        held[at].memory
+        held[at].history
     })
 }
 
@@ -200,16 +200,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
             let held = ghosts::index(facets.held.len());
             let from = self
-                .wall_memories
+                .wall_histories
                 .partition_point(|(key, _)| *key < (body.id, w, 0));
-            let remembered = self.wall_memories[from..]
+            let remembered = self.wall_histories[from..]
                 .iter()
                 .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
             facets
                 .held
-                .extend(remembered.map(|((_, _, facet), memory)| Held {
+                .extend(remembered.map(|((_, _, facet), history)| Held {
                     facet: *facet,
-                    memory: *memory,
+                    history: *history,
                 }));
             let diameter = 2.0 * body.radius;
             facets.pairs.push(SurfacePair {
@@ -227,7 +227,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Contacts with facets: found anew, each with the memory it had.
+    /// Contacts with facets: found anew, each with the history it had.
     pub(super) fn facet_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let Particles {
             motion, contact, ..

@@ -17,32 +17,33 @@ pub(in crate::dem) struct Key {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Moves the memories of all contacts out of the lists, by rising key, each once.
+    /// Moves the histories of all contacts out of the lists, by rising key, each once.
     pub(super) fn remember(&mut self) {
-        let with_memory = |pair: &&Pair<L::Scale, L::History>| pair.memory != L::History::default();
-        self.memories
-            .reserve_exact(self.pairs.iter().filter(with_memory).count());
+        let with_history =
+            |pair: &&Pair<L::Scale, L::History>| pair.history != L::History::default();
+        self.histories
+            .reserve_exact(self.pairs.iter().filter(with_history).count());
         for pair in &self.pairs {
-            if pair.memory != L::History::default() {
+            if pair.history != L::History::default() {
                 let key = key(
                     self.names[pair.first as usize],
                     self.names[pair.second as usize],
                 );
-                self.memories.push((key, pair.memory));
+                self.histories.push((key, pair.history));
             }
         }
         for pair in &self.wall_pairs {
-            if pair.memory != L::History::default() {
+            if pair.history != L::History::default() {
                 let id = self.names[pair.grain as usize].0;
-                self.wall_memories.push(((id, pair.wall, 0), pair.memory));
+                self.wall_histories.push(((id, pair.wall, 0), pair.history));
             }
         }
         for pair in &self.facets.pairs {
             let id = self.names[pair.grain as usize].0;
             for held in self.facets.held(pair) {
-                if held.memory != L::History::default() {
-                    self.wall_memories
-                        .push(((id, pair.wall, held.facet), held.memory));
+                if held.history != L::History::default() {
+                    self.wall_histories
+                        .push(((id, pair.wall, held.facet), held.history));
                 }
             }
         }
@@ -51,14 +52,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.facets.pairs.clear();
         self.facets.held.clear();
         self.names.clear();
-        self.put_memories_in_order();
+        self.put_histories_in_order();
     }
 
-    pub(super) fn put_memories_in_order(&mut self) {
-        self.memories.sort_unstable_by_key(|(key, _)| *key);
-        self.memories.dedup_by_key(|(key, _)| *key);
-        self.wall_memories.sort_unstable_by_key(|(key, _)| *key);
-        self.wall_memories.dedup_by_key(|(key, _)| *key);
+    pub(super) fn put_histories_in_order(&mut self) {
+        self.histories.sort_unstable_by_key(|(key, _)| *key);
+        self.histories.dedup_by_key(|(key, _)| *key);
+        self.wall_histories.sort_unstable_by_key(|(key, _)| *key);
+        self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
     /// Sends grains that left the slab, with their contacts, to their owners.
@@ -82,26 +83,26 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let mut writer = Writer::default();
             pack_grains(particles, &leaving, &mut writer);
             let grains = || {
-                self.memories
+                self.histories
                     .iter()
                     .filter(|(key, _)| leaves(key.first) || leaves(key.second))
             };
-            let walls = || self.wall_memories.iter().filter(|(key, _)| leaves(key.0));
+            let walls = || self.wall_histories.iter().filter(|(key, _)| leaves(key.0));
             writer.integer(grains().count() as u64);
-            for (key, memory) in grains() {
+            for (key, history) in grains() {
                 writer.integer(key.first);
                 writer.integer(key.second);
                 for n in key.shift {
                     writer.signed(n);
                 }
-                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+                pack_history::<S, L>(history, &mut numbers, &mut writer);
             }
             writer.integer(walls().count() as u64);
-            for ((id, wall, facet), memory) in walls() {
+            for ((id, wall, facet), history) in walls() {
                 writer.integer(*id);
                 writer.integer(u64::from(*wall));
                 writer.integer(u64::from(*facet));
-                pack_memory::<S, L>(memory, &mut numbers, &mut writer);
+                pack_history::<S, L>(history, &mut numbers, &mut writer);
             }
             messages.push((target, writer.0));
         }
@@ -112,14 +113,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             for _ in 0..reader.integer()? {
                 let (first, second) = (reader.integer()?, reader.integer()?);
                 let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
-                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.memories.push((
+                let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;
+                self.histories.push((
                     Key {
                         first,
                         second,
                         shift,
                     },
-                    memory,
+                    history,
                 ));
             }
             for _ in 0..reader.integer()? {
@@ -129,16 +130,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                         .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
                 };
                 let (wall, facet) = (small()?, small()?);
-                let memory = unpack_memory::<S, L>(&mut numbers, &mut reader)?;
-                self.wall_memories.push(((id, wall, facet), memory));
+                let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;
+                self.wall_histories.push(((id, wall, facet), history));
             }
         }
-        self.put_memories_in_order();
+        self.put_histories_in_order();
         Ok(())
     }
 
-    /// Key and memory of each contact this rank reports, in no order: with grains, then with walls.
-    pub(in crate::dem) fn each_memory(
+    /// Key and history of each contact this rank reports, in no order: with grains, then with walls.
+    pub(in crate::dem) fn each_history(
         &self,
         mut grains: impl FnMut(Key, &L::History),
         mut walls: impl FnMut(WallKey, &L::History),
@@ -146,37 +147,37 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let fresh = L::History::default();
         for pair in &self.pairs {
             let (first, second) = pair.ends();
-            if pair.memory != fresh && first < self.named_owned {
-                grains(key(self.names[first], self.names[second]), &pair.memory);
+            if pair.history != fresh && first < self.named_owned {
+                grains(key(self.names[first], self.names[second]), &pair.history);
             }
         }
-        for pair in self.wall_pairs.iter().filter(|pair| pair.memory != fresh) {
+        for pair in self.wall_pairs.iter().filter(|pair| pair.history != fresh) {
             let id = self.names[pair.grain as usize].0;
-            walls((id, pair.wall, 0), &pair.memory);
+            walls((id, pair.wall, 0), &pair.history);
         }
         for pair in &self.facets.pairs {
             let id = self.names[pair.grain as usize].0;
             let held = self.facets.held(pair).iter();
-            for held in held.filter(|held| held.memory != fresh) {
-                walls((id, pair.wall, held.facet), &held.memory);
+            for held in held.filter(|held| held.history != fresh) {
+                walls((id, pair.wall, held.facet), &held.history);
             }
         }
     }
 
     /// The same as lists by rising key.
-    #[expect(clippy::type_complexity, reason = "two lists of key and memory")]
+    #[expect(clippy::type_complexity, reason = "two lists of key and history")]
     pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
-        self.each_memory(
-            |key, memory| grains.push((key, *memory)),
-            |key, memory| walls.push((key, *memory)),
+        self.each_history(
+            |key, history| grains.push((key, *history)),
+            |key, history| walls.push((key, *history)),
         );
         grains.sort_unstable_by_key(|(key, _)| *key);
         walls.sort_unstable_by_key(|(key, _)| *key);
         (grains, walls)
     }
 
-    /// Takes memories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
+    /// Takes histories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
     pub(in crate::dem) fn restore(
         &mut self,
         grains: Vec<(Key, L::History)>,
@@ -187,9 +188,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_pairs.clear();
         self.facets.pairs.clear();
         self.facets.held.clear();
-        self.memories = grains;
-        self.wall_memories = walls;
-        self.put_memories_in_order();
+        self.histories = grains;
+        self.wall_histories = walls;
+        self.put_histories_in_order();
         self.listed = false;
         self.total = None;
         self.steps = steps;

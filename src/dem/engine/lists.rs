@@ -21,7 +21,7 @@ pub(in crate::dem) struct Pair<C, M> {
     /// Place in the table of separations to add.
     pub(super) offset: u32,
     pub(super) scale: C,
-    pub(super) memory: M,
+    pub(super) history: M,
 }
 
 impl<C, M> Pair<C, M> {
@@ -38,11 +38,11 @@ pub(in crate::dem) struct WallPair<C, M> {
     pub(super) grain: u32,
     pub(super) radius: f64,
     pub(super) constants: C,
-    pub(super) memory: M,
+    pub(super) history: M,
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its memory back.
+    /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its history back.
     pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
         let periodic = self.settings.region.any_periodic();
         self.names.extend(
@@ -90,9 +90,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 return;
             }
             let held = self
-                .memories
+                .histories
                 .binary_search_by_key(&key, |(key, _)| *key)
-                .map_or(L::History::default(), |at| self.memories[at].1);
+                .map_or(L::History::default(), |at| self.histories[at].1);
             let lives = squared < reach * reach || L::bonded(&held);
             self.pairs.push(Pair {
                 first: ghosts::index(i),
@@ -102,7 +102,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 row,
                 offset: ghosts::index(place),
                 scale: L::scale(self.rows.at(row), &partners),
-                memory: if lives { held } else { L::History::default() },
+                history: if lives { held } else { L::History::default() },
             });
         });
         self.list_facets(particles, gap, &search);
@@ -119,9 +119,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
                 let wall_index = ghosts::index(w);
                 let held = self
-                    .wall_memories
+                    .wall_histories
                     .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
-                    .map_or(L::History::default(), |at| self.wall_memories[at].1);
+                    .map_or(L::History::default(), |at| self.wall_histories[at].1);
                 let lives = distance < body.radius || L::bonded(&held);
                 let partners = at_wall(wall.material, body);
                 self.wall_pairs.push(WallPair {
@@ -129,12 +129,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     grain: ghosts::index(k),
                     radius: body.radius,
                     constants: self.at_wall(&partners),
-                    memory: if lives { held } else { L::History::default() },
+                    history: if lives { held } else { L::History::default() },
                 });
             }
         }
-        self.memories.clear();
-        self.wall_memories.clear();
+        self.histories.clear();
+        self.wall_histories.clear();
         self.path = 0.0;
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
@@ -167,10 +167,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let gap = 2.0 * self.look * (1.0 + 1e-9);
             let far = pair.reach * (1.0 + 1e-12) + gap;
             let near = squared <= far * far && L::near(&self.scratch, pair.ends(), &between, gap);
-            if near || L::bonded(&pair.memory) {
+            if near || L::bonded(&pair.history) {
                 self.active.push(k);
             } else {
-                pair.memory = L::History::default();
+                pair.history = L::History::default();
             }
         }
         let facets = &mut self.facets;

@@ -1,4 +1,4 @@
-//! What one pair does: keys, masses, separations measured in blocks, the action of the law, and its memory in messages.
+//! One pair: keys, masses, separations measured in blocks, the action of the law, and its history in messages.
 
 use super::*;
 
@@ -48,7 +48,7 @@ pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
 /// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
-    (constants, memory): (&L::Constants, &mut L::History),
+    (constants, history): (&L::Constants, &mut L::History),
     (radius, distance, normal): (f64, f64, &S::Vector),
     (grain, moves): (&Motion<S>, &S::Vector),
     load: &mut Load<S>,
@@ -65,7 +65,7 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
         roll: grain.spin,
         time_step: dt,
     };
-    let force = L::force(constants, memory, &kinematics);
+    let force = L::force(constants, history, &kinematics);
     load.force += *normal * force.normal + S::embed(&force.tangent, normal);
     load.torque += S::tangent_moment(&force.tangent, normal) * -arm;
     if L::ROLLS {
@@ -85,8 +85,8 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
 ) -> Option<WallFailure<S>> {
     let grain = &motion[pair.grain as usize];
     let distance = wall.distance(&grain.position);
-    if distance >= pair.radius && !L::bonded(&pair.memory) {
-        pair.memory = L::History::default();
+    if distance >= pair.radius && !L::bonded(&pair.history) {
+        pair.history = L::History::default();
         return None;
     }
     record.note(
@@ -96,7 +96,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
         Other::Wall(pair.wall),
     );
     let mode = act_at_wall::<S, L>(
-        (&pair.constants, &mut pair.memory),
+        (&pair.constants, &mut pair.history),
         (pair.radius, distance, &wall.normal),
         (grain, &wall.velocity),
         load,
@@ -195,8 +195,8 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     record: &mut Record,
     dt: f64,
 ) -> Option<Action<S>> {
-    if squared >= pair.reach * pair.reach && !L::bonded(&pair.memory) {
-        pair.memory = L::History::default();
+    if squared >= pair.reach * pair.reach && !L::bonded(&pair.history) {
+        pair.history = L::History::default();
         return None;
     }
     let normal = *between * inverse;
@@ -217,7 +217,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         time_step: dt,
     };
     let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
-    let force = L::force(&constants, &mut pair.memory, &kinematics);
+    let force = L::force(&constants, &mut pair.history, &kinematics);
     let moment = S::tangent_moment(&force.tangent, &normal);
     let mut action = Action {
         force: normal * force.normal + S::embed(&force.tangent, &normal),
@@ -232,19 +232,19 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     Some(action)
 }
 
-pub(super) fn pack_memory<S: Space, L: ContactLaw<S>>(
-    memory: &L::History,
+pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
+    history: &L::History,
     numbers: &mut Vec<f64>,
     to: &mut Writer,
 ) {
     numbers.clear();
-    L::save(memory, numbers);
+    L::save(history, numbers);
     for number in &*numbers {
         to.float(*number);
     }
 }
 
-pub(super) fn unpack_memory<S: Space, L: ContactLaw<S>>(
+pub(super) fn unpack_history<S: Space, L: ContactLaw<S>>(
     numbers: &mut Vec<f64>,
     from: &mut Reader<'_>,
 ) -> Result<L::History, Error> {

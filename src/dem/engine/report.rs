@@ -23,7 +23,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let periodic = self.settings.region.any_periodic();
         let offset = &self.offsets[pair.offset as usize];
         let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
-        let bonded = L::bonded(&pair.memory);
+        let bonded = L::bonded(&pair.history);
         if squared >= pair.reach * pair.reach && !bonded {
             return None;
         }
@@ -39,7 +39,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             overlap,
             normal,
             position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
-            normal_force: L::normal_spring(&constants, &pair.memory, overlap),
+            normal_force: L::normal_spring(&constants, &pair.history, overlap),
             bonded,
         })
     }
@@ -52,7 +52,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) -> Option<Contact<S>> {
         let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
         let distance = wall.distance(&particles.motion[grain].position);
-        let bonded = L::bonded(&pair.memory);
+        let bonded = L::bonded(&pair.history);
         if distance >= pair.radius && !bonded {
             return None;
         }
@@ -64,7 +64,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             overlap,
             normal: wall.normal,
             position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
-            normal_force: L::normal_spring(&pair.constants, &pair.memory, overlap),
+            normal_force: L::normal_spring(&pair.constants, &pair.history, overlap),
             bonded,
         })
     }
@@ -109,8 +109,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
         let mut taken = vec![false; held.len()];
         for one in &found {
-            let memory = memory_of(surface, held, &mut taken, &found, one.facet);
-            let bonded = L::bonded(&memory);
+            let history = history_of(surface, held, &mut taken, &found, one.facet);
+            let bonded = L::bonded(&history);
             if one.distance < pair.radius || bonded {
                 let overlap = pair.radius - one.distance;
                 let normal = S::from_volume(&one.normal);
@@ -121,14 +121,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     overlap,
                     normal,
                     position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
-                    normal_force: L::normal_spring(&pair.constants, &memory, overlap),
+                    normal_force: L::normal_spring(&pair.constants, &history, overlap),
                     bonded,
                 });
             }
         }
     }
 
-    /// What this rank has now.
+    /// The present counts of this rank.
     pub(in crate::dem) fn statistics(&self, particles: &Particles<S>) -> Statistics {
         let mut now = Statistics {
             owned: particles.owned() as u64,

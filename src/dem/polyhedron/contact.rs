@@ -306,7 +306,7 @@ impl Narrow {
                 let (own, others) = self.planes.split_at(self.own);
                 let one = gradient(own, &point, rounding);
                 let two = gradient(others, &point, rounding);
-                // Gradients that nearly agree: so deep inside that they say nothing.
+                // Gradients that nearly agree: too deep inside to define a normal.
                 let normal = match (one - two).try_normalize(1e-3) {
                     Some(normal) => normal,
                     None => return self.exhaust(first, other, history),

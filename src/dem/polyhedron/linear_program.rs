@@ -23,7 +23,7 @@ use super::HalfSpace;
 /// A basis that names no half-spaces: start afresh.
 pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
 
-/// What the program says.
+/// The result of the linear program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
     /// The deepest common point, and how deep it is \[m\].
@@ -31,7 +31,7 @@ pub(super) enum Verdict {
     /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far outside one
     /// of the half-spaces every point is at least \[m\].
     Apart { axis: Vector3<f64>, gap: f64 },
-    /// Rounding stood in the way: ask another.
+    /// Undecided because of rounding: another test is needed.
     Open,
 }
 

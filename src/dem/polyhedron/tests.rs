@@ -26,8 +26,8 @@ fn direction(draw: &mut Stream) -> Vector3<f64> {
     }
 }
 
-/// An attitude.
-fn attitude(draw: &mut Stream) -> UnitQuaternion<f64> {
+/// A random orientation.
+fn random_orientation(draw: &mut Stream) -> UnitQuaternion<f64> {
     let axis = nalgebra::Unit::new_normalize(direction(draw));
     UnitQuaternion::from_axis_angle(&axis, between(draw, 0.0, 6.0))
 }

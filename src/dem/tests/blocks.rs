@@ -123,13 +123,13 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
                 .unwrap();
             worst = worst.max((particles.kinetic_energy(0) / energy - 1.0).abs());
         }
-        let (_, attitude) = particles.polyhedron(0).unwrap();
-        assert_eq!(attitude.angular_momentum, momentum);
+        let (_, state) = particles.polyhedron(0).unwrap();
+        assert_eq!(state.angular_momentum, momentum);
         assert_eq!(particles.motion[0].velocity, motion.velocity);
         assert!(particles.location(0).x.abs() <= 1.0 && particles.motion[0].position.x > 2.0);
-        // What others read follows the attitude.
+        // What others read follows the state.
         let inertia = shape.inertia(DENSITY);
-        assert_eq!(particles.motion[0].spin, attitude.spin(&inertia));
+        assert_eq!(particles.motion[0].spin, state.spin(&inertia));
         worst
     };
     let (coarse, fine) = (swing(1e-3, 2000), swing(5e-4, 4000));

@@ -97,6 +97,7 @@ fn all_arrays() -> Particles<Volume> {
     particles.allocate_fluid_loads();
     particles.keep_extra();
     particles.mark_start();
+    particles.keep_last_velocity();
     for (k, number) in (0..particles.owned()).zip([0.5, 1.5, 2.5, 3.5]) {
         particles.motion[k].position.z += number;
         particles.contact[k].force = Vector3::new(number, 0.25, -number);
@@ -120,11 +121,11 @@ fn columns_of_grains_keep_names_order_and_hash() {
          velocity_x velocity_y velocity_z spin_x spin_y spin_z contact_force_x contact_force_y contact_force_z \
          contact_torque_x contact_torque_y contact_torque_z fluid_force_x fluid_force_y fluid_force_z \
          fluid_torque_x fluid_torque_y fluid_torque_z extra_0 extra_1 extra_2 extra_3 extra_4 extra_5 extra_6 \
-         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z shape orientation_x orientation_y \
+         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z last_velocity_x last_velocity_y last_velocity_z shape orientation_x orientation_y \
          orientation_z orientation_w angular_momentum_x angular_momentum_y angular_momentum_z"
     );
-    assert_eq!(digest(&table), 0xef69_8034_7ba4_8324);
-    assert_eq!(hash(&particles, None), "fd821a04271b991b5ac885abd72cdb89");
+    assert_eq!(digest(&table), 0xd9ce_5dad_5b54_86d3);
+    assert_eq!(hash(&particles, None), "ef66613fd2d929924c30ee4f6559b50f");
     // All comes back, and a second table is the first.
     let again = Particles::<Volume>::from_table(&table).unwrap();
     assert_eq!(hash(&again, None), hash(&particles, None));
@@ -140,6 +141,7 @@ fn arrays_cross_ranks_when_the_list_says() {
         empty.allocate_fluid_loads();
         empty.keep_extra();
         empty.mark_start();
+        empty.keep_last_velocity();
         empty
     };
     // A grain that gets another owner keeps everything.

@@ -1,4 +1,4 @@
-//! Faces of blocks in a picture: plane convex polygons, hidden by what is nearer, with their edges.
+//! Faces of blocks in a picture: plane convex polygons with their edges, hidden by nearer faces.
 
 use super::{Frame, Raster, dot, failed, magnitudes};
 use crate::error::Error;

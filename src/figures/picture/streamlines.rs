@@ -1,6 +1,6 @@
-//! Streamlines of a plane flow: followed both ways from seeds by the method of Runge and Kutta of fourth order, each until it leaves the
-//! water, stands still or comes close to another. Seeds are tried in rows, so that lines fill the plane evenly (Jobard and Lefer,
-//! Visualization in Scientific Computing '97, 43, by squares instead of distances).
+//! Streamlines of a plane flow. They are integrated in both directions from seeds by the Runge-Kutta method of fourth order, until they leave the
+//! fluid, the velocity vanishes, or another line is close. Seeds are tried in rows, so that the lines fill the plane evenly (Jobard and Lefer,
+//! Visualization in Scientific Computing '97, 43, with squares instead of distances).
 
 use super::Water;
 use crate::number::{real, whole};

@@ -35,7 +35,7 @@ impl Model for Parameters {
         let tau = number(relaxation_time);
         Description::new(
             "BGK",
-            format!("asked for; walls lie half-way only near tau 0.933 (here {tau})"),
+            format!("requested; walls lie half-way only near tau 0.933 (here {tau})"),
         )
     }
 

@@ -1,7 +1,7 @@
-//! Up to which cell Reynolds number runs with an operator were seen to hold.
+//! The cell Reynolds number up to which runs with an operator were stable.
 //!
-//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The borders are those of the maps under `benches/stability`,
-//! one folder a scene: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings).
+//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
+//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings).
 
 /// Bounds of the cell Reynolds number up to a lattice velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,7 @@ pub struct Situation {
     pub dimension: usize,
     /// What surrounds the fluid.
     pub surroundings: Surroundings,
-    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the hardest that walls can be.
+    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
     /// Whether an eddy viscosity is added.
     pub eddies: bool,

@@ -2,18 +2,18 @@
 //! choice at high Reynolds numbers.
 //!
 //! The populations become central moments κ_abc about the velocity u. The shear part of the second moments relaxes at ω = 1/τ, their
-//! trace at the bulk rate; all cumulants of third and higher order go to zero. What is left are the moments of a Gaussian with the
+//! trace at the bulk rate. All cumulants of third and higher order are set to zero. The result has the moments of a Gaussian with the
 //! covariance s = κ_2'/ρ of the relaxed second moments, which Isserlis' theorem gives in closed form:
 //!
 //! κ_220 = ρ (s_xx s_yy + 2 s_xy²), κ_211 = ρ (s_xx s_yz + 2 s_xy s_xz),
 //! κ_222 = ρ (s_xx s_yy s_zz + 2 s_xx s_yz² + 2 s_yy s_zx² + 2 s_zz s_xy² + 8 s_xy s_yz s_zx).
 //!
-//! The relaxation of the diagonal carries the correction of the cubic error in u (from the strain that the moments
-//! themselves show), so that viscosity does not depend on the velocity of the frame. There is no magic parameter: where a
-//! wall lies depends weakly on τ. Transforms are three sweeps of nine, on deviations from the moments of the weights, so
-//! that the fluid at rest is exact. A force flips the first central moment, -F/2 to F/2; the Gaussian then lies about u + F/(2ρ), so that
-//! κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with Guo forcing of the other operators: without them the fluid beside a
-//! wall that a force presses it against has a wrong pressure.
+//! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments represent), so that
+//! the viscosity does not depend on the velocity of the frame. There is no magic parameter: the position of a wall depends weakly on τ.
+//! The transforms are three sweeps of nine, on deviations from the moments of the weights, so that the fluid at rest is exact. A force
+//! changes the first central moment from -F/2 to F/2. The Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and
+//! κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong beside a
+//! wall against which a force presses the fluid.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -55,7 +55,7 @@ const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
 
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
-        Description::new("cumulants", "asked for; robust at high Reynolds numbers")
+        Description::new("cumulants", "requested; robust at high Reynolds numbers")
     }
 
     fn only_on(&self) -> Option<VelocitySet> {

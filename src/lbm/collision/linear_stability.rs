@@ -1,8 +1,8 @@
 //! Linear (von Neumann) stability of an operator in fluid at rest.
 //!
-//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step: C is the operator made linear about rest, D = diag(e^{-ik·c_i}) the
-//! streaming. The wave grows where an eigenvalue of D C lies outside the unit circle. Repeated squaring of the matrix gives the largest
-//! modulus, whatever the eigenvectors are:
+//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step. C is the operator linearised about rest, D = diag(e^{-ik·c_i}) the
+//! streaming. The wave grows if an eigenvalue of D C lies outside the unit circle. Repeated squaring of the matrix gives the largest
+//! modulus without computing eigenvectors:
 //!
 //! |λ| = (|A^{2n}| / |A^n|)^{1/n},   n = 4096.
 //!

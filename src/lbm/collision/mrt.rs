@@ -154,12 +154,12 @@ impl Model for Parameters {
         if self.second_order() {
             Description::new(
                 "multiple relaxation times of the second moments",
-                "asked for; the moments above go to their equilibrium at once",
+                "requested; higher moments are set to their equilibrium",
             )
         } else {
             Description::new(
                 "multiple relaxation times after Suga",
-                "asked for; moments that are not hydrodynamic are damped at their own rates",
+                "requested; non-hydrodynamic moments relax at their own rates",
             )
         }
     }
@@ -181,7 +181,7 @@ impl Model for Parameters {
                 finding(
                     Severity::Warning,
                     format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
-                    "look at the flow for waves of a few cells, or use cumulant".into(),
+                    "check the flow for waves of a few cells, or use cumulant".into(),
                     json!({"cumulant": {}}),
                 )
             });
@@ -190,7 +190,7 @@ impl Model for Parameters {
             return None;
         }
         let reason = format!(
-            "{at}: with the rates of Suga, made for tau near 1/2, waves of three cells grow by themselves from {SUGA_GROWS} on"
+            "{at}: with the rates of Suga, made for tau near 1/2, waves of three cells are linearly unstable from {SUGA_GROWS} on"
         );
         let remedy = format!("use trt or cumulant, or `higher`: 1, or a tau below {SUGA_GROWS}");
         let (severity, reason) = if relaxation_time >= SUGA_FAILS {

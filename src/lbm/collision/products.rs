@@ -1,4 +1,4 @@
-//! The populations of D3Q27 by the components of their velocities, for operators that work with products of one polynomial an axis.
+//! The populations of D3Q27 by the components of their velocities, for operators that use products of one polynomial per axis.
 
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{D3Q27, Lattice};

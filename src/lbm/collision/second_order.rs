@@ -1,17 +1,18 @@
-//! The kernel of multiple relaxation times where only the second moments have rates of their own: the operator of [`super::mrt`] with
-//! all higher rates 1, as `lbmpy` and others take it by default.
+//! The kernel of multiple relaxation times if only the second moments have rates of their own: the operator of [`super::mrt`] with
+//! all higher rates 1, the default of `lbmpy` and others.
 //!
-//! A rate of 1 sends a moment to its equilibrium at once, whatever came in, so that only ten sums of the populations are needed.
-//! With J = Σ c g + F, Q_ab = m_a u_b + (F_a u_b + F_b u_a)/2 (what Guo's source leaves of it at a rate of 1) and the second
-//! moments' distance from that,
+//! A rate of 1 sets a moment to its equilibrium, independently of its incoming value, so that only ten sums of the populations are needed.
+//! With J = Σ c g + F, Q_ab = m_a u_b + (F_a u_b + F_b u_a)/2 (the remainder of Guo's source at a rate of 1) and the difference of the
+//! second moments from that,
 //!
 //! D_a = (1 - s4) e + (1 - ω) [(P_a - P_a^eq) - e],   e = Σ_a (P_a - P_a^eq)/3,   E_ab = (1 - ω) (c_a c_b - m_a u_b),
 //!
-//! what leaves is, in the basis of Suga with P_a = 3 c_a² - 2,
+//! the outgoing populations are, in the basis of Suga with P_a = 3 c_a² - 2,
 //!
 //! g_i = w_i [δρ + 3 c·J + 9/2 Σ Q_ab c_a c_b - 3/2 tr Q] + Σ_a D_a P_a(c)/54 + Σ_{a<b} E_ab c_a c_b/12,
 //!
-//! even in c but for 3 w c·J: pairs are a sum and a difference. Compiled for AVX-512 this is 221 operations in place of 328.
+//! which is even in c except for 3 w c·J: opposite populations are a sum and a difference. Compiled for AVX-512 this takes 221 operations
+//! instead of 328.
 
 use super::products::{POPULATION, n};
 use super::{Collision, Site};

@@ -1,4 +1,4 @@
-//! The choice of the pass: once at the start, by operator, force, eddies, solids, velocity set, number type and processor.
+//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage precision and processor.
 
 use super::Setup;
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Operator};
@@ -146,7 +146,7 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for On<L, S, Q> {
         self.choice.pass::<L, K, S, Q>(kernels)
     }
 
-    /// The moments are those of D3Q27, whatever set was asked for.
+    /// The moments are those of D3Q27 for any velocity set.
     fn on_d3q27<K: Kernels>(self, kernels: K) -> Self::Output {
         self.choice.pass::<D3Q27, K, S, 27>(kernels)
     }

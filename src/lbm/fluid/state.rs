@@ -1,4 +1,4 @@
-//! What can be read from a fluid: force, state of cells, stress, and what crossed its faces.
+//! Quantities computed from a fluid: force, state of the cells, stress, and flux through its faces.
 
 use super::Fluid;
 use crate::lbm::boundary::Flux;
@@ -46,7 +46,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// What stands out among a row of `length` cells from `cell` on; `work` is room that is used again.
+    /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
     pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
         let half = self.half_force();
         self.populations.row_extremes(cell, length, half, work)

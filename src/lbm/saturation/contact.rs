@@ -1,21 +1,21 @@
-//! Bodies in contact: what crosses between two full cells of different bodies carries pressure, but no drag.
+//! Bodies in contact: populations that cross between two full cells of different bodies carry pressure, but no drag.
 //!
-//! Where no water is between two bodies that slide on each other, the populations that their full cells exchange would drag them like
-//! a film one cell thick, and those that are reversed in both cells go to and fro and make it up to a hundred times more: a face of 0.01 m²
-//! at 0.2 m/s in cells of 1 cm felt 55 to 70 N where water would give 1 N. There is no such film: what bodies in contact do to each other
-//! is the contact law's business. So a population that leaves a full cell towards a full cell of another body is set to the
+//! Where no water is between two bodies that slide on each other, the populations that their full cells exchange would act like
+//! a viscous film one cell thick. Populations that both cells reverse oscillate and increase this drag up to a hundredfold: a face of 0.01 m²
+//! at 0.2 m/s in cells of 1 cm received 55 to 70 N where water would exert 1 N. This film does not exist, because the contact law describes the
+//! forces between bodies in contact. A population that leaves a full cell towards a full cell of another body is therefore set to the
 //! equilibrium at the mean of the two bodies' velocities at the middle of the link,
 //!
 //! ```text
 //! f_i* = f_i^eq(ρ, u_c),     u_c = (u_a + u_b) / 2
 //! ```
 //!
-//! from both sides. What arrives along i and leaves along ī then adds up to 2 w_i ρ, the pressure of the joint (uplift), whatever the
-//! bodies' velocities. The rest population keeps the mass of the cell, its bodies receive the momentum that the water does not. A wall at
-//! rest beside a full cell is such a body too, with u_c = 0; beside a wall that moves nothing changes.
+//! from both sides. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the joint (uplift), for any
+//! velocities of the bodies. The rest population conserves the mass of the cell, and the bodies receive the momentum that the water does not.
+//! A wall at rest beside a full cell counts as a body with u_c = 0. The rule does not apply to moving walls.
 //!
-//! The rule needs what covers the neighbours, so a slab knows the cover of its ghost cells: there a fraction is held as its negative, and no
-//! pass acts on it.
+//! The rule needs the cover of the neighbours, so that a slab holds the cover of its ghost cells. A fraction in a ghost cell is stored as its negative,
+//! and no pass acts on it.
 
 use super::Cell;
 use super::cover::{DEEP, NONE, SHARED, STILL, total};

@@ -1,4 +1,4 @@
-//! What covers the cells of a slab: fractions, owners, and the sums of forces on the bodies.
+//! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;

@@ -1,4 +1,4 @@
-//! The frame of the operators that mix the collision of the fluid and that of the solid by B.
+//! Common part of the operators that mix the collision of the fluid and that of the solid by B.
 
 use super::{Act, Cell, CoveredFluid, LEAK};
 use crate::lbm::collision::along;

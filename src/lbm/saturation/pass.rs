@@ -1,4 +1,4 @@
-//! What a pass does where cells are covered.
+//! The collision pass of covered cells.
 
 use super::cover::{Cover, DEEP, SHARED, Share, Solid, Sums, total};
 use super::{Cell, CoveredFluid, SolidOperator, Weighting};

@@ -1,16 +1,16 @@
 //! The operator whose drag in slow flow does not depend on the viscosity.
 //!
-//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at ten cells a diameter.
-//! Steady slow flow on a lattice depends on the product of the times of the symmetric and antisymmetric parts alone if every time of a cell
-//! scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E 68 (2003) 066614), so that a cell gets
+//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at ten cells per diameter.
+//! Steady slow flow on a lattice depends only on the product of the times of the symmetric and antisymmetric parts if every time of a cell
+//! scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E 68 (2003) 066614). The times of a cell are therefore
 //!
 //! ```text
 //! t⁺ = t / (1 - ε),     t⁻ = t' (1 - ε),     S = -σ (ρu - ρu_s),   σ = 2 C t ε / (1 - ε),    C = ¾
 //! ```
 //!
 //! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts, u at the middle of the step, and (1 - ε) F of the body force. t⁺
-//! is exact for shear along a flat wall: a cell of which 1 - ε is fluid has 1/(1 - ε) times the viscosity. A full cell reverses the
-//! antisymmetric part and keeps the symmetric part: half-way bounce-back. The operator is the fluid's own, with its two parts scaled.
+//! is exact for shear along a flat wall: a cell with a fluid fraction of 1 - ε has 1/(1 - ε) times the viscosity. A full cell reverses the
+//! antisymmetric part and keeps the symmetric part: half-way bounce-back. The operator is that of the fluid with scaled rates of its two parts.
 
 use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, Model, SolidCollision};
 use crate::lbm::collision::along;

@@ -1,4 +1,4 @@
-//! How much the solid part of a cell counts.
+//! The weight of the solid part of a cell as a function of its solid fraction.
 
 use crate::lbm::lanes::Lanes;
 use schemars::JsonSchema;

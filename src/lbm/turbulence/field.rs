@@ -1,11 +1,11 @@
-//! The velocity field from which the eddy viscosity comes.
+//! The velocity field from which the eddy viscosity is computed.
 //!
-//! Beside faces of the domain ghosts make the central difference second-order: with the wall at half a cell
-//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2; beside open faces
-//! u_ghost = 2 u_1 - u_2 gives the one-sided difference; beside planes of symmetry it is the mirror image. The field is in f32: its
-//! rounding is 1e-7 of the velocity, and a model, not the flow, depends on it.
+//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
+//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces
+//! u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is stored in f32: its
+//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
 //!
-//! Beside bodies in the lattice the neighbour is no water. There the derivative is that of the parabola through the velocities u_l, u_h of
+//! Beside bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of
 //! the surfaces at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
 //!
 //! ```text

@@ -1,6 +1,6 @@
 //! Smagorinsky (J. Smagorinsky, Mon. Weather Rev. 91 (1963) 99): ν_t = (C_s Δ)² √(2 S:S), S the rate of strain and Δ one cell.
 //!
-//! It is not zero in laminar shear, nor at walls; WALE ([`super::wale`]) is.
+//! It does not vanish in laminar shear or at walls, unlike WALE ([`super::wale`]).
 
 #![allow(
     rustdoc::broken_intra_doc_links,

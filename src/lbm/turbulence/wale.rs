@@ -89,7 +89,7 @@ mod tests {
         Wale { constant: C }.viscosity(&g)
     }
 
-    /// Nothing at rest and in pure shear.
+    /// Zero at rest and in pure shear.
     #[test]
     fn nothing_in_pure_shear() {
         assert!(nu([[0.0; 3]; 3]).abs() < 1e-300);

@@ -1,11 +1,11 @@
 //! Force of the fluid on a face of the domain, from the momentum that the links through it carry.
 //!
-//! [`Flux`](crate::lbm::boundary::Flux) counts whole populations, so that a fluid at rest presses on every patch with the
-//! pressure of density one. That reference is taken off link by link, in the same integers, and the gauge pressure
-//! stays; away from edges it is 1/3 per cell along the normal. A link through an edge or a corner belongs to the face with
-//! the strongest condition (see [`crate::lbm::boundary`]), here as there.
+//! [`Flux`](crate::lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of density one on every
+//! patch. This reference is subtracted link by link, in the same integers, and the gauge pressure remains. Away from edges the reference is 1/3
+//! per cell along the normal. A link through an edge or a corner belongs to the face with the strongest condition (see
+//! [`crate::lbm::boundary`]).
 //!
-//! On a face through which fluid passes the force holds the momentum that it carries.
+//! On a face through which fluid passes the force includes the momentum of that fluid.
 
 use super::face_area;
 use crate::case::geometry::Face;
@@ -113,7 +113,7 @@ impl Wall {
     }
 }
 
-/// What a fluid of density one at rest exerts on a face, in quanta.
+/// The force of a fluid of density one at rest on a face, in quanta.
 fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [i128; 3] {
     let mut sum = [0; 3];
     let (mut from, mut to) = ([0; 3], grid.cells);
@@ -276,7 +276,7 @@ mod tests {
             .unwrap()
     }
 
-    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly nothing.
+    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly no force.
     #[test]
     fn the_reference_is_what_a_fluid_at_rest_exerts() {
         let (plan, fluid) = still(0.0);

@@ -1,4 +1,4 @@
-//! Limits of blocks: springs over all faces, and over the least face alone.
+//! Limits of blocks: springs on all faces, and on the smallest face alone.
 
 use super::{Limits, limit};
 use crate::dem::contact::Springs;

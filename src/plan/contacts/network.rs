@@ -1,4 +1,4 @@
-//! The contacts of spheres and discs as they stand at the start, and the largest eigenvalue of what they hold together.
+//! The initial contacts of spheres and discs, and the largest eigenvalue of their network.
 
 use super::{bonds, limit, turning};
 use crate::dem::contact::{ContactModel, Depth, Springs, StaticContact};

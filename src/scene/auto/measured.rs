@@ -1,11 +1,11 @@
-//! What a number of cells is worth: errors of forces and flows against published numbers, measured with this program.
+//! Measured errors of forces and flows over the number of cells, relative to published values.
 //!
-//! A row of `measured.csv` is a problem with a known answer at one resolution. Its error is the largest of several places of the body
-//! between the nodes, at this and at every finer resolution measured: a staircase does not converge evenly, and nobody's body lies where
-//! it does best. Its cost is that of the water in a box of one diameter (a wall problem: one width d) over the time d²/nu.
+//! A row of `measured.csv` is a problem with a known solution at one resolution. Its error is the largest over several positions of the body
+//! relative to the nodes, at this and at every finer resolution: the error on a staircase boundary does not decrease evenly, and a body is
+//! not at the best position in general. Its cost is that of the fluid in a box of one diameter (a wall problem: one width d) over the time d²/nu.
 //!
-//! A run is another problem than that of the row, so the error of the row shall be at most half the target. Inertia makes layers as
-//! thin as d/Re^½: a row at a Reynolds number asks for cells in proportion to the root of that of the run.
+//! A run differs from the problem of the row, so that the error of the row must be at most half the target. Boundary layers have a thickness of
+//! d/Re^½: from a row at a given Reynolds number the number of cells is scaled with the square root of the Reynolds number of the run.
 
 use io::csv::Reader;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub struct Row {
     pub problem: String,
     /// 2 or 3.
     pub dimension: usize,
-    /// What the water meets: `walls`, a coupling, or `blocks: ` and what their cells do.
+    /// Obstacle in the fluid: `walls`, a coupling, or `blocks: ` with the solid collision operator.
     pub obstacle: String,
     /// Velocity set.
     pub lattice: String,
@@ -33,21 +33,21 @@ pub struct Row {
     pub cells: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
-    /// Mach number U/C.
-    pub mach: f64,
+    /// Lattice velocity U dt/h.
+    pub lattice_velocity: f64,
     /// Reynolds number with the diameter or width; 0 for creeping flow.
     pub reynolds: f64,
     /// Largest relative error.
     pub error: f64,
     /// Core-seconds for one diameter cubed (2-D: squared) over d²/nu.
     pub core_seconds: f64,
-    /// Where it was measured, and against what.
+    /// Source of the measurement, and its reference.
     pub place: String,
 }
 
 impl Row {
-    /// Cells that a flow of this Reynolds number needs to be as well resolved as the row. Slower flow than that of the row may have
-    /// fewer only where there are rows of creeping flow to say how many.
+    /// Cells that a flow of this Reynolds number needs for the resolution of the row. Slower flow than that of the row may have
+    /// fewer cells only if there are rows of creeping flow.
     #[must_use]
     pub fn cells_at(&self, reynolds: f64) -> f64 {
         if self.reynolds > 0.0 {
@@ -98,8 +98,8 @@ fn group(dimension: usize, obstacle: &str, inertia: bool) -> impl Iterator<Item 
     })
 }
 
-/// The row that asks for most cells at this Reynolds number, of the cheapest that are good enough for the target in creeping flow and
-/// in flow with inertia; where none is good enough, the best.
+/// The row that requires most cells at this Reynolds number, of the cheapest that meet the target in creeping flow and
+/// in flow with inertia; if none meets it, the most accurate.
 pub(crate) fn needed(
     dimension: usize,
     obstacle: &str,
@@ -118,7 +118,7 @@ pub(crate) fn needed(
     picked.max_by(|a, b| a.cells_at(reynolds).total_cmp(&b.cells_at(reynolds)))
 }
 
-/// The row that says what so many cells are worth: the worse of those for creeping flow and for flow with inertia; none where there are
+/// The row with the error of this number of cells: the larger one of creeping flow and of flow with inertia; none where there are
 /// fewer cells than in any row.
 pub(crate) fn covering(
     dimension: usize,

@@ -1,27 +1,25 @@
-//! Seepage between grains: how stiff contacts are and how often water and grains are coupled, where the case does not say.
+//! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two numbers without unit carry over from bed to bed. The grains at its foot bear at most the submerged bed above and the pressure
-//! that drives the water through it,
+//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the submerged weight of the bed
+//! and the pressure difference of the flow,
 //!
 //! ```text
 //! sigma = c (rho_s - rho) g H + dp,   c = 0.6
-//! overlap = sigma d/k                 part of a diameter by which a contact gives way under sigma d² (2-D: sigma/k, sigma d)
-//! interval = t/(d/a)^½                time between two couplings over that in which a grain without neighbours, under
+//! overlap = sigma d/k                 overlap of a contact under sigma d², in diameters (2-D: sigma/k, sigma d)
+//! interval = t/(d/a)^½                coupling interval over the time in which a grain without neighbours, under
 //!                                     a = sigma/(c rho_s H), moves half a diameter
 //! ```
 //!
-//! A bed that gives way closes its pores; a load that is kept too long drives grains on after they have moved. What the flow is then off
-//! stands in `measured_seepage.csv`: the largest error of two beds, one that the water nearly lifts and one that it presses down,
-//! at that and every smaller overlap or interval measured. Both errors add up; twice their sum is promised. Porosity is counted
-//! exactly: other ways were no cheaper at equal error.
+//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load. `measured_seepage.csv` lists the
+//! resulting errors of the flow: the largest error of two beds, one near the critical gradient and one that the flow presses down, at this and every
+//! smaller overlap or interval. Both errors add up, and the plan promises twice their sum. Porosity is computed from exact overlaps, because other
+//! methods cost as much at equal error.
 
 use super::step;
-use crate::darcy::Condition;
-use crate::number::{real, to_u32};
+use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
-use crate::scene::seepage::{Patch, Seepage};
 use io::csv::Reader;
 use serde::Deserialize;
 use std::sync::LazyLock;
@@ -46,7 +44,7 @@ pub(crate) struct Row {
     value: f64,
     /// Largest relative error of the flow.
     error: f64,
-    /// Where it was measured, and against what.
+    /// Source of the measurement, and its reference.
     place: String,
 }
 
@@ -82,7 +80,7 @@ fn needed(what: &str, bound: f64) -> Option<&'static Row> {
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
-/// The row that says what this number is worth; none beyond all rows.
+/// The row with the error of this number; none beyond all rows.
 fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
@@ -109,9 +107,9 @@ impl Bed {
         let density = scene.density(grains.material);
         let size = |g: [f64; 3]| g.iter().map(|g| g * g).sum::<f64>().sqrt();
         let gravity = size(scene.gravity);
-        let height = height(scene, seepage);
+        let height = seepage.height(scene.gravity, scene.grid.dimension);
         let buoyant = (density - seepage.written.density).max(0.0);
-        let stress = SOLID * buoyant * gravity * height + pressure_drop(scene, seepage, gravity);
+        let stress = SOLID * buoyant * gravity * height + seepage.pressure_drop(scene.gravity);
         let acceleration = stress / (SOLID * density * height);
         let usable = stress > 0.0 && low > 0.0 && acceleration.is_finite();
         let section = (2.0 * high).powi(if scene.grid.dimension == 2 { 1 } else { 2 });
@@ -123,7 +121,7 @@ impl Bed {
         })
     }
 
-    /// The spring [N/m] that gives way by this part of the largest diameter.
+    /// The spring [N/m] whose overlap is this part of the largest diameter.
     fn stiffness(&self, overlap: f64) -> f64 {
         self.force / (overlap * self.diameters.1)
     }
@@ -132,36 +130,6 @@ impl Bed {
     fn time(&self) -> f64 {
         (self.diameters.0 / self.acceleration).sqrt()
     }
-}
-
-/// Height of the water's grid along gravity; its longest edge without gravity \[m\].
-fn height(scene: &Scene, seepage: &Seepage) -> f64 {
-    let edge = |a: usize| real(seepage.cells[a]) * seepage.spacing[a];
-    let gravity = |a: usize| scene.gravity[a].abs();
-    let axes = 0..scene.grid.dimension;
-    let axis = axes.max_by(|&a, &b| {
-        let order = gravity(a).total_cmp(&gravity(b));
-        order.then(edge(a).total_cmp(&edge(b)))
-    });
-    axis.map_or(0.0, edge)
-}
-
-/// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
-fn pressure_drop(scene: &Scene, seepage: &Seepage, gravity: f64) -> f64 {
-    let density = seepage.written.density;
-    let excess = |patch: &Patch| match patch.condition {
-        Condition::Pressure { value } => {
-            let place = seepage.centre(patch);
-            let below: f64 = (0..3).map(|a| scene.gravity[a] * place[a]).sum();
-            Some(value - density * below)
-        }
-        Condition::Head { value } => Some(density * gravity * value),
-        _ => None,
-    };
-    let imposed = || seepage.patches.iter().filter_map(excess);
-    let high = imposed().fold(f64::NEG_INFINITY, f64::max);
-    let low = imposed().fold(f64::INFINITY, f64::min);
-    (high - low).max(0.0)
 }
 
 /// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
@@ -175,7 +143,7 @@ pub(super) fn stiffness(
     let row = needed("overlap", OF_CONTACTS * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
-        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % where grains fall in",
+        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % for falling grains",
         number(value),
         number(100.0 * row.value),
         number(bed.stress),
@@ -184,7 +152,7 @@ pub(super) fn stiffness(
     Some((value, text))
 }
 
-/// Chooses the time between two couplings, and says what it and the contacts are worth.
+/// Chooses the coupling interval, and adds the promised error of interval and contacts.
 pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     let Some(bed) = Bed::of(scene) else { return };
     let shortest = step::intervals(scene).fold(f64::INFINITY, f64::min);
@@ -192,7 +160,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         return;
     };
     if seepage.written.coupling_interval.is_some() {
-        let text = "the case states its coupling interval: nothing is said of its error";
+        let text = "the case states its coupling interval; its error is not known";
         scene.chosen.note("accuracy", text);
         return;
     }
@@ -202,7 +170,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     let time = interval.value * bed.time();
     seepage.coupling_time = Some(time.min(shortest));
     let text = format!(
-        "at most {} s between two, {} of the time in which a free grain moves half a diameter",
+        "at most {} s, {} of the time in which a free grain moves half a diameter",
         number(time),
         number(interval.value)
     );
@@ -219,18 +187,18 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "contacts overlap by {} % of a diameter under {} Pa, more than in any row measured: nothing is promised",
+                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises no error",
                 number(100.0 * overlap),
                 number(bed.stress)
             ),
-            "use stiffer contacts, or leave the law of contact out",
+            "use stiffer contacts, or omit the contact law",
         );
         return;
     };
     let promised = 2.0 * (contacts.error + interval.error);
     scene.chosen.promised = Some(promised);
     let text = format!(
-        "the flow rests on {} and {} ({}); twice their sum is promised",
+        "error of the flow from {} and {} ({}); the plan promises twice their sum",
         contacts.name(),
         interval.name(),
         contacts.place
@@ -240,11 +208,11 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "{} % is asked for, but the rows measured promise {} %",
+                "{} % is requested, but the measured rows promise {} %",
                 number(100.0 * target),
                 number(100.0 * promised)
             ),
-            "use stiffer contacts where they are stated, or ask for less",
+            "use stiffer contacts where they are stated, or request less accuracy",
         );
     }
 }

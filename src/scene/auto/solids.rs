@@ -1,4 +1,4 @@
-//! How solids and water act on each other, and what holds solids apart, where the case does not say.
+//! Automatic choice of the coupling of solids and fluid, and of the contact law.
 
 use super::{seepage, step};
 use crate::case::Case;
@@ -16,12 +16,12 @@ use serde_json::json;
 
 /// Deepest overlap of a chosen spring, as a part of the diameter.
 const OVERLAP: f64 = 0.01;
-/// Friction angle and part of the critical damping where nothing is said.
+/// Default friction angle and damping ratio.
 const FRICTION_DEGREES: f64 = 30.0;
 const DAMPING: f64 = 0.2;
 const RESTITUTION: f64 = 0.5;
 
-/// The coupling for the shapes of a case, and why.
+/// The coupling for the shapes of a case, and the reason.
 pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
@@ -37,11 +37,11 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
         drop_wall_velocity_at_solid_neighbours: (!narrow).then_some(0),
         ..BounceBack::default()
     };
-    let reason = "discs and spheres: of all couplings the smallest error at every number of cells";
+    let reason = "discs and spheres: this coupling has the smallest error at every number of cells";
     (Coupling::BounceBack(links), reason)
 }
 
-/// Whether discs or spheres move freely. Blocks and bonds have properties that nobody can guess.
+/// Whether discs or spheres move freely. Blocks and bonds have properties without default values.
 pub(crate) fn move_without_law(case: &Case) -> bool {
     let free = |motion: &Motion| matches!(motion, Motion::Free { .. });
     let moving = case.grains.is_some() || case.bodies.iter().any(|body| free(&body.motion));
@@ -53,19 +53,19 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Discs that touch leave no way through in the plane.
+/// Touching discs leave no path for the fluid in 2-D.
 pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(
             "coupling",
-            "discs that touch close all pores between them in 2-D, and no hydraulic radius is given",
-            Remedy::from("for a packing that water passes state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
+            "touching discs close all pores between them in 2-D, and no hydraulic radius is given",
+            Remedy::from("for a permeable packing state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
                 .set("coupling", json!({"bounce_back": {"hydraulic_radius_factor": 0.8}})),
         );
     }
 }
 
-/// Chooses the law of what moves; one without use where polyhedra are there and nothing does.
+/// Chooses the contact law of moving bodies; an unused one for polyhedra that do not move.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
@@ -83,7 +83,7 @@ pub(crate) fn choose_contact(
         let law = blocks::Input::without_use();
         (
             Contact::Blocks(law),
-            String::from("nothing moves: no contact ever comes about"),
+            String::from("nothing moves, so that no contacts occur"),
         )
     } else {
         return;
@@ -92,8 +92,8 @@ pub(crate) fn choose_contact(
     if scene.grains.is_some() {
         findings.warn(
             "contact",
-            format!("no law of contact is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, which is a property of the grains"),
-            "state for example \"contact\": {\"linear\": {..}} with the friction angle measured",
+            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it is a property of the grains"),
+            "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }
     let with_law = Case {

@@ -1,4 +1,4 @@
-//! The spacing: as many cells across the smallest thing in the water as the accuracy needs, in whole numbers along every edge.
+//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
 
 use super::features::{self, Feature};
 use super::measured::{self, Row};
@@ -12,7 +12,7 @@ use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::flow::Flow;
 use crate::scene::grid::Grid;
 
-/// A spacing and why; no reason where it is stated.
+/// A spacing and its reason; no reason if the case states it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spacing {
     /// h \[m\].
@@ -43,7 +43,7 @@ const SEEPAGE_DIAMETERS: f64 = 3.0;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
 const MOST_FINER: f64 = 2.0;
 
-/// The spacing stated, or that for what the case names, before speeds are known.
+/// The stated spacing, or that for the features of the case, before velocities are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     if let Some(value) = case.domain.spacing {
         return Some(Spacing {
@@ -58,7 +58,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     if unknown || case.blocks.is_some() {
         findings.error(
             "domain.spacing",
-            "the widths of blocks, meshes and half-spaces are known only once they are made",
+            "the widths of blocks, meshes and half-spaces are not known in advance",
             "state the spacing: about a tenth of the smallest width",
         );
         return None;
@@ -73,7 +73,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     whole_cells(case, wanted, reason, findings)
 }
 
-/// A finer spacing than that of the scene, where its speeds ask for one.
+/// A finer spacing than that of the scene, if its velocities require one.
 pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
@@ -94,13 +94,13 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
         wanted = finest(wanted, (h, reason));
     }
     let (wanted, reason) = wanted;
-    // What is wrong with the sizes has been said of the coarser cells.
+    // Findings about the sizes were reported with the coarser cells.
     let mut unheard = Findings::new(case);
     let found = whole_cells(case, wanted, reason, &mut unheard)?;
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// What every feature asks for: the spacing \[m\] and a sentence.
+/// The spacing \[m\] that each feature requires, and a sentence.
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -143,14 +143,14 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
         ),
         _ => (
             SLAB_DIAMETERS * largest.max(widest),
-            "two of the largest diameters: without a lattice the cells only cut slabs",
+            "two of the largest diameters: without a lattice the cells only define the slabs",
         ),
     };
     if size <= 0.0 {
         findings.error(
             "domain.spacing",
-            "nothing here says how large a cell may be",
-            "state the spacing, or add grains or water",
+            "nothing in the case determines the size of a cell",
+            "state the spacing, or add grains or a fluid",
         );
         return None;
     }
@@ -203,7 +203,7 @@ fn whole_cells(
             };
             findings.error(
                 &path,
-                "no cell that is fine enough, and not twice as fine, divides all edges of the domain",
+                "no spacing between the required one and half of it divides all edges of the domain",
                 remedy,
             );
         }
@@ -219,7 +219,7 @@ fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
 }
 
-/// What the cells of a scene are worth, chosen or stated: the feature that is resolved worst beside its row.
+/// The accuracy of the cells of a scene, chosen or stated: the feature with the lowest resolution and its row.
 pub(crate) fn judge(
     scene: &mut Scene,
     case: &Case,
@@ -250,7 +250,7 @@ pub(crate) fn judge(
         Some(row) => {
             scene.chosen.promised = Some(2.0 * row.error);
             let text = format!(
-                "rests on {} ({}); {cells} cells across the {}; twice the error of the row is promised",
+                "based on {} ({}); {cells} cells across the {}; the plan promises twice the error of the row",
                 row.name(),
                 row.place,
                 feature.what
@@ -260,22 +260,22 @@ pub(crate) fn judge(
                 findings.warn(
                     "accuracy",
                     format!(
-                        "{} % is asked for, but the best row measured for {cells} cells across the {} is {}",
+                        "{} % is requested, but the best measured row for {cells} cells across the {} is {}",
                         number(100.0 * target),
                         feature.what,
                         row.name()
                     ),
-                    "use a finer spacing, or another coupling, or ask for less",
+                    "use a finer spacing, or another coupling, or request less accuracy",
                 );
             }
         }
         None => findings.warn(
             "accuracy",
             format!(
-                "{cells} cells across the {} are fewer than in any row measured: nothing is promised",
+                "{cells} cells across the {} are fewer than in any measured row: the plan promises no error",
                 feature.what
             ),
-            "use a finer spacing, or leave it out",
+            "use a finer spacing, or omit it",
         ),
     }
 }

@@ -1,6 +1,6 @@
-//! That blocks, bodies, listed grains and walls start apart: a deep overlap is a slip in the coordinates, which the springs would turn
-//! into an explosion. Walls of facets count where they reach into the largest sphere round the centroid; pairs of spheres are looked at in
-//! [`super::super::solids`].
+//! Checks that blocks, bodies, listed grains and walls do not overlap at the start: a deep overlap is an error in the coordinates, and the springs
+//! would throw the bodies apart. Walls of facets count where they reach into the largest sphere around the centroid.
+//! [`super::super::solids`] checks pairs of spheres.
 
 use super::super::bodies::{Body, Mobility};
 use super::super::findings::{Findings, number};

@@ -1,14 +1,14 @@
-//! A set of joints: parallel planes with an orientation and a distribution of their spacing.
+//! A joint set: parallel planes with an orientation and a distribution of their spacing.
 //!
-//! Orientation as geologists measure it, with x to the east, y to the north and z up: the dip is the angle of the plane's steepest
-//! line below the horizontal, 0 … 90°, and the dip direction the bearing of that line, clockwise from north, 0 … 360°.
+//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's steepest
+//! line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north, 0 … 360°.
 //!
 //! ```text
 //! n = (sin dip sin direction, sin dip cos direction, cos dip)       upward normal
 //! ```
 //!
-//! Spacing is measured along the normal. One plane goes through the origin of the set; the gaps to both sides are drawn one by one.
-//! Negative exponential spacing, joints placed at random, is what scan lines find most: S. D. Priest, J. A. Hudson, Int. J. Rock Mech. Min.
+//! Spacing is measured along the normal. One plane passes through the origin of the set; the gaps on both sides are drawn one after another.
+//! Scan lines mostly show a negative exponential spacing, that of randomly placed joints: S. D. Priest, J. A. Hudson, Int. J. Rock Mech. Min.
 //! Sci. & Geomech. Abstr. 13 (1976) 135.
 
 use nalgebra::Vector3;
@@ -48,7 +48,7 @@ pub enum Spacing {
         /// Mean.
         mean: f64,
     },
-    /// Normal; what is not above zero is drawn again.
+    /// Normal; values that are not above zero are drawn again.
     Normal {
         /// Mean.
         mean: f64,

@@ -1,15 +1,15 @@
-//! Lists of blocks in files: read in two forms, written in one.
+//! Lists of blocks in files: two formats are read, one is written.
 //!
-//! Our own is one JSON object. Each block has an `id`, in whose order they are numbered, and either `half_spaces`, each
-//! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`; a `material` and whether it is `fixed` may follow. Lengths in m:
+//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and either `half_spaces`, each
+//! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is `fixed` are optional. Lengths are in m:
 //!
 //! ```json
 //! {"blocks": [{"id": 0, "half_spaces": [[1, 0, 0, 2.5]], "material": "granite", "fixed": true}]}
 //! ```
 //!
-//! That of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or in an array: `centerX`,
-//! `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance from the centre. The friction (`phi`) and
-//! cohesion of a face are not used: friction is a matter of the contact law.
+//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or in an array: `centerX`,
+//! `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance from the centre. Friction (`phi`) and
+//! cohesion of a face are not used, because the contact law defines friction.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -73,11 +73,11 @@ struct Face {
 /// The blocks of a file in either form.
 ///
 /// # Errors
-/// Sentences that say what is wrong, each with the block it is about.
+/// Sentences about the errors, each with its block.
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
-        values.push(value.map_err(|e| vec![format!("this is no JSON: {e}")])?);
+        values.push(value.map_err(|e| vec![format!("this is not JSON: {e}")])?);
     }
     let own = matches!(&values[..], [Value::Object(map)] if !map.contains_key("faces"));
     let made = if own {
@@ -98,7 +98,7 @@ fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<Strin
     let made = file.blocks.into_iter().map(|entry| {
         let id = entry.id;
         if last.replace(id) == Some(id) {
-            return Err(format!("block {id}: there are two of this id"));
+            return Err(format!("block {id}: another block has this id"));
         }
         entry.listed().map_err(|e| format!("block {id}: {e}"))
     });

@@ -1,8 +1,8 @@
-//! How fast what is heavier or lighter than the water settles in it, alone.
+//! The terminal velocity of a single body in the fluid.
 //!
-//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the area across: of a sphere, C_d = 24 (1 + 0.15 Re^0.687)/Re,
-//! from Re = 1000 on 0.44 (Schiller and Naumann 1933); of a disc in the plane, which is a long cylinder,
-//! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours make it slower.
+//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1 + 0.15 Re^0.687)/Re, and 0.44
+//! from Re = 1000 on (Schiller and Naumann 1933). For a disc in 2-D, which is a long cylinder,
+//! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours reduce the velocity.
 
 use super::super::Scene;
 use super::super::bodies::Mobility;

@@ -1,4 +1,4 @@
-//! What is measured in the hole of an erosion run: sums over its cells, and the force on its faces.
+//! Measurements in the hole of an erosion run: sums over its cells, and the force on its faces.
 
 use super::Start;
 use crate::analysis::erosion_law::HoleFaces;

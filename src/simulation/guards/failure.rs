@@ -1,7 +1,7 @@
-//! What is said of a cell whose numbers fail: where it is, what is there, what is near, and what to try.
+//! The message about a cell that fails a check: its position, its values, its surroundings, and a remedy.
 //!
-//! A remedy is named only where it was tried on such a case: the scenes are those of `tests/suite/guards.rs`, which keeps what was
-//! seen. For all other failures the sentence says what is nearest and leads to `solver plan`.
+//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records the outcomes. For all other
+//! failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
 use crate::coupling::lattice::LatticeFlow;
@@ -50,7 +50,7 @@ impl Failure {
         let cell = Order::of(flow).cell(self.place);
         let centre = plan.scene.grid.centre(cell);
         let state = state(self.kind, cell, flow, plan);
-        // One rank holds the cell: it speaks for all.
+        // One rank holds the cell and reports for all.
         let state = match communicator.agree(state.map_or(Ok(()), Err)) {
             Ok(()) => String::new(),
             Err(told) => told.message,
@@ -102,18 +102,18 @@ fn state<Sp: Space, S: Stored>(
     let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
     let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let guards = &plan.scene.guards;
-    let mach = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
+    let velocity = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
         number(units.velocity_to_si(speed))
     });
     let density = density(drho, plan);
     Some(match kind {
         Kind::NotFinite => "is not finite".into(),
         Kind::TooFast => format!(
-            "moves at {mach}, above guards.max_lattice_velocity = {}; its density is {density}",
+            "moves at {velocity}, above guards.max_lattice_velocity = {}; its density is {density}",
             guards.max_lattice_velocity
         ),
         Kind::TooDense => format!(
-            "has a density {density}, beyond guards.max_compression = {}; it moves at {mach}",
+            "has a density {density}, beyond guards.max_compression = {}; it moves at {velocity}",
             guards.max_compression
         ),
     })
@@ -202,7 +202,7 @@ pub(super) fn name(id: u64, plan: &Plan) -> String {
     }
 }
 
-/// What is said of a grain, block or body whose numbers fail.
+/// The message about a grain, block or body with values that are not finite.
 pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     let mut parts = vec![format!(
         "{} has a position or velocity that is not finite",
@@ -213,7 +213,7 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// What is said of a contact that is deeper than `guards.max_overlap`.
+/// Message for a contact deeper than `guards.max_overlap`.
 pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     let with = match deepest.with {
         With::Unknown => "another body".into(),
@@ -244,7 +244,7 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
 /// How the limit of [`crate::plan`] of impacts begins.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
-/// What the engine of the solids says of a failure, with what is nearest and what helped.
+/// The engine's message about a failure, with the nearest limit and a remedy.
 #[must_use]
 pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
@@ -270,7 +270,7 @@ const CELL_REYNOLDS: &str = "cell Reynolds number";
 /// How the limits of imposed pressures begin.
 const PRESSURE: &str = "density change";
 
-/// The limit of the plan that is nearest to its bound, of those asked for.
+/// The limit of the plan with the smallest margin, of those selected.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
         .iter()
@@ -291,7 +291,7 @@ fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
 
 fn limit(margin: &Margin) -> String {
     format!(
-        "of the plan's limits the nearest is `{}`, {} of {} ({})",
+        "the nearest limit of the plan is `{}`, {} of {} ({})",
         margin.limit,
         number(margin.value),
         number(margin.allowed),
@@ -299,7 +299,7 @@ fn limit(margin: &Margin) -> String {
     )
 }
 
-/// What was seen to help such a case; else where to look.
+/// A remedy that helped in such a case; otherwise a hint.
 ///
 /// | scene | failed still with | ended with |
 /// |---|---|---|
@@ -307,24 +307,24 @@ fn limit(margin: &Margin) -> String {
 /// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
 /// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
 /// | wires across a channel without a gap | | every second wire taken out |
-/// | disc in a channel, Mach 0.3 in its gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
+/// | disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
 /// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
 fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
         return format!(
-            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did, by a spacing of at most {} m, a slower flow or a larger viscosity",
+            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of at most {} m, a slower flow or a larger viscosity",
             number(margin.allowed),
             number(finest)
         );
     }
     let pressure = nearest_of_water(plan).is_some_and(|margin| margin.limit.starts_with(PRESSURE));
     match kind {
-        Kind::TooDense if one_way => "see that an open way of several cells leads from inlet to outlet",
+        Kind::TooDense if one_way => "check that an open path of several cells leads from inlet to outlet",
         Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
         Kind::TooDense if pressure => {
-            "where a pressure was imposed a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
+            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
         }
         Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }

@@ -1,8 +1,8 @@
-//! A look at every cell of a slab: the fastest, the most compressed, and the first whose numbers are not finite.
+//! A check of every cell of a slab: the fastest cell, the most compressed cell, and the first cell whose values are not finite.
 //!
-//! The threads of the rank reduce all rows to what stands out in them, several cells at a time. Only rows that may hold the answer are
-//! then gone through cell by cell, the most extreme first: what stands out in a row may be a cell inside a body, which is no
-//! water. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
+//! The threads of the rank reduce each row to its extreme values, several cells at a time. Only rows that may contain the result are
+//! then processed cell by cell, the most extreme first, because the extreme value of a row may be in a cell inside a body, which does not
+//! count. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
 //! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
 
 use crate::coupling::lattice::LatticeFlow;
@@ -81,9 +81,9 @@ impl Order {
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
-    /// What stands out in each row.
+    /// The extreme values of each row.
     rows: Rows,
-    /// Rows by how far they stand out.
+    /// Rows sorted by their extreme value.
     order: Vec<(f64, usize)>,
 }
 

@@ -1,15 +1,15 @@
-//! Inflow beside outflow: what enters and leaves a lattice through its openings.
+//! Comparison of inflow and outflow through the openings of a lattice.
 //!
-//! At every look the mass that crossed each patch in the last step is summed over the cells that no body holds, exactly and over all
-//! ranks. A patch through which more enters than leaves counts as inflow with its net rate, the others as outflow. Both are
-//! averaged over a *window* of looks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
-//! [`LEAST_LOOKS`] looks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up; they are
-//! judged when all ramps of the boundaries are over and two whole windows have passed since:
+//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly and over all
+//! ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are averaged over a *window* of
+//! checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least [`LEAST_LOOKS`] checks. A lattice fluid is
+//! compressible, so that inflow and outflow differ while pressure builds up. They are compared when all ramps of the boundaries have
+//! ended and two whole windows have passed since:
 //!
-//! * *imbalance*: (inflow - outflow) / max(inflow, outflow) of the window, larger in size than [`IMBALANCE`];
-//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the other way round.
+//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than [`IMBALANCE`];
+//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
 //!
-//! Both are warnings: of a domain that goes on filling the density ends the run (`guards.max_compression`).
+//! Both are warnings: the density ends the run of a domain that continues to fill (`guards.max_compression`).
 
 use decomposition::Communicator;
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ const CROSSINGS: f64 = 6.0;
 const LEAST_LOOKS: usize = 10;
 /// Imbalance that is worth a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
-/// Part of the one flow that counts as nothing of the other.
+/// Fraction of one flow below which the other counts as zero.
 pub(super) const NOTHING: f64 = 1e-3;
 /// Mass per step, over that of the domain, below which nothing flows.
 const STILL: f64 = 1e-9;
@@ -88,7 +88,7 @@ pub(super) struct Openings {
     settled: usize,
     /// The looks of the window.
     looks: VecDeque<Rates>,
-    /// Sums since somebody last asked, and how many.
+    /// Sums since the last call, and their number.
     since: (Rates, u64),
     masses: Vec<i128>,
     sums: Vec<u128>,
@@ -183,7 +183,7 @@ impl Openings {
         mean.inflow.max(mean.outflow) > self.still
     }
 
-    /// Means since this was last asked.
+    /// Means since the last call.
     pub(super) fn since_last(&mut self) -> Option<Rates> {
         let (sums, number) = std::mem::take(&mut self.since);
         let number = real(number);

@@ -1,4 +1,4 @@
-//! A run that has begun: its loop, what it answers to requests, its checkpoints.
+//! A started run: its loop, its response to requests, its checkpoints.
 
 use super::super::Simulation;
 use super::super::escape;
@@ -120,7 +120,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 match request {
                     Request::None => {}
                     Request::Checkpoint => self.save(Occasion::Asked)?,
-                    // Nothing is left to stop, but the file that asks for it would stop the next run.
+                    // Nothing is left to stop, but the file `STOP` would stop the next run.
                     Request::Stop if step >= steps => {
                         if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
@@ -133,7 +133,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                             self.watch.forget_file();
                         }
                         let text = format!(
-                            "step {step} of {steps}; go on with `solver restart {}`",
+                            "step {step} of {steps}; continue with `solver restart {}`",
                             self.folder.path().display()
                         );
                         return Err(Error::Stopped(text));
@@ -145,7 +145,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         // The state comes first: whatever fails afterwards, a restart ends the run from here.
         if self.first_step == self.simulation.now.step {
             self.progress.note(&format!(
-                "the run was at its end already; extend it with `solver restart {} --set time.end=..`",
+                "the run had already ended; extend it with `solver restart {} --set time.end=..`",
                 self.folder.path().display()
             ));
         }
@@ -190,9 +190,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
-                "inflow {:.3e} outflow {:.3e} m3/s, {} iterations to {:.0e}, closure {:.0e}, {} implicit",
+                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} implicit",
                 report.inflow,
                 report.outflow,
+                balance.reynolds,
                 report.iterations,
                 report.residual,
                 balance.closure,
@@ -266,18 +267,18 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 let lack = format!("it needs {needed} bytes, {path} has {free}");
                 match occasion {
                     Occasion::Asked => self.progress.note(&format!(
-                        "no checkpoint at step {step}: {lack}; the run goes on"
+                        "no checkpoint at step {step}: {lack}; the run continues"
                     )),
                     Occasion::End => self.progress.note(&format!(
-                        "no checkpoint of the end: {lack}; the run cannot be extended from here"
+                        "no final checkpoint: {lack}; the run cannot be extended from its end"
                     )),
                     Occasion::Stop => {
                         let newest = self.saved.map_or_else(
-                            || "there is none to go on from".to_owned(),
-                            |saved| format!("the newest is that of step {saved}"),
+                            || "there is no earlier checkpoint".to_owned(),
+                            |saved| format!("the newest checkpoint is that of step {saved}"),
                         );
                         return Err(Error::Io(format!(
-                            "asked to stop at step {step}, but there is no room for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
+                            "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
                             needed.saturating_sub(free),
                             self.folder.path().display()
                         )));
@@ -299,7 +300,7 @@ fn simulation_phase(phases: &mut Phases) {
 /// Why a checkpoint is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Occasion {
-    /// It is due, or a signal asked for it.
+    /// It is due, or a signal requested it.
     Asked,
     /// The run stops.
     Stop,

@@ -1,4 +1,4 @@
-//! From a plan, or a checkpoint, to a run before its next step.
+//! From a plan or a checkpoint to a run before its next step.
 
 use super::super::agreement;
 use super::super::collapse::CollapseRecorder;
@@ -156,7 +156,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     particles.forget_start();
                 } else if flowed && !particles.has_start() {
                     return Err(Error::Io(format!(
-                        "{} does not say where the grains started, since its run asked for no displacements; take `output.grains.displacement` and `analysis.ground_collapse` out, or start anew",
+                        "{} does not contain the initial positions of the grains, because its run had no displacements; remove `output.grains.displacement` and `analysis.ground_collapse`, or start a new run",
                         found.path.display()
                     )));
                 }
@@ -175,15 +175,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             plan.scene.forget_sample();
             progress.note(&match &stage {
                 Some(Stage::Run) | None => {
-                    format!("going on from step {step}: {}", found.path.display())
+                    format!("continuing from step {step}: {}", found.path.display())
                 }
-                Some(_) => format!("going on in the preparation: {}", found.path.display()),
+                Some(_) => format!("continuing the preparation: {}", found.path.display()),
             });
         } else if solid {
             let sample = resumed.as_ref().map(|resumed| &resumed.found);
             if let Some(found) = sample {
                 progress.note(&format!(
-                    "going on with the sample: {}",
+                    "continuing with the sample: {}",
                     found.path.display()
                 ));
             }
@@ -399,7 +399,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     }
 }
 
-/// Saves a preparation as a checkpoint at step 0, and ends it where that was asked for. Collective.
+/// Saves a preparation as a checkpoint at step 0, and ends it if requested. Collective.
 fn keep_preparation<Sp: Space, S: Saved>(
     state: &State<'_, Sp, S>,
     folder: &RunFolder,
@@ -422,7 +422,7 @@ fn keep_preparation<Sp: Space, S: Saved>(
         Ok(()) => folder.forget_preparation(),
         Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
             progress.note(&format!(
-                "the preparation is not saved: that needs {needed} bytes, {path} has {free}; it goes on"
+                "the preparation is not saved: it needs {needed} bytes, {path} has {free}; it continues"
             ));
         }
         Err(error) => return Err(Error::Io(error.to_string())),
@@ -530,7 +530,7 @@ fn warm_up<Sp: Space, S: Saved>(
     Ok((
         step,
         format!(
-            "fluid warmed up for {step} steps: velocity changes by {change:.1e} of itself in {LOOK_EVERY} steps"
+            "fluid warmed up for {step} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps"
         ),
     ))
 }

@@ -1,4 +1,4 @@
-//! What is said and written at the end of a run.
+//! The summary of a run: `summary.json` and the messages at its end.
 
 use super::super::agreement;
 use super::super::blocks;
@@ -37,7 +37,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let rss_total = communicator.all_reduce_sum_u64(peak_rss());
         let hash = simulation.now.state().hash(communicator);
         let drift = self.mass() - self.initial_mass;
-        let warnings = simulation.guards.warnings(&simulation.now.plan);
+        let mut warnings = simulation.guards.warnings(&simulation.now.plan);
+        if let Some(seepage) = simulation.now.seepage() {
+            warnings.extend(seepage.warnings());
+        }
         let mut summary = json!({
             "outcome": outcome,
             "steps": simulation.now.step,
@@ -56,7 +59,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "mass_error": simulation.guards.mass_error(),
             "mass_change": drift / real(cells.max(1)),
             "momentum_error": simulation.guards.momentum_error(),
-            "mach": simulation.guards.mach(),
+            "lattice_velocity": simulation.guards.lattice_velocity(),
             "compression": simulation.guards.compression(),
             "overlap": simulation.guards.overlap(),
             "inflow": null,
@@ -90,6 +93,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "force_of_pressure": balance.pressure,
                 "weight_of_water": balance.weight,
                 "closure": balance.closure,
+                "reynolds": balance.reynolds,
                 "patch_inflows": seepage.pressure().patch_inflows(),
                 "mean_porosity": seepage.mean_porosity(),
             });
@@ -112,7 +116,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         {
             let lists = dem.statistics(&simulation.now.particles);
             log::debug!(
-                "rank {}: lists of neighbours made {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                "rank {}: neighbour lists built {} times, {} pairs tested; {} contacts now, {} of them bonded",
                 communicator.rank(),
                 lists.rebuilds,
                 lists.tested,
@@ -149,7 +153,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let named = |name: &str| measured(summary[name].as_f64());
             self.progress.note(&format!(
                 "largest lattice velocity {}, largest compression {}, inflow {}, outflow {} {}",
-                named("mach"),
+                named("lattice_velocity"),
                 named("compression"),
                 named("inflow"),
                 named("outflow"),
@@ -159,6 +163,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     "m3/s"
                 }
             ));
+            if let Some(seepage) = simulation.now.seepage() {
+                let balance = seepage.balance();
+                self.progress.note(&format!(
+                    "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
+                    balance.closure, balance.reynolds
+                ));
+            }
             for warning in &warnings {
                 self.progress.note(&format!("warning: {warning}"));
             }

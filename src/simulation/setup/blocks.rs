@@ -1,4 +1,4 @@
-//! From the plan to state: the table of shapes, the blocks.
+//! Construction of the state of blocks from the plan: the table of shapes, the blocks.
 
 use super::motion_of;
 use crate::dem::particles::{Body, Kind, Particles};

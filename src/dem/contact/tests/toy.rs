@@ -33,7 +33,7 @@ impl<F: From<Toy>> ContactParameters<F> for Input {
             report.error(
                 "grains.bond_at_start",
                 "toys have no bonds".into(),
-                "take it out".into(),
+                "remove it".into(),
             );
         }
         let parameters = PairTable::uniform(scene.material_count(), self.clone());

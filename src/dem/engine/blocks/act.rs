@@ -55,7 +55,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockPair,
         between: &Vector3<f64>,
-        memory: &mut History,
+        history: &mut History,
         narrow: &mut Narrow,
     ) -> (Option<Geometry>, bool) {
         let (i, j) = pair.ends();
@@ -65,7 +65,7 @@ impl<'a, S: Space> World<'a, S> {
             (Some(one), Some(two)) => {
                 let (one, two) = (placed(i, one), placed(j, two));
                 (
-                    narrow.blocks(&one, &two, between, self.model, memory),
+                    narrow.blocks(&one, &two, between, self.model, history),
                     false,
                 )
             }
@@ -84,7 +84,7 @@ impl<'a, S: Space> World<'a, S> {
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
-            pair.memory = History::default();
+            pair.history = History::default();
             return None;
         }
         let (i, j) = pair.ends();
@@ -97,8 +97,8 @@ impl<'a, S: Space> World<'a, S> {
         }
         tally.calls += 1;
         let between = S::to_volume(&span.between);
-        let mut memory = pair.memory;
-        let (touch, swapped) = self.meet(pair, &between, &mut memory, narrow);
+        let mut history = pair.history;
+        let (touch, swapped) = self.meet(pair, &between, &mut history, narrow);
         if let Some(touch) = &touch {
             let smaller = self.inner(i).min(self.inner(j));
             let other = Other::Entry(pair.second);
@@ -111,12 +111,12 @@ impl<'a, S: Space> World<'a, S> {
                 (i, j, between)
             };
             let approach = self.approach([first, second], separation, pair.scale.mass);
-            self.rows.at(pair.row).act(&touch, &mut memory, &approach)
+            self.rows.at(pair.row).act(&touch, &mut history, &approach)
         });
-        pair.memory = if touch.is_none() && self.rounded(pair) {
+        pair.history = if touch.is_none() && self.rounded(pair) {
             History::default()
         } else {
-            memory
+            history
         };
         action.map(|action| {
             let (force, on_first, on_second) = if swapped {
@@ -133,7 +133,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Whether one of a pair is a sphere: then the narrow phase does not look at the memory, nor lets go of it.
+    /// Whether one of a pair is a sphere: then the narrow phase does not look at the history, nor lets go of it.
     pub(super) fn rounded(&self, pair: &BlockPair) -> bool {
         let (i, j) = pair.ends();
         self.shape(i).is_none() || self.shape(j).is_none()
@@ -204,13 +204,13 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockAtPlane,
         wall: &Wall<S>,
-        memory: &mut History,
+        history: &mut History,
         narrow: &mut Narrow,
     ) -> Option<Geometry> {
         let k = pair.grain as usize;
         let height = wall.distance(&self.view.motion[k].position);
         if height >= pair.radius {
-            *memory = History::default();
+            *history = History::default();
             return None;
         }
         let placed = self.poses[k].placed(self.shape(k)?);
@@ -219,7 +219,7 @@ impl<'a, S: Space> World<'a, S> {
             &S::to_volume(&wall.normal),
             height,
             self.model,
-            memory,
+            history,
         )
     }
 
@@ -231,8 +231,8 @@ impl<'a, S: Space> World<'a, S> {
         narrow: &mut Narrow,
         record: &mut Record,
     ) -> Option<Load<S>> {
-        let mut memory = pair.memory;
-        let touch = self.meet_plane(pair, wall, &mut memory, narrow);
+        let mut history = pair.history;
+        let touch = self.meet_plane(pair, wall, &mut history, narrow);
         if let Some(touch) = &touch {
             self.note_at_wall(touch, pair.grain, pair.wall, record);
         }
@@ -242,10 +242,10 @@ impl<'a, S: Space> World<'a, S> {
                 wall,
                 &pair.constants,
                 &touch,
-                &mut memory,
+                &mut history,
             )
         });
-        pair.memory = memory;
+        pair.history = history;
         action
     }
 
@@ -256,7 +256,7 @@ impl<'a, S: Space> World<'a, S> {
         wall: &Wall<S>,
         constants: &Constants,
         touch: &Geometry,
-        memory: &mut History,
+        history: &mut History,
     ) -> Load<S> {
         let block = &self.view.motion[k];
         let approach = Approach {
@@ -266,7 +266,7 @@ impl<'a, S: Space> World<'a, S> {
             mass: constants.scale.mass,
             time_step: self.time_step,
         };
-        let action = constants.law.act(touch, memory, &approach);
+        let action = constants.law.act(touch, history, &approach);
         Load {
             force: S::from_volume(&-action.force),
             torque: out_of_space(&action.on_first),

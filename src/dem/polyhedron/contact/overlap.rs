@@ -156,7 +156,7 @@ impl Narrow {
             Other::Plane(plane) => -plane.normal,
             Other::Block { .. } => overlap.area / area,
         };
-        // Where both surfaces nearly cancel one block goes through the other: the vector says nothing.
+        // Where both surfaces nearly cancel, one block penetrates the other, and the vector is meaningless.
         let [one, two] = overlap.surfaces;
         let sound = overlap.volume > 0.0
             && area > CANCELLED * one.min(two)

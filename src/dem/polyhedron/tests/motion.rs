@@ -15,7 +15,7 @@ struct Block {
     inertia: Vector3<f64>,
     position: Vector3<f64>,
     velocity: Vector3<f64>,
-    attitude: RotationState,
+    rotation: RotationState,
     floor: History,
 }
 
@@ -28,7 +28,7 @@ impl Block {
             shape,
             position,
             velocity: Vector3::zeros(),
-            attitude: RotationState::default(),
+            rotation: RotationState::default(),
             floor: History::default(),
         }
     }
@@ -38,16 +38,16 @@ impl Block {
     }
 
     fn spin(&self) -> Vector3<f64> {
-        self.attitude.spin(&self.inertia)
+        self.rotation.spin(&self.inertia)
     }
 
     fn energy(&self) -> f64 {
-        0.5 * self.mass * self.velocity.norm_squared() + self.attitude.energy(&self.inertia)
+        0.5 * self.mass * self.velocity.norm_squared() + self.rotation.energy(&self.inertia)
     }
 
     /// How far it leans (rad).
     fn lean(&self) -> f64 {
-        let up = self.attitude.orientation * Vector3::z();
+        let up = self.rotation.orientation * Vector3::z();
         up.cross(&Vector3::z()).norm().atan2(up.z)
     }
 }
@@ -96,7 +96,7 @@ impl World {
         for (block, load) in self.blocks.iter().zip(&mut self.loads) {
             *load = (self.gravity * block.mass, Vector3::zeros());
         }
-        let placed = |block: &Block| block.attitude.matrix();
+        let placed = |block: &Block| block.rotation.matrix();
         if self.floor {
             for (block, load) in self.blocks.iter_mut().zip(&mut self.loads) {
                 let rotation = placed(block);
@@ -113,7 +113,7 @@ impl World {
                 if let Some(touch) = touch {
                     let approach = Approach {
                         velocity: -block.velocity,
-                        spins: [block.attitude.spin(&block.inertia), Vector3::zeros()],
+                        spins: [block.rotation.spin(&block.inertia), Vector3::zeros()],
                         separation: Vector3::zeros(),
                         mass: block.mass,
                         time_step: self.time_step,
@@ -165,7 +165,7 @@ impl World {
         let damping = Damping::new(self.damping, 0.5 * self.time_step);
         for (block, (force, moment)) in self.blocks.iter_mut().zip(&self.loads) {
             block.velocity = damping.kick(&block.velocity, &(force / block.mass));
-            block.attitude.kick(moment, &damping);
+            block.rotation.kick(moment, &damping);
         }
     }
 
@@ -174,7 +174,7 @@ impl World {
             self.kick();
             for block in &mut self.blocks {
                 block.position += block.velocity * self.time_step;
-                block.attitude.drift(&block.inertia, self.time_step);
+                block.rotation.drift(&block.inertia, self.time_step);
             }
             self.forces();
             self.kick();
@@ -186,7 +186,7 @@ impl World {
         for block in &self.blocks {
             let p = block.velocity * block.mass;
             sum.0 += p;
-            sum.1 += block.position.cross(&p) + block.attitude.angular_momentum;
+            sum.1 += block.position.cross(&p) + block.rotation.angular_momentum;
         }
         sum
     }
@@ -322,7 +322,7 @@ fn collisions_keep_energy_and_momenta() {
             let mut one = Block::cuboid(1.0, 1.0, 1.0, Vector3::zeros());
             one.velocity.x = 1.0;
             let mut two = Block::cuboid(1.2, 0.8, 0.9, Vector3::new(1.9, offset, 0.3 * offset));
-            two.attitude =
+            two.rotation =
                 RotationState::new(orientation, &Vector3::new(0.0, 0.1, 0.0), &two.inertia);
             let mut law = law(1e9, 0.0, 0.0);
             if model == BOON {
@@ -373,7 +373,7 @@ fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
             0.25 + 0.5 * k,
         );
         let mut block = Block::cuboid(1.0, 1.0, 0.5, at);
-        block.attitude.orientation = UnitQuaternion::from_scaled_axis(Vector3::z() * (0.1 * k));
+        block.rotation.orientation = UnitQuaternion::from_scaled_axis(Vector3::z() * (0.1 * k));
         blocks.push(block);
     }
     let mut world = World::new(blocks, law(stiffness, 0.5, 0.1), model, 1e-4);

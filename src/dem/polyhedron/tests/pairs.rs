@@ -12,7 +12,7 @@ use super::super::linear_program::{AFRESH, Verdict, solve};
 use super::super::separating_axes::widest_gap;
 use super::super::{History, Model, Narrow, Polyhedron};
 use super::values::together;
-use super::{attitude, between, direction, placed, random_hull};
+use super::{between, direction, placed, random_hull, random_orientation};
 use crate::random::Stream;
 
 /// Nearer than this to touching (m) either answer is right.
@@ -119,12 +119,12 @@ fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
     let mut draw = Stream::new(22, id, 0);
     let mut pick = || &shapes[draw.bits() as usize % shapes.len()];
     let shapes = [pick(), pick()];
-    let one = attitude(&mut draw);
+    let one = random_orientation(&mut draw);
     let two = match id % 5 {
-        // The same attitude: faces parallel to rounding; and nearly parallel.
+        // The same orientation: faces parallel to rounding; and nearly parallel.
         0 => one,
         1 => UnitQuaternion::from_scaled_axis(direction(&mut draw) * 1e-7) * one,
-        _ => attitude(&mut draw),
+        _ => random_orientation(&mut draw),
     };
     let reach = shapes[0].radius() + shapes[1].radius();
     let far = between(&mut draw, 0.0, 1.0);
@@ -364,7 +364,7 @@ fn a_pebble_on_a_mountain() {
         } else {
             [&pebble, slab]
         };
-        let orientations = [attitude(&mut draw), attitude(&mut draw)];
+        let orientations = [random_orientation(&mut draw), random_orientation(&mut draw)];
         let mut pair = Pair {
             shapes,
             orientations,

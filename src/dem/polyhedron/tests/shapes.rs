@@ -4,7 +4,7 @@ use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::{HalfSpace, Polyhedron, ShapeError, Solid};
-use super::{attitude, between, random_hull};
+use super::{between, random_hull, random_orientation};
 use crate::random::Stream;
 
 /// The triangles of a solid where it stands.
@@ -116,7 +116,7 @@ fn random_hulls_survive_every_way_round() {
         check(&shape);
         assert!(shape.vertices().len() <= count);
         let solid = Solid {
-            orientation: attitude(&mut draw),
+            orientation: random_orientation(&mut draw),
             position: Vector3::from_fn(|_, _| between(&mut draw, -9.0, 9.0)),
             shape,
         };

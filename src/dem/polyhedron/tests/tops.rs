@@ -132,12 +132,12 @@ fn the_order_is_two() {
 }
 
 #[test]
-fn attitude_at_the_target_step() {
+fn orientation_at_the_target_step() {
     let (inertia, spin) = tops()[0];
     let start = RotationState::new(UnitQuaternion::identity(), &spin, &inertia);
     let now = turned(&start, &inertia, 60.0, 6000);
     let off = now.orientation.angle_to(&symmetric(&start, &inertia, 60.0));
-    println!("attitude off by {off:e} after 60 s");
+    println!("orientation off by {off:e} after 60 s");
     assert!(off < 1e-2);
 }
 

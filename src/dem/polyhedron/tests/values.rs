@@ -8,7 +8,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::super::force::Approach;
 use super::super::linear_program::{AFRESH, Verdict, solve};
 use super::super::{HalfSpace, History, Law, Model, Narrow, Polyhedron, Stiffness};
-use super::{attitude, between, direction, placed, random_hull};
+use super::{between, direction, placed, random_hull, random_orientation};
 use crate::random::Stream;
 
 struct Case {
@@ -194,7 +194,7 @@ fn thin_overlaps_have_a_centre() {
     let mut narrow = Narrow::default();
     for id in 0..40 {
         let mut draw = Stream::new(5, id, 0);
-        let turn = attitude(&mut draw);
+        let turn = random_orientation(&mut draw);
         let about = UnitQuaternion::from_scaled_axis(Vector3::z() * between(&mut draw, -1.0, 1.0));
         for overlap in [1e-3, 1e-6, 1e-9, 1e-12] {
             if overlap > 0.5e-3 {
@@ -302,7 +302,7 @@ fn spheres_touch_the_closest_point() {
     for id in 0..20 {
         let mut draw = Stream::new(8, id, 0);
         let shape = random_hull(&mut draw, 10);
-        let turn = attitude(&mut draw);
+        let turn = random_orientation(&mut draw);
         let block = placed(&shape, &turn);
         let centre = direction(&mut draw) * between(&mut draw, 1.0, 1.6);
         let mut best = f64::INFINITY;

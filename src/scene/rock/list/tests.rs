@@ -61,7 +61,7 @@ fn what_is_written_is_read_again() {
 #[test]
 fn what_is_no_block_is_refused_by_its_number() {
     let refused = |text: &str| read(text).unwrap_err().join("; ");
-    assert!(refused("{").contains("no JSON"));
+    assert!(refused("{").contains("not JSON"));
     assert!(refused(r#"{"blocks": []}"#).contains("holds no block"));
     assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
     let text = r#"{"blocks": [
@@ -75,7 +75,7 @@ fn what_is_no_block_is_refused_by_its_number() {
         "block 0: the block is flat",
         "block 1: the half-spaces are not bounded",
         "block 2: the half-spaces have no point in common",
-        "block 2: there are two of this id",
+        "block 2: another block has this id",
         "block 3: it needs either `half_spaces` or `vertices`",
     ] {
         assert!(problems.contains(expected), "{expected} in {problems}");

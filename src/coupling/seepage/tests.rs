@@ -6,6 +6,7 @@ use crate::darcy::{
 use crate::dem::alone;
 use crate::dem::particles::{Body, Motion};
 use crate::dem::space::Volume;
+use crate::number;
 use nalgebra::Vector3;
 
 const WATER: Liquid = Liquid {
@@ -21,18 +22,22 @@ struct Bench {
     gravity: f64,
     drop: f64,
     interval: f64,
+    moves: bool,
+    cap: f64,
 }
 
 impl Default for Bench {
     fn default() -> Self {
         Self {
             method: PorosityMethod::Exact,
-            drag: DragLaw::KozenyCarman,
+            drag: DragLaw::Reaction,
             resistance: Resistance::KozenyCarman,
             equations: Equations::Corrected,
             gravity: -9.81,
             drop: 300.0,
             interval: 1e-6,
+            moves: true,
+            cap: 0.95,
         }
     }
 }
@@ -42,6 +47,11 @@ const EDGE: f64 = 0.01;
 
 impl Bench {
     fn seepage(&self) -> Seepage<Volume> {
+        self.shaft(false)
+    }
+
+    /// A shaft between two pressures, or closed at its bottom.
+    fn shaft(&self, closed: bool) -> Seepage<Volume> {
         let grid = Grid {
             cells: CELLS,
             origin: [0.0; 3],
@@ -58,10 +68,13 @@ impl Bench {
             condition: Condition::Pressure { value: pressure },
         };
         let gravity = [0.0, 0.0, self.gravity];
-        let patches = vec![
+        let mut patches = vec![
             face(false, self.drop - 600.0 * self.gravity / 10.0),
             face(true, 0.0),
         ];
+        if closed {
+            patches.remove(0);
+        }
         let settings = PressureSettings {
             equations: self.equations,
             gravity,
@@ -75,12 +88,12 @@ impl Bench {
             permeability: Permeability {
                 law: self.resistance,
                 diameter: MeanDiameter::Sauter,
-                porosity_cap: 0.95,
+                porosity_cap: self.cap,
                 least_porosity: 0.05,
             },
             drag: self.drag,
             equations: self.equations,
-            transient: false,
+            transient: self.moves,
             semi_implicit: true,
             gravity,
             interval: self.interval,
@@ -253,7 +266,7 @@ fn momentum_closes_with_the_resistance_of_ergun() {
             seepage.pores().porosity()[cell],
             seepage.pores().diameter()[cell],
         );
-        let q = size(seepage.pressure().flux()[cell]);
+        let q = size(seepage.pressure().flux(cell));
         let loss = 150.0 * (1.0 - eps).powi(2) * 1e-3 * q / (eps.powi(3) * d * d)
             + 1.75 * (1.0 - eps) * 1000.0 * q * q / (eps.powi(3) * d);
         let gradient = size(seepage.pressure().reduced_gradient(cell));
@@ -401,4 +414,299 @@ fn a_saved_state_goes_on_as_if_nothing_had_happened() {
     assert!(particles.fluid[..particles.owned()] == again.fluid[..again.owned()]);
     assert_eq!(one.state(), two.state());
     assert!(two.restore(&[0.0; 5]).is_err());
+}
+
+/// A plug of grains that fills the section of a shaft between two faces at the same pressure.
+fn plug(seepage: &Seepage<Volume>, from: f64, to: f64, velocity: f64) -> Particles<Volume> {
+    let grid = *seepage.grid();
+    let step = 0.0025;
+    let mut particles = Particles::<Volume>::new();
+    let (mut id, mut z) = (0, from);
+    while z < to {
+        for j in 0..16 {
+            for i in 0..16 {
+                let mut motion = Motion::<Volume>::default();
+                let at = |n: i32| (f64::from(n) + 0.5) * step;
+                motion.position = Vector3::new(at(i), at(j), z + 0.5 * step);
+                motion.velocity[2] = velocity;
+                particles.insert(Body::uniform::<Volume>(id, 0.00125, 2650.0, 0), motion);
+                id += 1;
+            }
+        }
+        z += step;
+    }
+    assert!(grid.spacing[2] > 0.0);
+    particles
+}
+
+/// Moves grains that nothing holds by one interval under gravity `gravity`.
+fn drift(particles: &mut Particles<Volume>, interval: f64, gravity: f64) {
+    for k in 0..particles.owned() {
+        let mass = particles.body[k].mass;
+        for a in 0..3 {
+            let weight = if a == 2 { mass * gravity } else { 0.0 };
+            let gain = interval * (particles.fluid[k].force[a] + weight) / mass;
+            particles.motion[k].velocity[a] += gain;
+        }
+        let v = particles.motion[k].velocity;
+        particles.motion[k].position += interval * v;
+    }
+}
+
+/// Nothing stops a bed that moves with its water. In the frame of the laboratory, without `moves`, it stops.
+#[test]
+fn a_plug_that_moves_between_equal_pressures_keeps_its_speed() {
+    let speed_after = |moves: bool, interval: f64| {
+        let bench = Bench {
+            resistance: Resistance::Gidaspow,
+            gravity: 0.0,
+            drop: 0.0,
+            interval,
+            moves,
+            cap: 0.9999,
+            ..Bench::default()
+        };
+        let mut seepage = bench.seepage();
+        let mut particles = plug(&seepage, 0.005, 0.045, 0.02);
+        let mut time = 0.0;
+        while time < 0.2 {
+            seepage.advance(&mut particles, &alone()).unwrap();
+            drift(&mut particles, interval, 0.0);
+            time += interval;
+        }
+        let sum: f64 = (0..particles.owned())
+            .map(|k| particles.motion[k].velocity[2])
+            .sum();
+        sum / number::real(particles.owned())
+    };
+    for interval in [1e-3, 1e-2] {
+        let speed = speed_after(true, interval);
+        assert!((speed / 0.02 - 1.0).abs() < 0.01, "{interval}: {speed}");
+    }
+    assert!(speed_after(false, 1e-3) < 0.005);
+}
+
+/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its grains: the
+/// pressure below rises as Darcy's law says for a flux v.
+#[test]
+fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
+    let (speed, interval) = (-1e-4, 1e-3);
+    for kind in [Kind::Driven, Kind::Free] {
+        let bench = Bench {
+            gravity: 0.0,
+            drop: 0.0,
+            interval,
+            ..Bench::default()
+        };
+        let mut seepage = bench.shaft(true);
+        let mut particles = plug(&seepage, 0.02, 0.045, speed);
+        for k in 0..particles.owned() {
+            particles.body[k].kind = kind;
+            // Heavy grains: the water does not slow them within a step.
+            particles.body[k].mass *= if kind == Kind::Free { 1e9 } else { 1.0 };
+        }
+        seepage.advance(&mut particles, &alone()).unwrap();
+        let below = seepage.pressure().pressure(0);
+        // Two and a half layers of cells, with their own porosity and permeability.
+        let layer = seepage.grid().index([0, 0, 3]);
+        let k = seepage.pressure().conductivity(layer);
+        let loss: f64 = (0..6)
+            .map(|z| {
+                let cell = seepage.grid().index([0, 0, z]);
+                let part = if seepage.pores().porosity()[cell] < 0.9 {
+                    1.0
+                } else {
+                    0.0
+                };
+                part * EDGE * -speed / seepage.pressure().conductivity(cell)
+            })
+            .sum();
+        assert!(
+            k > 0.0 && (below / loss - 1.0).abs() < 0.01,
+            "{kind:?} {below} {loss}"
+        );
+        let balance = seepage.balance();
+        assert!(balance.closure < 1e-6, "{kind:?} {balance:?}");
+    }
+}
+
+/// A free bed in a closed shaft sinks as fast as its buoyant weight drives the water past it, whatever the interval.
+#[test]
+fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
+    let sinks = |density: f64, interval: f64, end: f64| {
+        let bench = Bench {
+            interval,
+            ..Bench::default()
+        };
+        let mut seepage = bench.shaft(true);
+        let mut particles = Particles::<Volume>::new();
+        let mut id = 0;
+        // Nothing lies below: the bed goes down as one for a while.
+        for k in 0..40 {
+            for j in 0..32 {
+                for i in 0..32 {
+                    let at = Vector3::new(f64::from(i), f64::from(j), f64::from(k) + 4.0);
+                    let motion = Motion {
+                        position: (at + Vector3::new(0.5, 0.5, 0.5)) * 0.00125,
+                        ..Motion::default()
+                    };
+                    particles.insert(Body::uniform::<Volume>(id, 6.25e-4, density, 0), motion);
+                    id += 1;
+                }
+            }
+        }
+        let mut time = 0.0;
+        while time < end {
+            seepage.advance(&mut particles, &alone()).unwrap();
+            drift(&mut particles, interval, -9.81);
+            time += interval;
+        }
+        let middle = (0..particles.owned()).filter(|&k| {
+            let z = particles.motion[k].position[2];
+            (0.03..0.035).contains(&z)
+        });
+        let speeds: Vec<f64> = middle.map(|k| particles.motion[k].velocity[2]).collect();
+        let cell = seepage.grid().index([2, 2, 3]);
+        let eps = seepage.pores().porosity()[cell];
+        let exact = seepage.pressure().conductivity(cell) * (1.0 - eps) * (density - 1000.0) * 9.81;
+        (
+            -speeds.iter().sum::<f64>() / number::real(speeds.len()),
+            exact,
+        )
+    };
+    // The water stops such a bed within 5 ms, and within 2 ms.
+    for (density, interval, end) in [
+        (2650.0, 1e-3, 4e-2),
+        (1100.0, 1e-3, 2e-2),
+        (1100.0, 1e-2, 1e-1),
+        (1050.0, 2e-2, 2e-1),
+    ] {
+        let (speed, exact) = sinks(density, interval, end);
+        assert!(
+            (speed / exact - 1.0).abs() < 0.01,
+            "{density} {interval}: {speed} {exact}"
+        );
+    }
+    // Fifty times that time: the bed loosens from below meanwhile and its speed lags behind, but it does not overshoot.
+    let (speed, exact) = sinks(1050.0, 1e-1, 1.0);
+    assert!((0.8 * exact..exact).contains(&speed), "{speed} {exact}");
+}
+
+/// With what a case leaves out, a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the minimum velocity of
+/// fluidisation of Ergun's equation, from fine sand to gravel, from dense to loose, in water and in oil.
+#[test]
+fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun() {
+    for diameter in [1e-4, 1e-3, 5e-3] {
+        for porosity in [0.35_f64, 0.42, 0.5] {
+            for viscosity in [1e-3, 0.1] {
+                // A body-centred cubic array: two spheres in each cube of this edge.
+                let solid = 1.0 - porosity;
+                let edge = diameter * (std::f64::consts::PI / (3.0 * solid)).cbrt();
+                let grid = Grid {
+                    cells: [2, 2, 5],
+                    // The array reaches beyond on all sides.
+                    origin: [edge; 3],
+                    spacing: [4.0 * edge; 3],
+                    dimension: 3,
+                };
+                let liquid = Liquid {
+                    density: 1000.0,
+                    viscosity,
+                };
+                let height = 20.0 * edge;
+                let gradient = 1.65 * solid;
+                let written: crate::case::darcy::Darcy = serde_json::from_value(
+                    serde_json::json!({"density": 1000.0, "viscosity": viscosity}),
+                )
+                .unwrap();
+                let communicator = Communicator::serial();
+                let openness = Openness::measure(&grid, &Enclosure::Everything);
+                let face = |upper, head| Patch {
+                    axis: 2,
+                    upper,
+                    from: [0; 3],
+                    to: grid.cells,
+                    condition: Condition::Head { value: head },
+                };
+                let gravity = [0.0, 0.0, -9.81];
+                let patches = vec![
+                    face(false, edge + height * (1.0 + gradient)),
+                    face(true, edge + height),
+                ];
+                let settings = PressureSettings {
+                    equations: written.equations,
+                    gravity,
+                    tolerance: written.tolerance,
+                    iterations: written.max_iterations,
+                };
+                let pressure =
+                    Pressure::new(&openness, patches, liquid, settings, &communicator).unwrap();
+                let pores = Pores::new(grid, written.porosity, written.mean_diameter);
+                let settings = Settings {
+                    liquid,
+                    permeability: Permeability {
+                        law: written.resistance(),
+                        diameter: written.mean_diameter,
+                        porosity_cap: written.porosity_cap(),
+                        least_porosity: written.least_porosity,
+                    },
+                    drag: written.drag(),
+                    equations: written.equations,
+                    transient: written.transient_porosity(),
+                    semi_implicit: written.semi_implicit_drag,
+                    gravity,
+                    interval: 1e-6,
+                };
+                let mut seepage =
+                    Seepage::<Volume>::new(openness, pores, pressure, settings, &communicator);
+                let mut particles = Particles::<Volume>::new();
+                let mut id = 0;
+                for k in 0..44 {
+                    for j in 0..10 {
+                        for i in 0..10 {
+                            let shift = if k % 2 == 0 { 0.25 } else { 0.75 };
+                            let at = |n: i32, step: f64, first: f64| {
+                                (f64::from(n) * step + first) * edge
+                            };
+                            let motion = Motion {
+                                position: Vector3::new(
+                                    at(i, 1.0, shift),
+                                    at(j, 1.0, shift),
+                                    at(k, 0.5, 0.25),
+                                ),
+                                ..Motion::default()
+                            };
+                            let mut body = Body::uniform::<Volume>(id, 0.5 * diameter, 2650.0, 0);
+                            body.kind = Kind::Fixed;
+                            particles.insert(body, motion);
+                            id += 1;
+                        }
+                    }
+                }
+                seepage.advance(&mut particles, &alone()).unwrap();
+                // The spheres at the sides are loaded by the part that is inside.
+                let volume: f64 = (0..grid.count())
+                    .map(|c| seepage.pores().solid_volume(c))
+                    .sum();
+                let place = format!("d {diameter}, n {porosity}, mu {viscosity}");
+                let lift = seepage.balance().on_grains[2] / (volume * 2650.0 * 9.81);
+                let counted = volume / (grid.volume() * number::real(grid.count()));
+                let wanted =
+                    (gradient / (1.65 * counted)).mul_add(1650.0 / 2650.0, 1000.0 / 2650.0);
+                assert!(
+                    (lift / wanted - 1.0).abs() < 1e-3,
+                    "{place}: {lift} {wanted}"
+                );
+                assert!((counted / solid - 1.0).abs() < 0.01, "{place}: {counted}");
+                assert!(seepage.balance().closure < 1e-6, "{place}");
+                let q = seepage.report().inflow / (8.0 * edge).powi(2);
+                let a =
+                    150.0 * solid * solid * viscosity / (porosity.powi(3) * diameter * diameter);
+                let b = 1.75 * solid * 1000.0 / (porosity.powi(3) * diameter);
+                let loss = 1.65 * solid * 9810.0;
+                let lifts = (-a + (a * a + 4.0 * b * loss).sqrt()) / (2.0 * b);
+                assert!((q / lifts - 1.0).abs() < 0.03, "{place}: {q} {lifts}");
+            }
+        }
+    }
 }

@@ -5,10 +5,12 @@
 //! ```
 //!
 //! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water past the
-//! grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial velocity for U.
+//! grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial velocity for U. As a
+//! resistance it is [`super::permeability`] of this drag.
 
 use super::dallavalle::Dallavalle;
-use super::law::{Bed, Grain, Law};
+use super::{Bed, Grain, Law};
+use crate::darcy::{Equations, Liquid, permeability};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,11 +38,33 @@ impl Law for DiFelice {
     }
 }
 
+impl permeability::Law for DiFelice {
+    fn summary() -> &'static str {
+        "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected equations."
+    }
+
+    fn description(&self) -> String {
+        "Di Felice's drag as a resistance".into()
+    }
+
+    fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
+        super::permeability(self, porosity, diameter, liquid, gradient)
+    }
+
+    fn depends_on_the_gradient(&self) -> bool {
+        true
+    }
+
+    fn goes_with(&self, equations: Equations) -> bool {
+        equations == Equations::Corrected
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coupling::drag::dallavalle::drag_coefficient;
-    use crate::coupling::drag::law::testing::bed;
+    use crate::darcy::drag::dallavalle::drag_coefficient;
+    use crate::darcy::drag::testing::bed;
 
     #[test]
     fn agrees_with_the_table() {
@@ -65,6 +89,23 @@ mod tests {
         assert!((exponent(10.0_f64.powf(1.5)) - 3.05).abs() < 1e-14);
         let at_rest = DiFelice.coefficient(&bed(0.4, 1e-3), &Grain::new(3, 5e-4), 0.0);
         assert!(at_rest.is_finite());
+    }
+
+    #[test]
+    fn as_a_resistance_it_has_the_loss_of_its_drag() {
+        use crate::darcy::drag::testing::gradient;
+        use crate::darcy::permeability::Law as _;
+        let liquid = Liquid {
+            density: 1000.0,
+            viscosity: 1e-3,
+        };
+        for eps in [0.35, 0.5, 0.9] {
+            for speed in [1e-7, 1e-3, 0.03, 2.0] {
+                let loss = gradient(&DiFelice, &bed(eps, 1e-3), 1e-3, speed);
+                let found = DiFelice.permeability(eps, 1e-3, liquid, loss) * loss / 1e-3;
+                assert!((found / speed - 1.0).abs() < 1e-10, "{eps} {speed} {found}");
+            }
+        }
     }
 
     #[test]

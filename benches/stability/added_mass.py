@@ -1,10 +1,10 @@
-"""How light a free body may be: the border by coupling, radius, relaxation time and place between the cells.
+"""Smallest stable density ratio of a free body over coupling, radius, relaxation time and position relative to the nodes.
 
-    python3 benches/stability/light_bodies.py target/release/solver OUTPUT
+    python3 benches/stability/added_mass.py target/release/solver OUTPUT
 
-A body falls or rises for 400 steps in a box of 8 radii (discs) or 4.5 (spheres), with density ratios a tenth apart round where it begins to
-hold. OUTPUT gets a study and its runs for each coupling, dimension and radius, and `light_bodies.csv`: the largest ratio at which a body was thrown away
-and the smallest at which one held, in units of the fluid's density. The bounds in `src/plan/light_bodies.rs` enclose them.
+A body falls or rises for 400 steps in a box of 8 radii (discs) or 4.5 (spheres), with density ratios 10 % apart around the stability
+limit. The script writes to OUTPUT a study with its runs for each coupling, dimension and radius, and `added_mass.csv`: the largest unstable and the
+smallest stable density ratio. The bounds in `src/plan/added_mass.rs` enclose them.
 """
 
 import csv
@@ -104,7 +104,7 @@ def main():
                         held = [float(m["density_ratio"]) for m in mine if m["outcome"] == "finished"]
                         thrown = [float(m["density_ratio"]) for m in mine if m["outcome"] != "finished"]
                         rows.append([name, dimension, radius, tau, n, max(thrown, default=0), min(held, default=99)])
-    with open(output / "light_bodies.csv", "w") as file:
+    with open(output / "added_mass.csv", "w") as file:
         file.write("coupling,dimension,radius [cells],relaxation time,place,thrown away,held\n")
         for row in rows:
             file.write(",".join("%.4g" % x if isinstance(x, float) else str(x) for x in row) + "\n")

@@ -1,20 +1,38 @@
-//! What a drag law is, and the list of them.
+//! Drag of seeping water on grains.
+//!
+//! A law gives the force on a grain of a bed over the superficial velocity of the water past it, [`Law::coefficient`] `b`. The water
+//! of a bed of n grains per volume at rest then loses the pressure
+//!
+//! ```text
+//! eps |grad phi| = n b(q) q
+//! ```
+//!
+//! which turns a drag law into a law of resistance ([`permeability`]). [`reaction`] goes the other way: it is the drag that a law
+//! of resistance implies.
+//!
+//! A drag law is one file below this module and one line of the list.
 
-use super::dallavalle::Dallavalle;
-use super::di_felice::DiFelice;
-use super::gidaspow::Gidaspow;
-use super::kozeny_carman::KozenyCarman;
+pub mod dallavalle;
+pub mod di_felice;
+pub mod gidaspow;
+pub mod reaction;
+
+use super::Liquid;
 use crate::family::family;
+use dallavalle::Dallavalle;
+use di_felice::DiFelice;
+use gidaspow::Gidaspow;
+use reaction::Reaction;
 
 family! {
     /// The drag laws. A line here makes a law known to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
     pub enum DragLaw: Law {
         #[default]
+        Reaction,
         DiFelice,
         Gidaspow,
         Dallavalle,
-        KozenyCarman,
     }
 }
 
@@ -35,6 +53,11 @@ pub trait Law {
     /// the grain's velocity beside the flux. Explicit drag is unstable where the coupling interval exceeds twice this time.
     fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
         mass / (measure * self.coefficient(bed, grain, 0.0))
+    }
+
+    /// Whether the forces on grains at rest balance the loss of pressure of every law of resistance.
+    fn balances(&self) -> bool {
+        false
     }
 
     /// The drag on a grain from the water in its cells, each with the part of the grain in it.
@@ -67,7 +90,7 @@ pub struct Drag {
 pub struct Cell {
     /// Gradient of the pressure \[Pa/m\].
     pub gradient: [f64; 3],
-    /// Darcy flux \[m/s\].
+    /// Superficial velocity of the water \[m/s\].
     pub flux: [f64; 3],
     /// The water and the bed.
     pub bed: Bed,
@@ -112,10 +135,56 @@ impl Grain {
             } else {
                 std::f64::consts::PI * radius * radius
             },
-            volume: crate::darcy::porosity::measure(dimension, radius),
+            volume: super::porosity::measure(dimension, radius),
         }
     }
 }
+
+/// The permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of the reduced pressure
+/// \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
+///
+/// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
+/// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
+pub fn permeability(
+    law: &impl Law,
+    porosity: f64,
+    diameter: f64,
+    liquid: Liquid,
+    gradient: f64,
+) -> f64 {
+    let grain = Grain::new(3, 0.5 * diameter);
+    let bed = Bed {
+        density: liquid.density,
+        viscosity: liquid.viscosity,
+        porosity,
+        solid: 1.0 - porosity,
+        permeability: f64::NAN,
+    };
+    let per_volume = bed.solid / (grain.volume * porosity);
+    let loss = |q: f64| per_volume * law.coefficient(&bed, &grain, q);
+    let at_rest = loss(0.0);
+    let mut q = gradient / at_rest;
+    // Water at rest, or so slow that no inertia shows.
+    if q < f64::EPSILON * liquid.viscosity / (liquid.density * diameter) {
+        return liquid.viscosity / at_rest;
+    }
+    for _ in 0..MOST_STEPS {
+        let here = loss(q);
+        let above = loss(q * (1.0 + NEARBY));
+        let power = 1.0 + (above / here - 1.0) / NEARBY;
+        let step = (gradient / (here * q)).powf(1.0 / power);
+        q *= step;
+        if (step - 1.0).abs() < 1e-13 {
+            break;
+        }
+    }
+    liquid.viscosity * q / gradient
+}
+
+/// Relative distance of two speeds between which the slope of a law is taken.
+const NEARBY: f64 = 1e-4;
+/// Steps of the iteration of [`permeability`], at most: five are usual.
+const MOST_STEPS: usize = 30;
 
 #[cfg(test)]
 pub(super) mod testing {
@@ -123,7 +192,7 @@ pub(super) mod testing {
     use crate::darcy::permeability::kozeny_carman;
 
     /// Water in a bed of this porosity.
-    pub(in crate::coupling::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
+    pub(in crate::darcy::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
         Bed {
             density: 1000.0,
             viscosity,
@@ -134,7 +203,7 @@ pub(super) mod testing {
     }
 
     /// Loss of pressure in a bed at rest from the sum of drags: eps |grad p| = n f.
-    pub(in crate::coupling::drag) fn gradient(law: &dyn Law, bed: &Bed, d: f64, speed: f64) -> f64 {
+    pub(in crate::darcy::drag) fn gradient(law: &dyn Law, bed: &Bed, d: f64, speed: f64) -> f64 {
         let grain = Grain::new(3, 0.5 * d);
         let per_volume = bed.solid / grain.volume;
         per_volume * law.coefficient(bed, &grain, speed) * speed / bed.porosity
@@ -148,7 +217,7 @@ mod tests {
     use serde_json::json;
 
     mod stokes {
-        use crate::coupling::drag::law::{Bed, Grain, Law};
+        use crate::darcy::drag::{Bed, Grain, Law};
 
         /// Drag of a single grain in creeping flow: 3 pi mu d U.
         #[derive(
@@ -220,11 +289,11 @@ mod tests {
             (DragLaw::DiFelice, "di_felice"),
             (DragLaw::Gidaspow, "gidaspow"),
             (DragLaw::Dallavalle, "dallavalle"),
-            (DragLaw::KozenyCarman, "kozeny_carman"),
+            (DragLaw::Reaction, "reaction"),
         ] {
             assert_eq!(serde_json::to_value(law).unwrap(), json!(name));
             assert_eq!(serde_json::from_value::<DragLaw>(json!(name)).unwrap(), law);
         }
-        assert_eq!(DragLaw::default(), DragLaw::DiFelice);
+        assert_eq!(DragLaw::default(), DragLaw::Reaction);
     }
 }

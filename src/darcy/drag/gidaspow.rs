@@ -8,9 +8,15 @@
 //! ```
 //!
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and Fluidization, 1994.)
-//! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure.
+//! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure. The same law as a
+//! resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen and Yu's drag above.
 
-use super::law::{Bed, Grain, Law};
+use super::{Bed, Grain, Law};
+use crate::darcy::permeability::ergun::Ergun;
+use crate::darcy::{Equations, Liquid, permeability};
+
+/// Porosity from which the drag is that of Wen and Yu.
+const DILUTE: f64 = 0.8;
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +33,7 @@ impl Law for Gidaspow {
 
     fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
         let (eps, d) = (bed.porosity, grain.diameter);
-        let share = if eps < 0.8 {
+        let share = if eps < DILUTE {
             150.0 * (1.0 - eps) * bed.viscosity / (eps * d * d)
                 + 1.75 * bed.density * speed / (eps * d)
         } else {
@@ -44,10 +50,36 @@ impl Law for Gidaspow {
     }
 }
 
+impl permeability::Law for Gidaspow {
+    fn summary() -> &'static str {
+        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected equations."
+    }
+
+    fn description(&self) -> String {
+        "Gidaspow (Ergun; Wen and Yu from porosity 0.8 on)".into()
+    }
+
+    fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
+        if porosity < DILUTE {
+            Ergun.permeability(porosity, diameter, liquid, gradient)
+        } else {
+            super::permeability(self, porosity, diameter, liquid, gradient)
+        }
+    }
+
+    fn depends_on_the_gradient(&self) -> bool {
+        true
+    }
+
+    fn goes_with(&self, equations: Equations) -> bool {
+        equations == Equations::Corrected
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coupling::drag::law::testing::{bed, gradient};
+    use crate::darcy::drag::testing::{bed, gradient};
 
     #[test]
     fn has_the_loss_of_ergun_and_lifts_at_its_velocity() {
@@ -67,5 +99,26 @@ mod tests {
         // Drag and the gradient of the reduced pressure carry a grain.
         let total = drag + grain.volume * gradient(&Gidaspow, &bed, d, lifts);
         assert!((total / (grain.volume * 1650.0 * 9.81) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn as_a_resistance_it_has_the_loss_of_its_drag() {
+        use crate::darcy::permeability::Law as _;
+        let (d, mu) = (1e-3, 1e-3);
+        let liquid = Liquid {
+            density: 1000.0,
+            viscosity: mu,
+        };
+        for eps in [0.4, 0.6, 0.79, 0.81, 0.95, 0.9999] {
+            for speed in [0.0, 1e-9, 1e-3, 0.1, 3.0] {
+                let loss = gradient(&Gidaspow, &bed(eps, mu), d, speed);
+                let k = Gidaspow.permeability(eps, d, liquid, loss);
+                let found = k * loss / mu;
+                assert!(
+                    (found - speed).abs() <= 1e-11 * speed,
+                    "{eps} {speed} {found}"
+                );
+            }
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The drag that closes the balance of momentum with the permeability.
+//! The drag that a law of resistance implies: its reaction on the grains. It closes the balance of momentum with every resistance.
 //!
 //! ```text
 //! f = V mu eps U/[K (1 - eps)]        sum over the grains of a cell at rest: eps mu q V_cell/K = -eps grad phi V_cell
@@ -7,23 +7,27 @@
 //! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on grains at rest balance the imposed
 //! pressures and the weight of the water. Each grain of a cell bears a share in proportion to its volume.
 //!
-//! `eps` is the porosity without limits, while `K` may rest on a limited one. In a cell overfull of grains the drag is zero. In a
-//! cell emptier than the cap of the porosity a grain bears the drag of a bed at the cap. Without this rule the few grains
-//! at a surface would bear the resistance of the whole cell, which is still that of the cap.
+//! `eps` is the unlimited porosity, while `K` may use a limited one. In a cell with a solid fraction of one or more the drag is zero. In a
+//! cell with a porosity above the cap, a grain bears the drag of a bed at the cap. Without this rule the few grains at a surface would
+//! bear the resistance of the whole cell, which still has the permeability of the cap.
 
-use super::law::{Bed, Grain, Law};
+use super::{Bed, Grain, Law};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct KozenyCarman;
+pub struct Reaction;
 
-impl Law for KozenyCarman {
+impl Law for Reaction {
     fn summary() -> &'static str {
-        "Closes the balance of momentum with the law of resistance, for either of them."
+        "The reaction of the resistance: the forces on the grains balance the loss of pressure."
     }
 
     fn description(&self) -> String {
-        "Kozeny-Carman".into()
+        "reaction of the resistance".into()
+    }
+
+    fn balances(&self) -> bool {
+        true
     }
 
     fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
@@ -36,12 +40,12 @@ impl Law for KozenyCarman {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coupling::drag::law::testing::{bed, gradient};
+    use crate::darcy::drag::testing::{bed, gradient};
 
     #[test]
     fn the_consistent_drag_has_the_loss_of_darcy() {
         let bed = bed(0.37, 0.1);
-        let loss = gradient(&KozenyCarman, &bed, 1e-3, 2e-4);
+        let loss = gradient(&Reaction, &bed, 1e-3, 2e-4);
         assert!((loss / (0.1 * 2e-4 / bed.permeability) - 1.0).abs() < 1e-12);
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! (J. M. DallaValle, Micromeritics, 1948.) `C_d |U|` is computed as one, so that it stays finite at rest.
 
-use super::law::{Bed, Grain, Law};
+use super::{Bed, Grain, Law};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,194 @@
+//! The linear solver: conjugate gradients with a multigrid cycle, from the last pressure.
+//!
+//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed pressure, or the largest
+//! source.
+
+use super::Pressure;
+use crate::darcy::Error;
+use crate::darcy::multigrid::neighbours;
+use crate::darcy::reproducible::{dot, power_above};
+use crate::number::single;
+
+impl Pressure {
+    /// Conjugate gradients: iterations and relative residual.
+    pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
+        if self.fresh {
+            // So that water that nothing drives is at rest exactly.
+            let middle = self.middle();
+            for index in 0..self.grid.count() {
+                if self.conducts[index] {
+                    self.phi[self.layout.at(self.grid.cell(index))] = middle;
+                }
+            }
+            self.fresh = false;
+        }
+        let scale = self.scale();
+        let mut largest = self.first_residual();
+        if !largest.is_finite() || !scale.is_finite() {
+            return Err(Error::NotFinite("the first residual"));
+        }
+        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
+        let least = 1e-12 * self.size();
+        let mut scale = scale.max(least);
+        let mut iterations = 0;
+        let mut last = 0.0;
+        loop {
+            if largest <= self.settings.tolerance * scale {
+                // Beside free water the imbalance at uniform pressure is far larger than what flows in the end.
+                let flowing = self.flowing().max(least);
+                if flowing >= scale || largest <= self.settings.tolerance * flowing {
+                    break;
+                }
+                scale = flowing;
+            }
+            if iterations >= self.settings.iterations {
+                return Err(Error::NotConverged {
+                    iterations,
+                    residual: largest / scale,
+                    tolerance: self.settings.tolerance,
+                });
+            }
+            let here = (self.layout, self.part.clone());
+            let here = (&here.0, &here.1);
+            // The cycle works in single precision: on a residual near 1.
+            let unit = 1.0 / power_above(largest);
+            let residual = &self.residual;
+            here.0
+                .sweep(here.1, self.multigrid.right_side(), |start, out| {
+                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
+                        *b = single(r * unit);
+                    }
+                });
+            self.multigrid.cycle();
+            let z = self.multigrid.result();
+            let rz = dot(here, &self.residual, z, &self.communicator) / unit;
+            let beta = if iterations == 0 { 0.0 } else { rz / last };
+            last = rz;
+            here.0.sweep(here.1, &mut self.direction, |start, out| {
+                let z = &z[start..start + out.len()];
+                for (p, z) in out.iter_mut().zip(z) {
+                    *p = f64::from(*z) / unit + beta * *p;
+                }
+            });
+            self.halo.fill(&mut self.direction);
+            let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
+            layout.sweep(here.1, &mut self.product, |start, out| {
+                let n = out.len();
+                let (diagonal, row) = (&matrix.diagonal[start..start + n], &p[start..start + n]);
+                neighbours(matrix, layout, p, start, n, |i, sum| {
+                    out[i] = diagonal[i] * row[i] - sum;
+                });
+            });
+            let energy = dot(here, &self.direction, &self.product, &self.communicator);
+            let alpha = rz / energy;
+            if !alpha.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            let mut most = 0.0_f64;
+            let mut bad = 0.0_f64;
+            for row in self.layout.rows(here.1) {
+                let (p, q) = (&self.direction[row.clone()], &self.product[row.clone()]);
+                let (x, r) = (&mut self.phi[row.clone()], &mut self.residual[row]);
+                for i in 0..x.len() {
+                    x[i] += alpha * p[i];
+                    r[i] -= alpha * q[i];
+                    let size = r[i].abs();
+                    most = if size > most { size } else { most };
+                    bad += size * 0.0;
+                }
+            }
+            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
+                f64::INFINITY
+            } else {
+                most
+            });
+            if !largest.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            iterations += 1;
+        }
+        Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
+    }
+
+    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration. Collective.
+    fn flowing(&self) -> f64 {
+        let mut most = 0.0_f64;
+        for face in &self.boundary {
+            let along = self.grid.cell(face.cell)[self.part.axis];
+            if self.part.planes.contains(&along) {
+                most = most.max(self.inflow(face).abs());
+            }
+        }
+        for row in self.layout.rows(&self.part) {
+            for at in row {
+                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
+                    most = most.max(self.right[at].abs());
+                }
+            }
+        }
+        self.communicator.all_reduce_max_f64(most)
+    }
+
+    /// The largest imbalance at the uniform pressure in the middle of what is imposed: what drives the flow. Over the whole
+    /// grid, so that no message is needed.
+    fn scale(&self) -> f64 {
+        let middle = self.middle();
+        let mut most = 0.0_f64;
+        // Inner faces pass nothing then.
+        let mut imbalance = |at: usize, ground: f64| {
+            most = most.max((self.right[at] - ground * middle).abs());
+        };
+        let mut ground = 0.0;
+        for (k, &(at, _, g)) in self.ground.iter().enumerate() {
+            ground += g;
+            if self.ground.get(k + 1).is_none_or(|next| next.0 != at) {
+                imbalance(at, ground);
+                ground = 0.0;
+            }
+        }
+        for row in self.layout.rows(&self.layout.whole()) {
+            for at in row {
+                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
+                    imbalance(at, 0.0);
+                }
+            }
+        }
+        most
+    }
+
+    /// The largest right side.
+    fn size(&self) -> f64 {
+        let rows = self.layout.rows(&self.layout.whole());
+        rows.flatten()
+            .fold(0.0, |most, at| self.right[at].abs().max(most))
+    }
+
+    fn is_ground(&self, at: usize) -> bool {
+        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
+    }
+
+    /// `residual = right - A phi`, and its largest size on any rank.
+    fn first_residual(&mut self) -> f64 {
+        self.halo.fill(&mut self.phi);
+        let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
+        layout.sweep(&self.part, &mut self.residual, |start, out| {
+            let n = out.len();
+            let (diagonal, row) = (&matrix.diagonal[start..start + n], &phi[start..start + n]);
+            let right = &right[start..start + n];
+            neighbours(matrix, layout, phi, start, n, |i, sum| {
+                out[i] = (right[i] - diagonal[i] * row[i]) + sum;
+            });
+        });
+        let mut most = 0.0_f64;
+        for row in self.layout.rows(&self.part) {
+            for r in &self.residual[row] {
+                most = if r.is_finite() {
+                    most.max(r.abs())
+                } else {
+                    f64::INFINITY
+                };
+            }
+        }
+        self.communicator.all_reduce_max_f64(most)
+    }
+}

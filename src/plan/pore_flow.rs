@@ -1,0 +1,76 @@
+//! How fast the water seeps: the Reynolds number of the pores before the run.
+//!
+//! ```text
+//! Re = rho q d/mu        q: superficial velocity, d: diameter of the largest grains
+//! ```
+//!
+//! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11): beyond, inertial
+//! losses grow with the square of the velocity. The flux is that of the largest difference of imposed pressures over the height of the grid
+//! through a bed of equal grains in random close packing, or the largest flux that is imposed. The run measures the number again.
+
+use super::explicit_drag;
+use crate::darcy::{Condition, Equations, Liquid};
+use crate::error::Remedy;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use serde_json::json;
+
+/// Reynolds number from which inertial losses count.
+const DARCY: f64 = 1.0;
+/// Porosity of equal spheres in random packing.
+const PACKED: f64 = 0.4;
+const PATH: &str = "fluid.darcy.resistance";
+
+/// The Reynolds number of the pores; none without seepage, grains or drive.
+#[must_use]
+pub fn reynolds(scene: &Scene) -> Option<f64> {
+    let seepage = scene.seepage.as_ref()?;
+    let (_, radius) = scene.grains.as_ref()?.radii?;
+    let (written, diameter) = (&seepage.written, 2.0 * radius);
+    let liquid = Liquid {
+        density: written.density,
+        viscosity: written.viscosity,
+    };
+    let height = seepage.height(scene.gravity, scene.grid.dimension);
+    let gradient = seepage.pressure_drop(scene.gravity) / height;
+    let porosity = explicit_drag::porosity(scene, seepage).max(PACKED);
+    let resistance = written.resistance();
+    let permeability = resistance
+        .model()
+        .permeability(porosity, diameter, liquid, gradient);
+    let driven = permeability * gradient / liquid.viscosity;
+    let imposed = seepage.patches.iter().map(|patch| match patch.condition {
+        Condition::Flux { value } | Condition::Rain { rate: value } => value.abs(),
+        _ => 0.0,
+    });
+    let flux = imposed.fold(driven, f64::max);
+    let reynolds = liquid.density * flux * diameter / liquid.viscosity;
+    (reynolds.is_finite() && reynolds > 0.0).then_some(reynolds)
+}
+
+/// Warns where a linear resistance is used beyond its range.
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    let (Some(seepage), Some(reynolds)) = (&scene.seepage, reynolds(scene)) else {
+        return;
+    };
+    let written = &seepage.written;
+    if written.resistance().model().depends_on_the_gradient() || reynolds <= DARCY {
+        return;
+    }
+    let text =
+        "use a resistance with inertial losses, such as \"gidaspow\", or check the pressures";
+    let mut remedy = Remedy::from(text).set(PATH, "gidaspow");
+    if written.equations == Equations::Paper {
+        remedy = remedy.set("fluid.darcy.equations", json!("corrected"));
+    }
+    findings.warn(
+        PATH,
+        format!(
+            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial losses count from about {} \
+             on, and a resistance in proportion to the flux overstates it",
+            number(reynolds),
+            number(DARCY)
+        ),
+        remedy,
+    );
+}
