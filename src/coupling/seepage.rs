@@ -44,19 +44,21 @@
 //! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with the reaction of the resistance
 //! ([`crate::darcy::drag::reaction`]) and explicit drag, and the mismatch between drag law and resistance otherwise.
 
+mod motion;
+
 use super::Flow;
 use crate::darcy::drag::{Bed, Cell, Drag, Grain, Law};
 use crate::darcy::permeability::BedOfCells;
 use crate::darcy::porosity::measure;
 use crate::darcy::pressure::{self, NUMBERS};
 use crate::darcy::{
-    BedMotion, DragLaw, Equations, Grid, Liquid, Moving, Openness, Permeability, Pores, Pressure,
-    Report,
+    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report,
 };
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use decomposition::{Communicator, Domain, ExactSum};
+use motion::{Motion, Start, add, moving, start};
 use std::marker::PhantomData;
 
 /// Relative change of the permeability in a round at which a permeability that depends on the gradient is settled, at least. A larger
@@ -69,9 +71,6 @@ const MOST_ROUNDS: u32 = 200;
 const OPEN: f64 = 0.1;
 /// Reynolds number up to which Darcy's law holds.
 const DARCY: f64 = 1.0;
-/// Porosity up to which the water goes with the grains of a cell, and from which it does not.
-const DENSE: f64 = 0.95;
-const DILUTE: f64 = 0.98;
 /// Porosity below which a cell counts as filled with grains.
 const FILLED: f64 = 0.95;
 /// Choices of the coupling.
@@ -135,60 +134,6 @@ pub struct Seepage<Sp: Space> {
     balance: Balance,
     room: Room,
     space: PhantomData<Sp>,
-}
-
-/// The grains of each cell as a bed that moves.
-struct Motion {
-    means: BedMotion,
-    /// Gradient at the last coupling \[Pa/m\].
-    last: Vec<[f64; 3]>,
-    /// Velocity of the bed without a gradient \[m/s\].
-    velocity: Vec<[f64; 3]>,
-    /// What a gradient takes from it [m2/(Pa s)].
-    response: Vec<f64>,
-    /// How much of a change of velocity until the next coupling counts, 0 to 1.
-    part: Vec<f64>,
-}
-
-impl Motion {
-    fn new(cells: usize) -> Self {
-        Self {
-            means: BedMotion::new(cells),
-            last: vec![[0.0; 3]; cells],
-            velocity: vec![[0.0; 3]; cells],
-            response: vec![0.0; cells],
-            part: vec![0.0; cells],
-        }
-    }
-
-    /// The bed for the permeabilities of a round, over an interval \[s\].
-    fn respond(&mut self, permeability: &[f64], porosity: &[f64], viscosity: f64, interval: f64) {
-        for (cell, k) in permeability.iter().enumerate() {
-            let solid = 1.0 - porosity[cell].min(1.0);
-            let lightness = self.means.lightness()[cell];
-            // Without grains, or with grains that nothing moves, there is nothing to respond.
-            let whole = if lightness > 0.0 && solid > 0.0 {
-                interval * lightness / solid
-            } else {
-                0.0
-            };
-            let own = k / viscosity;
-            let part = if whole > own { 1.0 - own / whole } else { 0.0 };
-            let carried = ((DILUTE - porosity[cell]) / (DILUTE - DENSE)).clamp(0.0, 1.0);
-            self.response[cell] = carried * part * whole;
-            self.part[cell] = carried * part;
-            let (velocity, gain) = (self.means.velocity()[cell], self.means.gain()[cell]);
-            let last = self.last[cell];
-            self.velocity[cell] = std::array::from_fn(|a| {
-                carried * (velocity[a] + part * (gain[a] + whole * last[a]))
-            });
-        }
-    }
-
-    /// Velocity of the bed under a gradient \[m/s\].
-    fn under(&self, cell: usize, gradient: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| self.velocity[cell][a] - self.response[cell] * gradient[a])
-    }
 }
 
 /// Lists for one grain, kept so that a coupling allocates nothing.
@@ -390,31 +335,9 @@ impl<Sp: Space> Seepage<Sp> {
     /// Porosity, diameters and motion of the grains of each cell.
     fn fill(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
         self.pores.clear();
-        let interval = self.settings.interval;
         let grains = 0..particles.owned();
-        let mut held = Vec::new();
+        let held = self.held(particles);
         if let Some(motion) = &mut self.motion {
-            if !self.has_before {
-                // The gain that the gradient at rest will take from grains that contacts hold.
-                held = vec![[0.0; 3]; grains.len()];
-                let mut parts = std::mem::take(&mut self.room.parts);
-                for k in grains.clone() {
-                    if matches!(start(particles, k), Start::Held) {
-                        let radius = particles.body[k].radius;
-                        let lightness = moving(&self.settings, particles, k).lightness;
-                        self.pores
-                            .parts(place::<Sp>(particles, k), radius, &mut parts);
-                        for &(cell, part) in &parts {
-                            let solid = (1.0 - self.pores.porosity()[cell]).max(f64::MIN_POSITIVE);
-                            let kept = part * interval * lightness / solid;
-                            for (held, g) in held[k].iter_mut().zip(self.gradient[cell]) {
-                                *held += kept * g;
-                            }
-                        }
-                    }
-                }
-                self.room.parts = parts;
-            }
             let mut largest = [0.0_f64; 2];
             for k in grains.clone() {
                 let mut moving = moving(&self.settings, particles, k);
@@ -627,56 +550,6 @@ impl<Sp: Space> Seepage<Sp> {
             0.0
         };
         self.balance = balance;
-    }
-}
-
-fn add(sum: &mut [f64; 3], more: Option<&[f64; 3]>) {
-    for (sum, more) in sum.iter_mut().zip(more.unwrap_or(&[0.0; 3])) {
-        *sum += more;
-    }
-}
-
-/// What is known of a grain before a coupling.
-enum Start {
-    /// It has met no water yet, and contacts hold it.
-    Held,
-    /// It has met no water yet, and nothing touches it.
-    Free,
-    /// Its load and its velocity at the last coupling are known.
-    Known,
-}
-
-fn start<Sp: Space>(particles: &Particles<Sp>, k: usize) -> Start {
-    if components(&particles.fluid[k].force) != [0.0; 3] {
-        Start::Known
-    } else if components(&particles.contact[k].force) == [0.0; 3] {
-        Start::Free
-    } else {
-        Start::Held
-    }
-}
-
-/// A grain as the motion of the bed counts it.
-fn moving<Sp: Space>(settings: &Settings, particles: &Particles<Sp>, k: usize) -> Moving {
-    let body = &particles.body[k];
-    let velocity = components(&particles.motion[k].velocity);
-    if body.kind != Kind::Free {
-        return Moving {
-            velocity,
-            ..Moving::default()
-        };
-    }
-    let lightness = measure(Sp::DIMENSION, body.radius) / body.mass;
-    let last = components(&particles.last_velocity[k]);
-    let falls = settings.interval * (1.0 - lightness * settings.liquid.density);
-    Moving {
-        velocity,
-        gain: std::array::from_fn(|a| match start(particles, k) {
-            Start::Held => 0.0,
-            Start::Free => falls * settings.gravity[a],
-            Start::Known => velocity[a] - last[a],
-        }),
-        lightness,
     }
 }
 
