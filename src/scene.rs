@@ -7,6 +7,7 @@ pub mod auto;
 pub mod block;
 pub mod blocks;
 pub mod bodies;
+pub mod body_force;
 pub mod boundaries;
 pub mod collapse;
 pub mod contact;

@@ -184,7 +184,7 @@ mod tests {
             let error = cut_back(dir.path(), marks).unwrap_err().to_string();
             assert!(error.contains("a.csv") && error.contains(what), "{error}");
         };
-        says(&second, "it has 11 bytes, and 15 at the checkpoint");
+        says(&second, "it has 11 bytes; it had 15 at the checkpoint");
         fs::write(&path, "step,x\n1,3\n2,3\n").unwrap();
         says(&first, "its first 11 bytes");
         // Nothing was cut.

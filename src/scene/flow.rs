@@ -1,6 +1,7 @@
 //! The fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
 
-use super::block::Block;
+pub use super::body_force::BodyForce;
+use super::body_force::body_force;
 use super::boundaries::{Patch, faces};
 pub(crate) use super::findings::LATTICE_PATH as PATH;
 use super::findings::{Findings, at_most, number};
@@ -51,49 +52,6 @@ pub struct Flow {
     /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
     /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
     pub faces: [Vec<Patch>; 6],
-}
-
-/// Force per volume [N/m3].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub enum BodyForce {
-    /// The same at all times; may be zero.
-    Constant([f64; 3]),
-    /// amplitude cos(2 pi t/period + phase).
-    Oscillating {
-        /// Largest force [N/m3].
-        amplitude: [f64; 3],
-        /// Period \[s\].
-        period: f64,
-        /// Phase at the start \[rad\].
-        phase: f64,
-    },
-}
-
-impl BodyForce {
-    /// The force at a time \[s\].
-    #[must_use]
-    pub fn at(&self, time: f64) -> [f64; 3] {
-        match self {
-            Self::Constant(force) => *force,
-            Self::Oscillating {
-                amplitude,
-                period,
-                phase,
-            } => {
-                let factor = (std::f64::consts::TAU * time / period + phase).cos();
-                amplitude.map(|a| a * factor)
-            }
-        }
-    }
-
-    /// The largest force at any time.
-    #[must_use]
-    pub fn largest(&self) -> [f64; 3] {
-        match self {
-            Self::Constant(force) => *force,
-            Self::Oscillating { amplitude, .. } => *amplitude,
-        }
-    }
 }
 
 impl Flow {
@@ -362,31 +320,4 @@ fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
         }
     }
     remedy.set(format!("{PATH}.time_step"), time_step)
-}
-
-fn body_force(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> BodyForce {
-    let path = format!("{PATH}.body_force");
-    match &lbm.body_force {
-        None => BodyForce::Constant([0.0; 3]),
-        Some(fluid::BodyForce::Constant(force)) => BodyForce::Constant(Block::vector(
-            grid,
-            force,
-            &format!("{path}.constant"),
-            findings,
-        )),
-        Some(fluid::BodyForce::Oscillating {
-            amplitude,
-            period,
-            phase_degrees,
-        }) => BodyForce::Oscillating {
-            amplitude: Block::vector(
-                grid,
-                amplitude,
-                &format!("{path}.oscillating.amplitude"),
-                findings,
-            ),
-            period: *period,
-            phase: phase_degrees.to_radians(),
-        },
-    }
 }

@@ -13,8 +13,8 @@
 //! pressure there is that of the air everywhere, and the weight along the slope, rho g sin(slope), drives the stream (Chow,
 //! Open-channel hydraulics, 1959, section 3-1). Its balance, once it is steady, is rho g sin(slope) V = shear of the walls + force on the solids.
 
+use super::body_force::BodyForce;
 use super::findings::{Findings, LATTICE_PATH as PATH, number};
-use super::flow::BodyForce;
 use super::grid::Grid;
 use crate::case::Case;
 use crate::case::fluid::{GravityOnFluid, LatticeBoltzmann, Where};

@@ -313,7 +313,7 @@ fn a_contact_that_is_pierced_is_named() {
     for words in [
         "grain 0 overlapped wall plate by 0.",
         " of the smaller radius, above guards.max_overlap = 0.5",
-        "of the plan's limits the nearest is `overlap of an impact / radius`",
+        "the nearest limit of the plan is `overlap of an impact / radius`",
         "the contact is too soft",
     ] {
         assert!(said.contains(words), "{words}: {said}");

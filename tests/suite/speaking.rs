@@ -28,7 +28,7 @@ fn sinking() -> Value {
         "grains": {"material": "stone", "initial": {"list": [
             {"position": [0.003, 0.004], "radius": 8e-4}
         ]}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}}},
         "coupling": {"bounce_back": {}},
         "box_walls": ["x_min", "x_max", "y_min", "y_max"],
         "probes": [{"name": "middle", "every": 0.002, "at": {"point": {"position": [0.001, 0.002]}}}],
@@ -164,7 +164,7 @@ fn flying() -> Value {
             {"position": [0.002, 0.0025], "radius": 5e-4},
             {"position": [0.008, 0.0025], "radius": 5e-4, "velocity": [2, 0]}
         ]}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 5e6}}},
         "box_walls": ["x_min", "y_min"],
         "time": {"end": 0.02}
     })

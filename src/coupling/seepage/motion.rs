@@ -106,6 +106,10 @@ pub(super) fn add(sum: &mut [f64; 3], more: Option<&[f64; 3]>) {
     }
 }
 
+fn is_zero(vector: [f64; 3]) -> bool {
+    vector.iter().all(|x| x.abs() <= 0.0)
+}
+
 /// What is known of a grain before a coupling.
 pub(super) enum Start {
     /// It has met no water yet, and contacts hold it.
@@ -117,9 +121,9 @@ pub(super) enum Start {
 }
 
 pub(super) fn start<Sp: Space>(particles: &Particles<Sp>, k: usize) -> Start {
-    if components(&particles.fluid[k].force) != [0.0; 3] {
+    if !is_zero(components(&particles.fluid[k].force)) {
         Start::Known
-    } else if components(&particles.contact[k].force) == [0.0; 3] {
+    } else if is_zero(components(&particles.contact[k].force)) {
         Start::Free
     } else {
         Start::Held
