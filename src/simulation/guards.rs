@@ -639,8 +639,8 @@ mod tests {
         assert_eq!(said(1e-7, 1e-7), Vec::<String>::new());
         let momentum = said(0.0, 2e-6);
         assert_eq!(momentum.len(), 1);
-        assert!(momentum[0].contains("the balance of momentum of a step is off by 2.0e-6"));
-        assert!(said(2e-6, 0.0)[0].contains("the balance of mass"));
+        assert!(momentum[0].contains("the momentum balance of a step has an error of 2.0e-6"));
+        assert!(said(2e-6, 0.0)[0].contains("the mass balance"));
         assert_eq!(said(f64::NAN, f64::NAN).len(), 2);
     }
 }
