@@ -16,8 +16,7 @@ cd "$root"
 target=${CARGO_TARGET_DIR:-$root/target}
 # A first build is made once: what makes later builds fast only slows it.
 [ -d "$target/debug/incremental" ] || export CARGO_INCREMENTAL=0
-# Runs make their files durable one by one, which takes most of the time of a short run on a disk: in memory, where there is room, it
-# takes none.
+# Runs make their files durable one by one. In memory, where there is room, that takes no time even while the disk is busy.
 if [ -w /dev/shm ] && [ "$(df --output=avail -k /dev/shm | tail -n 1)" -gt 4000000 ]; then
   memory=$(mktemp -d /dev/shm/solver-tests.XXXXXX)
   export TMPDIR=$memory
