@@ -93,7 +93,8 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<Saved<S>>>,
     reported: Cell<Instant>,
-    asked: Cell<Instant>,
+    /// None before the first question, which comes after the first batch: a stop asked for before the start is heard at once.
+    asked: Cell<Option<Instant>>,
     /// Steps of a batch, which takes less time than passes between two questions.
     batch: Cell<u64>,
 }
@@ -106,7 +107,7 @@ impl<'a, S: Space> Supervision<'a, S> {
             supervisor,
             saved: RefCell::new(saved),
             reported: Cell::new(Instant::now()),
-            asked: Cell::new(Instant::now()),
+            asked: Cell::new(None),
             batch: Cell::new(1),
         }
     }
@@ -163,7 +164,12 @@ impl<'a, S: Space> Supervision<'a, S> {
         particles: &Particles<S>,
         progress: impl FnOnce() -> Result<Value, Error>,
     ) -> Result<(), Error> {
-        if self.asked.get().elapsed() < self.supervisor.interval() {
+        let interval = self.supervisor.interval();
+        if self
+            .asked
+            .get()
+            .is_some_and(|asked| asked.elapsed() < interval)
+        {
             return Ok(());
         }
         let request = self.supervisor.ask();
@@ -171,7 +177,7 @@ impl<'a, S: Space> Supervision<'a, S> {
             self.supervisor
                 .save(particles, dem, &progress()?, request)?;
         }
-        self.asked.set(Instant::now());
+        self.asked.set(Some(Instant::now()));
         if request == Request::Stop {
             return Err(Error::Stopped(format!(
                 "preparation of the sample: {} solid steps",

@@ -71,7 +71,8 @@ pub struct Watch {
     every: Option<Duration>,
     saved: Instant,
     cost: Duration,
-    looked: Instant,
+    /// None before the first look for a file.
+    looked: Option<Instant>,
     asked: Instant,
     steps: u64,
 }
@@ -98,7 +99,7 @@ impl Watch {
             every,
             saved: now,
             cost: Duration::ZERO,
-            looked: now,
+            looked: None,
             asked: now,
             steps: 1,
         })
@@ -148,8 +149,11 @@ impl Watch {
             {
                 mine = Request::Stop;
             }
-            if self.looked.elapsed() >= Duration::from_millis(500) {
-                self.looked = Instant::now();
+            if self
+                .looked
+                .is_none_or(|looked| looked.elapsed() >= Duration::from_millis(500))
+            {
+                self.looked = Some(Instant::now());
                 if self.files.iter().any(|file| file.exists()) {
                     mine = Request::Stop;
                 }

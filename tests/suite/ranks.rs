@@ -402,7 +402,7 @@ impl Study {
         run(ranks, &self.restart_arguments(name, set))
     }
 
-    fn restart_arguments(&self, name: &str, set: &[&str]) -> Vec<String> {
+    pub(crate) fn restart_arguments(&self, name: &str, set: &[&str]) -> Vec<String> {
         let mut arguments = vec![
             "restart".to_owned(),
             self.path(name).to_str().unwrap().into(),

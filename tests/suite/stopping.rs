@@ -171,15 +171,19 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     std::fs::create_dir(&folder).unwrap();
     let mut phases = Vec::new();
     for attempt in 0.. {
-        // Each attempt gets a little further than the one before.
-        if attempt < 12 {
-            std::fs::write(folder.join("STOP"), "").unwrap();
-        }
         let ranks = 1 + attempt % 3;
+        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job runs, so that each
+        // attempt gets further than the one before.
         let done = if attempt == 0 {
+            std::fs::write(folder.join("STOP"), "").unwrap();
             start(ranks, &study.arguments("parts", 1, &[])).wait()
         } else {
-            study.restart("parts", ranks, &[])
+            let running = start(ranks, &study.restart_arguments("parts", &[]));
+            std::thread::sleep(Duration::from_millis(600));
+            if attempt < 12 {
+                std::fs::write(folder.join("STOP"), "").unwrap();
+            }
+            running.wait()
         };
         if done.code == Some(0) {
             break;
