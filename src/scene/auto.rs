@@ -11,8 +11,11 @@
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time step.
 
+mod bound;
 pub(crate) mod features;
+mod gaps;
 pub mod measured;
+pub(crate) mod promise;
 mod seepage;
 pub(crate) mod solids;
 pub(crate) mod spacing;
@@ -31,7 +34,7 @@ use std::borrow::Cow;
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Largest relative error that the rows measured promise, twice their own; none where no row covers the case.
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured.
     pub promised: Option<f64>,
     /// Every choice with its reason.
     pub reasons: Vec<Reason>,
@@ -130,7 +133,7 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
     if let (Some(accuracy), Some(lbm)) = (asked(written), features::lattice(case)) {
         scene.chosen.accuracy = Some(accuracy);
         step::choose(scene, lbm, accuracy.target(), findings);
-        spacing::judge(scene, case, lbm, accuracy.target(), findings);
+        promise::judge(scene, case, lbm, accuracy.target(), findings);
     }
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);

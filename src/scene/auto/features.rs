@@ -1,10 +1,11 @@
 //! What the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
 
 use super::coupling_of;
+use super::gaps::{self, Gap};
 use crate::case::Case;
 use crate::case::boundary::Boundary;
 use crate::case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
-use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
+use crate::case::fluid::{BodyForce, Fluid, Initial, LatticeBoltzmann};
 use crate::case::geometry::Face;
 use crate::case::grains::{Grading, GrainSource};
 use crate::case::observe::Action;
@@ -12,6 +13,12 @@ use crate::case::solids::{Body, Shape};
 use crate::dem::polyhedron::Polyhedron;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
+
+/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows has 0.61.
+const DENSE: f64 = 0.6;
+
+/// Rows of the table for layers that viscosity spreads in time.
+pub(crate) const LAYERS: &str = "layers in time";
 
 /// Something that the water must resolve.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,8 +68,42 @@ fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
+/// Rows of the table for gaps that water passes, by the rows of the solids beside it.
+fn in_gap(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "gaps: half-way links",
+        "interpolated links" => "gaps: interpolated links",
+        "partially saturated cells" => "gaps: partially saturated cells",
+        of_blocks => in_narrow_gap(of_blocks),
+    }
+}
+
+/// Rows of the table for gaps beside bodies that move, by the rows of the solids beside it.
+fn beside_moving(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "gaps beside bodies that move: half-way links",
+        "interpolated links" => "gaps beside bodies that move: interpolated links",
+        "partially saturated cells" => "gaps beside bodies that move: partially saturated cells",
+        of_blocks => in_narrow_gap(of_blocks),
+    }
+}
+
+/// Rows of the table for spheres that are closer together than [`DENSE`] diameters.
+fn packed(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "packed spheres: half-way links",
+        "interpolated links" => "packed spheres: interpolated links",
+        _ => "packed spheres: partially saturated cells",
+    }
+}
+
 /// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
-pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
+pub(crate) fn of(
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    flow: Option<&Flow>,
+    speed: Option<f64>,
+) -> Vec<Feature> {
     let mut list = solids(case, lbm, flow);
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
@@ -88,6 +129,20 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Ve
             size.fold(f64::INFINITY, f64::min),
         );
     }
+    for (what, size) in layers(case, lbm, speed) {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: LAYERS,
+        });
+    }
+    let mut walls = |what: String, size: f64| {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: "walls",
+        });
+    };
     if let Initial::TaylorGreen { waves, .. } = &lbm.initial {
         let lengths = (case.domain.size.0.iter().zip(waves)).map(|(l, n)| 0.5 * l / f64::from(*n));
         walls(
@@ -133,12 +188,44 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
         });
         width.into_iter().chain(gap)
     });
+    let round = obstacle(&coupling, flow, true);
     let grains = smallest_grain(case).map(|diameter| Feature {
         what: "diameter of the smallest grain".into(),
         size: diameter * factor,
-        obstacle: obstacle(&coupling, flow, true),
+        obstacle: round,
     });
-    bodies.chain(grains).collect()
+    let mut list: Vec<Feature> = bodies.chain(grains).collect();
+    let found = gaps::of(case, factor);
+    let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
+    let ways = found.ways.iter().map(|(_, gap)| (gap, in_gap(beside(gap))));
+    let moving = found
+        .moving
+        .iter()
+        .map(|gap| (gap, beside_moving(beside(gap))));
+    let open = ways.chain(moving).filter(|(gap, _)| gap.width > 0.0);
+    list.extend(open.map(|(gap, obstacle)| of_gap(gap, obstacle)));
+    let dense = found
+        .narrowest
+        .filter(|gap| gap.width < DENSE * gap.beside && !gap.faces);
+    list.extend(dense.map(|gap| Feature {
+        what: format!("diameter beside the {}", gap.what),
+        size: gap.beside,
+        obstacle: packed(round),
+    }));
+    list
+}
+
+/// A gap that water passes. Beside faces the rows hold the mean of width and gap.
+fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
+    Feature {
+        what: gap.what.clone(),
+        size: if gap.faces {
+            (gap.width * gap.beside).sqrt()
+        } else {
+            gap.width
+        },
+        obstacle,
+    }
 }
 
 /// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
@@ -208,6 +295,39 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
     let low = radii.iter().copied().fold(f64::INFINITY, f64::min);
     let high = radii.iter().copied().fold(0.0, f64::max);
     (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
+}
+
+/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that oscillates (Stokes), and (nu t)^½ of a
+/// flow that starts, at the end of a run that is shorter than the way of the flow along what it grows at (Rayleigh). Layers thicker than half of what
+/// they grow in are no layers.
+fn layers(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(String, f64)> {
+    let nu = lbm.kinematic_viscosity;
+    let widths = gaps(case, lbm).into_iter().map(|(_, length)| length);
+    let bodies = case.bodies.iter().filter_map(|body| width(&body.shape));
+    let narrowest = widths.clone().fold(f64::INFINITY, f64::min);
+    let half = 0.5
+        * narrowest.min(
+            case.domain
+                .size
+                .0
+                .iter()
+                .copied()
+                .fold(f64::INFINITY, f64::min),
+        );
+    let Some(smallest) = widths.chain(bodies).reduce(f64::min) else {
+        return Vec::new();
+    };
+    let mut list = Vec::new();
+    if let Some(BodyForce::Oscillating { period, .. }) = &lbm.body_force {
+        let thickness = (nu * period / std::f64::consts::PI).sqrt();
+        list.push(("Stokes layer of the body force".to_owned(), thickness));
+    }
+    if speed.is_some_and(|speed| speed * case.time.end < smallest) {
+        let what = "layer that grows at walls and bodies until the end of the run";
+        list.push((what.to_owned(), (nu * case.time.end).sqrt()));
+    }
+    list.retain(|(_, thickness)| *thickness < half);
+    list
 }
 
 fn smallest_grain(case: &Case) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
 
+use super::bound::Bound;
 use super::features::{self, Feature};
-use super::measured::{self, Row};
 use super::{Chosen, asked, step};
 use crate::case::Case;
 use crate::case::fluid::{Fluid, LatticeBoltzmann};
@@ -10,7 +10,6 @@ use crate::number::{real, whole};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::flow::Flow;
-use crate::scene::grid::Grid;
 
 /// A spacing and its reason; no reason if the case states it.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +39,8 @@ impl Spacing {
 const SLAB_DIAMETERS: f64 = 2.0;
 /// Seepage is averaged over cells of three grains, within the 1 to 4 of the paper on ground fissures.
 const SEEPAGE_DIAMETERS: f64 = 3.0;
+/// Part of the target that the cells may use; the time step has the rest.
+const SHARE: f64 = 0.75;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
 const MOST_FINER: f64 = 2.0;
 
@@ -111,10 +112,11 @@ fn needs(
         return Vec::new();
     };
     let dimension = case.domain.size.0.len();
+    let target = SHARE * accuracy.target();
     let need = |feature: &Feature| {
         let reynolds = speed.map_or(0.0, |u| u * feature.size / lbm.kinematic_viscosity);
-        let row = measured::needed(dimension, feature.obstacle, reynolds, accuracy.target())?;
-        let cells = row.cells_at(reynolds);
+        let bound = Bound::of(dimension, feature.obstacle)?;
+        let cells = bound.cells_for(target, reynolds);
         let reason = format!(
             "at least {} cells across the {} of {} m, for \"{}\"",
             number(cells),
@@ -124,7 +126,7 @@ fn needs(
         );
         Some((feature.size / cells, reason))
     };
-    features::of(case, lbm, flow)
+    features::of(case, lbm, flow, speed)
         .iter()
         .filter_map(need)
         .collect()
@@ -217,65 +219,4 @@ fn whole_cells(
 /// Whether an edge is a whole number of cells.
 fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
-}
-
-/// The accuracy of the cells of a scene, chosen or stated: the feature with the lowest resolution and its row.
-pub(crate) fn judge(
-    scene: &mut Scene,
-    case: &Case,
-    lbm: &LatticeBoltzmann,
-    target: f64,
-    findings: &mut Findings,
-) {
-    let speed = scene
-        .flow
-        .as_ref()
-        .and_then(|flow| step::fastest(scene, flow));
-    let speed = speed.map_or(0.0, |speed| speed.value);
-    let grid: &Grid = &scene.grid;
-    let of = |feature: &Feature| {
-        let reynolds = speed * feature.size / lbm.kinematic_viscosity;
-        let cells = feature.size / grid.spacing;
-        measured::covering(grid.dimension, feature.obstacle, reynolds, cells)
-    };
-    let features = features::of(case, lbm, scene.flow.as_ref());
-    let rows: Vec<(Option<&Row>, &Feature)> = features.iter().map(|f| (of(f), f)).collect();
-    let error = |row: &Option<&Row>| row.map_or(f64::INFINITY, |row| row.error);
-    let worst = rows
-        .iter()
-        .max_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
-    let Some((row, feature)) = worst else { return };
-    let cells = number(feature.size / grid.spacing);
-    match row {
-        Some(row) => {
-            scene.chosen.promised = Some(2.0 * row.error);
-            let text = format!(
-                "based on {} ({}); {cells} cells across the {}; the plan promises twice the error of the row",
-                row.name(),
-                row.place,
-                feature.what
-            );
-            scene.chosen.note("accuracy", text);
-            if 2.0 * row.error > target {
-                findings.warn(
-                    "accuracy",
-                    format!(
-                        "{} % is requested, but the best measured row for {cells} cells across the {} is {}",
-                        number(100.0 * target),
-                        feature.what,
-                        row.name()
-                    ),
-                    "use a finer spacing, or another coupling, or request less accuracy",
-                );
-            }
-        }
-        None => findings.warn(
-            "accuracy",
-            format!(
-                "{cells} cells across the {} are fewer than in any measured row: the plan promises no error",
-                feature.what
-            ),
-            "use a finer spacing, or omit it",
-        ),
-    }
 }

@@ -2,7 +2,7 @@
 //!
 //! The step is the longest that keeps
 //!
-//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: Mach U/C at most (target/12)^½, and 0.1;
+//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
 //! - the change of density under imposed pressures at half the target, and 3 %;
 //! - 200 steps in a period, 100 in the run, one in every interval of output.

@@ -1,0 +1,179 @@
+//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
+//!
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
+//! compressibility of the lattice. Where a feature, an operator or a motion lies outside what was measured, nothing is promised, and the plan
+//! says what is new.
+
+use super::bound::Bound;
+use super::features::{self, Feature};
+use super::step;
+use crate::case::Case;
+use crate::case::fluid::LatticeBoltzmann;
+use crate::case::grains::GrainSource;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Flow;
+
+/// Largest lattice velocity U dt/h of a promise.
+const MOST_LATTICE_VELOCITY: f64 = 0.1;
+
+/// A feature, its cells and its bound, or why it has none.
+struct Judged<'a> {
+    feature: &'a Feature,
+    cells: f64,
+    error: Result<(f64, &'static Bound), String>,
+}
+
+/// The promise for the cells of a scene, chosen or stated.
+pub(crate) fn judge(
+    scene: &mut Scene,
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    target: f64,
+    findings: &mut Findings,
+) {
+    let Some(flow) = &scene.flow else { return };
+    let speed = step::fastest(scene, flow).map_or(0.0, |speed| speed.value);
+    let features = features::of(case, lbm, scene.flow.as_ref(), Some(speed));
+    let judged: Vec<Judged<'_>> = features
+        .iter()
+        .map(|f| of_feature(scene, lbm, f, speed))
+        .collect();
+    let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
+    let mut new = Vec::new();
+    new.extend(of_models(flow, lattice_velocity));
+    new.extend(of_motion(case));
+    for judged in &judged {
+        new.extend(judged.error.as_ref().err().cloned());
+    }
+    new.dedup();
+    let known = judged
+        .iter()
+        .filter_map(|j| Some((j, j.error.as_ref().ok()?)));
+    let worst = known.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
+    if !new.is_empty() {
+        let text = format!("nothing is promised: {}", new.join("; "));
+        scene.chosen.note("accuracy", text);
+        findings.warn(
+            "accuracy",
+            format!("the plan promises no error: {}", new.join("; ")),
+            "compare two spacings, the one of the plan and one twice as wide",
+        );
+        return;
+    }
+    let Some((judged, (error, bound))) = worst else {
+        return;
+    };
+    let compressibility = 3.0 * lattice_velocity * lattice_velocity;
+    let promised = error + compressibility;
+    scene.chosen.promised = Some(promised);
+    let cells = number(judged.cells);
+    let what = &judged.feature.what;
+    let text = format!(
+        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %",
+        bound.rows,
+        shortened(&bound.problems),
+        number(100.0 * error),
+        number(100.0 * compressibility),
+    );
+    scene.chosen.note("accuracy", text);
+    if promised > target * (1.0 + 1e-9) {
+        findings.warn(
+            "accuracy",
+            format!(
+                "{} % is requested, but {cells} cells across the {what} promise {} %",
+                number(100.0 * target),
+                number(100.0 * promised),
+            ),
+            "use a finer spacing, or another coupling, or request less accuracy",
+        );
+    }
+}
+
+/// The first problems, and how many more there are.
+fn shortened(problems: &[&str]) -> String {
+    const SHOWN: usize = 2;
+    let shown = problems[..problems.len().min(SHOWN)].join(", ");
+    match problems.len().checked_sub(SHOWN) {
+        Some(more) if more > 0 => format!("{shown} and {more} more"),
+        _ => shown,
+    }
+}
+
+fn of_feature<'a>(
+    scene: &Scene,
+    lbm: &LatticeBoltzmann,
+    feature: &'a Feature,
+    speed: f64,
+) -> Judged<'a> {
+    let cells = feature.size / scene.grid.spacing;
+    // A layer in time does not know how fast the water is.
+    let speed = if feature.obstacle == features::LAYERS {
+        0.0
+    } else {
+        speed
+    };
+    let reynolds = speed * feature.size / lbm.kinematic_viscosity;
+    let what = &feature.what;
+    let error = match Bound::of(scene.grid.dimension, feature.obstacle) {
+        None => Err(format!("the {what}: no error was measured for {}", feature.obstacle)),
+        Some(bound) => bound.error(cells, reynolds).map(|error| (error, bound)).ok_or_else(|| {
+            if reynolds > bound.largest_reynolds() {
+                format!(
+                    "the {what}: the Reynolds number {} is above {}, the largest that was measured",
+                    number(reynolds),
+                    number(bound.largest_reynolds())
+                )
+            } else {
+                format!(
+                    "{} cells across the {what} are fewer than the {} of any measured row",
+                    number(cells),
+                    number(bound.cells[0])
+                )
+            }
+        }),
+    };
+    Judged {
+        feature,
+        cells,
+        error,
+    }
+}
+
+/// Models and numbers of the lattice that no row has.
+fn of_models(flow: &Flow, lattice_velocity: f64) -> Vec<String> {
+    let mut new = Vec::new();
+    if flow.turbulence.is_some() {
+        new.push("eddies are modelled, and no error of that was measured".to_owned());
+    }
+    let tau = flow.relaxation_time;
+    if flow.collision.model().antisymmetric_rate().is_none() {
+        new.push("the errors were measured with two relaxation times (TRT)".to_owned());
+    } else if !(LEAST_TAU..=MOST_TAU).contains(&tau) {
+        new.push(format!(
+            "the relaxation time {} is outside the measured {LEAST_TAU} to {MOST_TAU}",
+            number(tau)
+        ));
+    }
+    if lattice_velocity > MOST_LATTICE_VELOCITY * (1.0 + 1e-9) {
+        new.push(format!(
+            "the lattice velocity {} is above {MOST_LATTICE_VELOCITY}",
+            number(lattice_velocity)
+        ));
+    }
+    new
+}
+
+/// Relaxation times of the rows.
+const LEAST_TAU: f64 = 0.51;
+const MOST_TAU: f64 = 1.5 + 1e-9;
+
+/// Grains that come together leave gaps that no cells resolve.
+fn of_motion(case: &Case) -> Option<String> {
+    let grains = case.grains.as_ref()?;
+    let many = match &grains.initial {
+        GrainSource::List(list) => list.len() > 1,
+        _ => true,
+    };
+    many.then(|| "free grains come as near to each other as no measured run".to_owned())
+}
