@@ -3,8 +3,9 @@
     python3 scenes.py --solver SOLVER --output DIR --seed 1 --count 40 [--levels draft normal reference] [--jobs 1]
 
 Each scene is drawn from a family by its number and the seed: shapes, gaps, walls, drives, steady or not. The case states no numerics but the level of
-accuracy. Its quantities (flow, force, torque, amplitude) are compared with the Richardson extrapolation (order 2) of two finer runs of the same
-scene, at 1.6 and 2.4 times the resolution of `reference`. A scene is unresolved, and not judged, where these two differ by more than 4 % from each other.
+accuracy. Its quantities (flow, force, torque, amplitude) are compared with the Richardson extrapolation (order 2) of two runs of the same
+scene, at 1.1 and 1.7 times the resolution of `reference`. A scene is unresolved, and not judged, where the finer one differs by more than 4 % from
+the extrapolation.
 
 The table `scenes.csv` has a line for each scene, level and quantity: promise, error, their ratio, cells and processor time. Runs that exist are not
 made again.
@@ -284,7 +285,7 @@ def main():
         h, dt = finest["scene"]["grid"]["spacing"], finest["scene"]["flow"]["time_step"]
         shortest = min(case["domain"]["size"])
         fine = []
-        for factor in (1.6, 2.4):
+        for factor in (1.1, 1.7):
             spacing = shortest / round(shortest / h * factor)
             # The same speed of sound: what settles by sound settles alike.
             step = dt * spacing / h
