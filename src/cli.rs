@@ -2,6 +2,7 @@
 //!
 //! All errors of a case are found before MPI starts, by every rank and with the same result. Only the first rank reports them.
 
+mod estimate;
 mod manual;
 mod reference;
 mod usage;
@@ -16,8 +17,7 @@ use crate::provenance;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
 use crate::sweep::{Sweep, Task, study};
-use crate::uncertainty::Members;
-use crate::{figures, output, simulation, sweep, uncertainty};
+use crate::{figures, output, simulation, sweep};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -151,33 +151,7 @@ enum Command {
         max_walltime: Option<Duration>,
     },
     /// Run a case on several grids; give the numerical uncertainty of every answer.
-    Estimate {
-        #[command(flatten)]
-        case: CaseArgs,
-        #[command(flatten)]
-        stability: Stability,
-        /// Use one grid that is finer than that of the case, and one that is coarser. Default: two coarser ones.
-        #[arg(long)]
-        finer: bool,
-        /// Only vary the cells, no settings of models.
-        #[arg(long)]
-        cells_only: bool,
-        /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].
-        #[arg(long, value_name = "DIR")]
-        output: Option<PathBuf>,
-        /// Runs at the same time.
-        #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
-        jobs: u32,
-        /// MPI ranks of each run.
-        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-        ranks: u32,
-        /// Threads per rank, at most 1024 [default: cores of the machine divided by runs and ranks].
-        #[arg(long, value_parser = usage::threads)]
-        threads: Option<u16>,
-        /// Stop before this wall-clock time has passed. The same command continues later.
-        #[arg(long, value_name = "H:M:S", value_parser = walltime)]
-        max_walltime: Option<Duration>,
-    },
+    Estimate(estimate::Arguments),
     /// Print the completion script of a shell.
     Completions {
         /// Shell.
@@ -374,37 +348,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             task: task.task(),
             max_walltime,
         }),
-        Command::Estimate {
-            case,
-            stability,
-            finer,
-            cells_only,
-            output,
-            jobs,
-            ranks,
-            threads,
-            max_walltime,
-        } => {
-            let run = study::Run {
-                ranks,
-                threads: threads_of_each(threads, jobs, ranks),
-                at_once: jobs,
-                time_limit: None,
-            };
-            let options = uncertainty::Options {
-                output: output.unwrap_or_else(|| {
-                    let mut folder = folder_of(&case.case).into_os_string();
-                    folder.push("-estimate");
-                    folder.into()
-                }),
-                finer,
-                settings: !cells_only,
-                run,
-                max_walltime,
-                allow_unstable: stability.allow_unstable,
-            };
-            estimate(&case, stability, &options)
-        }
+        Command::Estimate(arguments) => estimate::command(arguments),
         Command::CriticalGradient {
             case,
             stability,
@@ -510,47 +454,6 @@ fn sweep(sweep: &Sweep) -> Result<(), Error> {
     report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
-/// The runs are separate processes, as the members of a sweep.
-fn estimate(
-    case: &CaseArgs,
-    stability: Stability,
-    options: &uncertainty::Options,
-) -> Result<(), Error> {
-    if !first_rank() {
-        return Ok(());
-    }
-    let plan = prepare(case)?;
-    if !case.json {
-        list(&plan.warnings);
-    }
-    judge(&plan.warnings, case, stability)?;
-    let quiet = case.json;
-    let report = |line: &str| {
-        if !quiet {
-            // A reader that has gone away is no reason to stop.
-            drop(print(line));
-        }
-    };
-    let table = uncertainty::command(&plan, options, &report);
-    let outcome = table.and_then(|table| {
-        if quiet {
-            print(&pretty(&table.json()))?;
-        }
-        Ok(())
-    });
-    judged(outcome, &case.case)
-}
-
-/// Threads of each rank: as asked for, or the share of the cores of this machine.
-fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let cores = u32::try_from(cores).unwrap_or(1);
-    asked.map_or_else(
-        || (cores / jobs.saturating_mul(ranks)).clamp(1, 1024),
-        u32::from,
-    )
-}
-
 /// The folder of a case where none is named.
 fn folder_of(case: &Path) -> PathBuf {
     Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
@@ -624,17 +527,13 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 
 fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
-    // A case that has no estimate needs none of its costs.
-    let members = Members::of(&plan, false, true, stability.allow_unstable).ok();
     if case.json {
         let mut tree = shown(&plan);
-        tree["uncertainty_estimate"] = members.map(|m| m.cost_json()).into();
+        tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);
         print(&pretty(&tree))?;
     } else {
         show(&plan, case)?;
-        if let Some(members) = members {
-            print(&members.cost_lines())?;
-        }
+        print(&estimate::costs(&plan, stability))?;
     }
     judge(&plan.warnings, case, stability)
 }

@@ -196,7 +196,7 @@ impl Samples {
                     return;
                 };
                 let siblings = self.siblings(n);
-                let squares = siblings.filter_map(|s| of(s)).map(|v| v * v);
+                let squares = siblings.filter_map(of).map(|v| v * v);
                 let scale = squares.sum::<f64>().sqrt();
                 let answer = Answer {
                     unit: self.units[n].clone(),
