@@ -22,7 +22,8 @@ pub mod settings;
 pub mod table;
 
 use crate::case::Document;
-use crate::error::{Error, Verdict};
+use crate::case::fluid::Precision;
+use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
 use crate::sweep::members::{Member, Prepared};
 use crate::sweep::record::{Outcome, Record};
@@ -34,7 +35,7 @@ use serde_json::{Value, json};
 use settings::Setting;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use table::{Grid, Table};
+use table::{Grid, Noise, Table};
 
 /// Options of an estimate.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,25 +82,26 @@ impl Members {
     ) -> Result<Self, Error> {
         let stated = grids::stated(plan)?;
         let has_grid = plan.scene.flow.is_some();
-        let ratios = if has_grid {
-            grids::ratios(&plan.scene, finer)
-        } else {
-            Vec::new()
-        };
+        let mut ratios = Vec::new();
         if has_grid {
+            ratios = grids::ratios(&plan.scene, finer);
             grids::check(&plan.scene, &stated, &ratios)?;
         }
+        // A coarsest grid that no rule allows is left out before the estimate is given up.
+        let shorter = ratios.len().saturating_sub(1).max(1).min(ratios.len());
         let mut refused = Vec::new();
-        for scaling in [Scaling::Diffusive, Scaling::Acoustic] {
-            match Self::scaled(plan, &stated, &ratios, scaling, unstable) {
-                Ok(mut members) => {
-                    if with_settings {
-                        members.add_settings(plan, &stated, &ratios);
+        for ratios in [&ratios[..], &ratios[..shorter]] {
+            for scaling in [Scaling::Diffusive, Scaling::Acoustic] {
+                match Self::scaled(plan, &stated, ratios, scaling, unstable) {
+                    Ok(mut members) => {
+                        if with_settings {
+                            members.add_settings(plan, &stated, ratios);
+                        }
+                        return Ok(members);
                     }
-                    return Ok(members);
+                    Err(Error::Case(problems)) => refused = problems,
+                    Err(other) => return Err(other),
                 }
-                Err(Error::Case(problems)) => refused.extend(problems),
-                Err(other) => return Err(other),
             }
         }
         Err(Error::Case(refused))
@@ -128,6 +130,7 @@ impl Members {
             let member = member(name, case, unstable);
             if member.prepared.is_none() {
                 let mut problems = member.problems;
+                problems.retain(|problem| problem.severity != Severity::Warning);
                 for problem in &mut problems {
                     problem.path = format!("cells of {ratio:.3} times the size: {}", problem.path);
                 }
@@ -180,15 +183,27 @@ impl Members {
         let (costs, sum) = self.costs();
         let own = costs.first().map_or(0.0, |(_, seconds)| *seconds);
         let mut text = String::from("\ncosts of `solver estimate` (estimate)\n");
-        for (name, seconds) in &costs {
-            text += &format!("  {name:24} {seconds:10.3} core-s\n");
+        for (member, (name, seconds)) in self.list.iter().zip(&costs) {
+            text += &match &member.prepared {
+                Some(_) => format!("  {name:24} {seconds:10.3} core-s\n"),
+                None => format!("  {name:24} not possible: {}\n", refusal(member)),
+            };
         }
         text + &format!(
             "  {:24} {sum:10.3} core-s, {:.2} times the run of the case; {}",
             "all",
             sum / own.max(f64::MIN_POSITIVE),
-            self.scaling.meaning()
+            self.meaning()
         )
+    }
+
+    /// What the grids mean.
+    fn meaning(&self) -> &'static str {
+        if self.grids.len() > 1 {
+            self.scaling.meaning()
+        } else {
+            "one grid: a seepage and dry grains have no cells that can be refined alone"
+        }
     }
 
     /// The costs for a plan as JSON.
@@ -201,6 +216,13 @@ impl Members {
             "seconds_on_one_core": sum,
         })
     }
+}
+
+/// Why a run is not possible: the first reason that is no warning.
+fn refusal(member: &Member) -> String {
+    let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
+    let first = member.problems.iter().find(heavy);
+    first.map_or_else(|| "not run".to_owned(), ToString::to_string)
 }
 
 fn prepared(plan: &Plan) -> Prepared {
@@ -272,10 +294,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
             match record {
                 Some(record) if record.outcome == Outcome::Finished => answers::read(plan, &folder),
                 Some(record) => Err(format!("{}: {}", record.outcome.name(), record.message)),
-                None => Err(member
-                    .problems
-                    .first()
-                    .map_or_else(|| "not run".to_owned(), ToString::to_string)),
+                None => Err(refusal(member)),
             }
         })
         .collect();
@@ -302,11 +321,11 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
         .collect();
     let at = members.grids.iter().position(|(_, place)| *place == 0);
     let formal_order = grids::formal_order(&plan.scene);
-    let single = plan
-        .scene
-        .flow
-        .as_ref()
-        .is_some_and(|flow| flow.storage == crate::case::fluid::Precision::F32);
+    let flow = plan.scene.flow.as_ref();
+    let noise = Noise {
+        units: plan.units,
+        single: flow.is_some_and(|flow| flow.storage == Precision::F32),
+    };
     let settings = members.settings.iter().map(|(setting, place)| {
         let folder = members.list[*place].name.as_str();
         let beside = members.list[members.beside].name.as_str();
@@ -315,16 +334,12 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
             Err(why) => why.as_str(),
         };
         let answers = [of(members.beside), of(*place)];
-        table::sensitivity(setting, [folder, beside], answers, missing)
+        table::sensitivity(setting, [folder, beside], answers, missing, noise)
     });
     Ok(Table {
-        scaling: if grids.len() > 1 {
-            members.scaling.meaning().to_owned()
-        } else {
-            "one grid: seepage and dry grains have no cells that can be refined alone".to_owned()
-        },
+        scaling: members.meaning().to_owned(),
         formal_order,
-        answers: table::rows(&grids, at.unwrap_or(0), formal_order, single),
+        answers: table::rows(&grids, at.unwrap_or(0), formal_order, noise),
         settings: settings.collect(),
         grids,
         version: solver_version()?,

@@ -74,6 +74,16 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
     for entry in SUMMARY {
         walk(entry, &summary[*entry], &mut found);
     }
+    let flux = if plan.scene.grid.dimension == 2 {
+        "m2/s"
+    } else {
+        "m3/s"
+    };
+    for name in ["inflow", "outflow", "seepage.inflow", "seepage.outflow"] {
+        if let Some(answer) = found.get_mut(name) {
+            flux.clone_into(&mut answer.unit);
+        }
+    }
     Ok(found)
 }
 

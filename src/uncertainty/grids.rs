@@ -17,6 +17,7 @@ use crate::error::{Error, Problem, Severity};
 use crate::number::{real, whole};
 use crate::plan::Plan;
 use crate::scene::Scene;
+use crate::scene::findings::number;
 use crate::scene::flow::Lattice;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -28,7 +29,7 @@ const RATIO: [f64; 2] = [1.8, 1.6];
 const FINER_RATIO: f64 = 1.5;
 /// Smallest ratio of neighbouring grids (Celik et al. 2008).
 const LEAST_RATIO: f64 = 1.3;
-/// Cells across the smallest round body on the coarsest grid, where that is possible.
+/// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
 const LEAST_CELLS: f64 = 4.0;
 
 /// How the time step changes with the cells.
@@ -72,34 +73,37 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
         .iter()
         .fold(0, |a, b| divisor(a, *b));
     let wanted = RATIO[usize::from(grid.dimension == 3)];
-    let allowed = smallest_diameter(scene).map_or(f64::INFINITY, |d| {
-        (d / (LEAST_CELLS * grid.spacing)).max(1.0)
-    });
+    let allowed =
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
     let mut chosen = Vec::new();
     if finer {
         let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
         chosen.push(real(common) / real(cells));
-        chosen.extend(pick(common, common, wanted, allowed, 1));
-    } else {
-        chosen.extend(pick(common, common, wanted, allowed, 2));
     }
+    chosen.extend(pick(common, wanted, allowed, if finer { 1 } else { 2 }));
     chosen
 }
 
-/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before.
-fn pick(common: usize, above: usize, wanted: f64, allowed: f64, number: usize) -> Vec<f64> {
-    // The coarsest grid must resolve the bodies: then the steps are smaller.
-    let wanted = wanted
-        .min(allowed.powf(1.0 / real(number)))
-        .max(LEAST_RATIO);
-    let mut before = above;
+/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
+/// `allowed` times as large.
+fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
+    let steps = f64::from(number);
+    let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
+    let mut before = common;
     let mut chosen = Vec::new();
-    for _ in 0..number {
+    for left in (0..number).rev() {
         let away = |cells: &usize| (real(before) / real(*cells) / wanted).ln().abs();
-        let far = |cells: &usize| real(before) / real(*cells) >= LEAST_RATIO - 1e-9;
-        let best = (1..before)
-            .filter(far)
-            .min_by(|a, b| away(a).total_cmp(&away(b)));
+        let near = |limit: f64| {
+            let fits = |cells: &usize| {
+                real(before) / real(*cells) >= LEAST_RATIO - 1e-9
+                    && real(common) / real(*cells) <= limit + 1e-9
+            };
+            (1..before)
+                .filter(fits)
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+        };
+        // The first grid leaves room for the second, where there is room for two.
+        let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
         let Some(best) = best else { break };
         chosen.push(real(common) / real(best));
         before = best;
@@ -255,11 +259,11 @@ pub fn check(scene: &Scene, stated: &Value, ratios: &[f64]) -> Result<(), Error>
         let cells = &scene.grid.cells[..scene.grid.dimension];
         return Err(one(
             "domain.spacing",
-            format!("{} m", scene.grid.spacing),
+            format!("{} m", number(scene.grid.spacing)),
             &format!(
-                "the edges of {cells:?} cells have no larger cells in common: no coarser grid divides them all"
+                "no cells of {LEAST_RATIO} times the size or more divide the edges of {cells:?} cells and leave {LEAST_CELLS} cells across the smallest solid"
             ),
-            "use --finer, or edges with a common divisor of at least 4 cells",
+            "use --finer, a smaller spacing, or edges whose numbers of cells have a larger common divisor",
         ));
     }
     Ok(())
@@ -281,7 +285,7 @@ mod tests {
             (2, 1),
             (1, 0),
         ] {
-            let found = pick(cells, cells, 1.8, f64::INFINITY, 2);
+            let found = pick(cells, 1.8, f64::INFINITY, 2);
             assert_eq!(found.len(), number, "{cells}: {found:?}");
             let mut before = 1.0;
             for ratio in found {
@@ -292,10 +296,13 @@ mod tests {
             }
         }
         // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
-        let found = pick(40, 40, 1.8, f64::INFINITY, 2);
+        let found = pick(40, 1.8, f64::INFINITY, 2);
         assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
-        // A body of eight cells keeps four of them.
-        let found = pick(40, 40, 1.8, 2.0, 2);
-        assert!(found[1] < 2.3, "{found:?}");
+        // A body of eight cells keeps four of them, one of six cells has room for one grid, one of five for none.
+        let found = pick(40, 1.8, 2.0, 2);
+        assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
+        let found = pick(40, 1.8, 1.5, 2);
+        assert!(found.len() == 1 && found[0] <= 1.5, "{found:?}");
+        assert!(pick(40, 1.8, 1.25, 2).is_empty());
     }
 }

@@ -1,18 +1,58 @@
 //! The result of an estimate as a table for the terminal, as CSV and as JSON.
 
-use super::answers::Answers;
+use super::answers::{Answer, Answers};
 use super::convergence::{Behaviour, Estimate, Series};
 use super::settings::Setting;
 use crate::sweep::table::machine;
+use crate::units::LatticeUnits;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 /// Drift above which an answer has not settled.
 const SETTLED: f64 = 1e-3;
-/// Differences up to this part of the scale are rounding, for populations in f64 and f32.
+/// Differences up to this part of the scale of an answer are rounding, for populations in f64 and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
+/// As much of a unit of the lattice is rounding, too: of pressure, force and so on.
+const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
 /// Components below this part of their vector are zero.
 const ZERO: f64 = 1e-9;
+
+/// How large rounding is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// The scales of the lattice, if there is one.
+    pub units: Option<LatticeUnits>,
+    /// Whether populations are stored in f32.
+    pub single: bool,
+}
+
+impl Noise {
+    /// Rounding of a quantity by its unit, whatever its size.
+    fn of_unit(self, unit: &str) -> f64 {
+        let scale = self.units.map_or(0.0, |units| match unit {
+            "Pa" => units.pressure_scale(),
+            "N" | "N/m" => units.force_scale(),
+            "N m" | "N m/m" => units.torque_to_si(1.0),
+            "m/s" => units.velocity_scale(),
+            "m2/s" => units.velocity_scale() * units.spacing,
+            "m3/s" => units.velocity_scale() * units.spacing.powi(2),
+            "rad/s" => 1.0 / units.time_step,
+            _ => 0.0,
+        });
+        scale * OF_UNIT[usize::from(self.single)]
+    }
+
+    /// Whether values are zero but for rounding.
+    fn is_zero(self, mut values: impl Iterator<Item = f64>, answer: &Answer) -> bool {
+        let limit = (ZERO * answer.scale).max(self.of_unit(&answer.unit));
+        values.all(|value| value.abs() <= limit)
+    }
+
+    /// Differences that are rounding.
+    fn of(self, answer: &Answer) -> f64 {
+        (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
+    }
+}
 
 /// What is known of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -101,12 +141,11 @@ pub struct Table {
 
 /// The rows of the grids; `at` is the one of the case.
 #[must_use]
-pub fn rows(grids: &[Grid], at: usize, formal: f64, single: bool) -> Vec<Row> {
+pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
         return Vec::new();
     };
-    let rounding = ROUNDING[usize::from(single)];
-    let row = |(name, answer): (&String, &super::answers::Answer)| {
+    let row = |(name, answer): (&String, &Answer)| {
         let known = grids.iter().enumerate().filter_map(|(n, grid)| {
             let value = grid.answers.as_ref()?.get(name)?.value;
             Some((n, (grid.spacing, value)))
@@ -115,14 +154,14 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, single: bool) -> Vec<Row> {
         let same = |v: &(f64, f64)| v.1.to_bits() == answer.value.to_bits();
         // The same bits on all grids are given, not computed; what symmetry makes zero is rounding.
         let given = values.len() > 1 && values.iter().all(same);
-        let zero = values.iter().all(|v| v.1.abs() <= ZERO * answer.scale);
+        let zero = noise.is_zero(values.iter().map(|v| v.1), answer);
         if given || zero {
             return None;
         }
         let series = Series {
             at: places.iter().position(|place| *place == at)?,
             formal,
-            rounding: rounding * answer.scale,
+            rounding: noise.of(answer),
             values,
         };
         Some(Row {
@@ -146,12 +185,13 @@ pub fn sensitivity(
     [folder, beside]: [&str; 2],
     [before, after]: [Option<&Answers>; 2],
     missing: &str,
+    noise: Noise,
 ) -> Sensitivity {
     let mut changes = Vec::new();
     for (before, after) in before.into_iter().zip(after) {
         for (name, old) in before {
             let Some(new) = after.get(name) else { continue };
-            let zero = old.value.abs().max(new.value.abs()) <= ZERO * old.scale;
+            let zero = noise.is_zero([old.value, new.value].into_iter(), old);
             let relative = (new.value - old.value) / old.scale.max(f64::MIN_POSITIVE);
             if !zero && relative.is_finite() {
                 changes.push(Change {
@@ -456,7 +496,6 @@ fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::answers::Answer;
     use super::*;
 
     fn grid(ratio: f64, values: &[(&str, f64, f64)]) -> Grid {
@@ -499,8 +538,14 @@ mod tests {
         Table {
             scaling: "diffusive".into(),
             formal_order: 2.0,
-            answers: rows(&grids, 0, 2.0, false),
-            settings: vec![sensitivity(&setting, ["4-stiffness", "2"], answers, "")],
+            answers: rows(&grids, 0, 2.0, Noise::default()),
+            settings: vec![sensitivity(
+                &setting,
+                ["4-stiffness", "2"],
+                answers,
+                "",
+                Noise::default(),
+            )],
             grids: grids.into(),
             version: "solver".into(),
         }

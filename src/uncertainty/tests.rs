@@ -47,7 +47,7 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
 
 #[test]
 fn coarser_grids_keep_the_relaxation_time_and_the_end() {
-    let own = example("first-flow", &[]);
+    let own = example("first-flow", &["domain.spacing=1e-4"]);
     let members = Members::of(&own, false, true, false).unwrap();
     assert_eq!(members.scaling, Scaling::Diffusive);
     assert_eq!(members.grids.len(), 3);
@@ -173,6 +173,9 @@ fn cells_without_a_common_divisor_are_refused_with_a_remedy() {
         "{}",
         problems[0]
     );
+    // A wire of 6.25 cells has room for one grid of at least four.
+    let draft = Members::of(&example("first-flow", &[]), false, false, false).unwrap();
+    assert_eq!(draft.grids.len(), 2);
     let finer = Members::of(&own, true, false, false).unwrap();
     assert_eq!(finer.grids.len(), 2);
     assert!(finer.grids[0].0 < 1.0);

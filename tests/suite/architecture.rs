@@ -50,7 +50,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     // The models that an estimate varies are named by their types.
     (
         "uncertainty",
-        &["case", "darcy", "plan", "scene", "sweep"],
+        &["case", "darcy", "plan", "scene", "sweep", "units"],
         &["io"],
     ),
     (
