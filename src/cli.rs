@@ -2,6 +2,7 @@
 //!
 //! All errors of a case are found before MPI starts, by every rank and with the same result. Only the first rank reports them.
 
+mod estimate;
 mod manual;
 mod reference;
 mod usage;
@@ -149,6 +150,8 @@ enum Command {
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
         max_walltime: Option<Duration>,
     },
+    /// Run a case on several grids; give the numerical uncertainty of every answer.
+    Estimate(estimate::Arguments),
     /// Print the completion script of a shell.
     Completions {
         /// Shell.
@@ -345,6 +348,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             task: task.task(),
             max_walltime,
         }),
+        Command::Estimate(arguments) => estimate::command(arguments),
         Command::CriticalGradient {
             case,
             stability,
@@ -523,20 +527,32 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 
 fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let plan = prepare(case)?;
-    show(&plan, case)?;
+    if case.json {
+        let mut tree = shown(&plan);
+        tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);
+        print(&pretty(&tree))?;
+    } else {
+        show(&plan, case)?;
+        print(&estimate::costs(&plan, stability))?;
+    }
     judge(&plan.warnings, case, stability)
 }
 
 /// The findings, then the plan.
 fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
-        let mut tree = serde_json::to_value(plan).unwrap_or_default();
-        tree["verdict"] = Verdict::of(&plan.warnings).name().into();
-        print(&pretty(&tree))
+        print(&pretty(&shown(plan)))
     } else {
         list(&plan.warnings);
         print(&plan.to_string())
     }
+}
+
+/// The plan and its verdict as data.
+fn shown(plan: &Plan) -> serde_json::Value {
+    let mut tree = serde_json::to_value(plan).unwrap_or_default();
+    tree["verdict"] = Verdict::of(&plan.warnings).name().into();
+    tree
 }
 
 /// The findings as data.

@@ -46,4 +46,5 @@ pub mod scene;
 pub mod simulation;
 pub mod sweep;
 pub mod thread_pool;
+pub mod uncertainty;
 pub mod units;

@@ -28,7 +28,7 @@ use record::Record;
 use runner::{Runner, solver_version};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use study::Study;
+use study::{Refused, Run, Study};
 
 /// Options of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -111,7 +111,7 @@ pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
             run(&study, std::slice::from_ref(member), &output, sweep, report)
         }
         Task::Run => {
-            enough_cores(&study)?;
+            enough_cores(&study.run)?;
             run(&study, &members, &output, sweep, report)?;
             collect(&study, &members, beside, &output, report)
         }
@@ -129,9 +129,11 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
 }
 
 /// The cost of members that share a core is not meaningful.
-fn enough_cores(study: &Study) -> Result<(), Error> {
+///
+/// # Errors
+/// [`Error::Case`] with the three numbers.
+pub fn enough_cores(run: &Run) -> Result<(), Error> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let run = &study.run;
     let used = run.at_once as usize * run.ranks as usize * run.threads as usize;
     if used <= cores {
         return Ok(());
@@ -156,7 +158,8 @@ fn run(
     sweep: &Sweep,
     report: Report<'_>,
 ) -> Result<(), Error> {
-    let runner = Runner::new(study, output, sweep.max_walltime, report)?;
+    let allowed = study.refused == Refused::Run;
+    let runner = Runner::new(&study.run, allowed, output, sweep.max_walltime, report)?;
     runner.run(members)
 }
 

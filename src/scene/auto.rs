@@ -25,6 +25,7 @@ use super::Scene;
 use super::findings::Findings;
 use crate::case::Case;
 use crate::case::accuracy::Accuracy;
+use crate::case::contact::Contact;
 use crate::case::coupling::Coupling;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -38,6 +39,8 @@ pub struct Chosen {
     pub promised: Option<f64>,
     /// Every choice with its reason.
     pub reasons: Vec<Reason>,
+    /// The contact law, where it was chosen.
+    pub law: Option<Contact>,
     /// What bounds the time step, where it was chosen.
     pub limits: Vec<Limit>,
 }

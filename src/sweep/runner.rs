@@ -10,7 +10,7 @@
 use super::Report;
 use super::members::Member;
 use super::record::{FILE, Outcome, Record};
-use super::study::{Refused, Run, Study};
+use super::study::Run;
 use crate::error::{ALLOW_UNSTABLE, Error};
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -92,12 +92,13 @@ fn alone(command: &mut Command) -> &mut Command {
 }
 
 impl<'a> Runner<'a> {
-    /// Makes the output folder and listens to signals.
+    /// Makes the output folder and listens to signals. Members that are unstable run where that is allowed.
     ///
     /// # Errors
     /// [`Error::Io`] for the folder, [`Error::Internal`] where signals cannot be caught.
     pub fn new(
-        study: &'a Study,
+        run: &'a Run,
+        allow_unstable: bool,
         output: &'a Path,
         walltime: Option<Duration>,
         report: Report<'a>,
@@ -110,8 +111,8 @@ impl<'a> Runner<'a> {
                 .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;
         }
         Ok(Self {
-            run: &study.run,
-            allow_unstable: study.refused == Refused::Run,
+            run,
+            allow_unstable,
             output,
             report,
             solver: solver()?,

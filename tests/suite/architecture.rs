@@ -1,7 +1,7 @@
 //! Reads the sources and holds who may use whom, and where what is dangerous may stand.
 //!
 //! ```text
-//! main -> cli -> sweep -> analysis, plan
+//! main -> cli -> uncertainty -> sweep -> analysis, plan
 //!                simulation -> output, checkpoint -> io
 //!                simulation -> scene, plan -> case -> units, and parameters of coupling, darcy
 //!                simulation -> coupling -> lbm | dem -> decomposition
@@ -33,6 +33,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
             "provenance",
             "simulation",
             "sweep",
+            "uncertainty",
         ],
         &["io"],
     ),
@@ -44,6 +45,12 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     (
         "sweep",
         &["analysis", "case", "figures", "plan", "scene"],
+        &["io"],
+    ),
+    // The models that an estimate varies are named by their types.
+    (
+        "uncertainty",
+        &["case", "darcy", "plan", "scene", "sweep", "units"],
         &["io"],
     ),
     (

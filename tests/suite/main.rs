@@ -18,6 +18,7 @@ mod case_mutants;
 mod circles;
 mod collapse;
 mod dice;
+mod estimate;
 mod extremes;
 mod folders;
 mod guards;

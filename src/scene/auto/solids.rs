@@ -96,6 +96,7 @@ pub(crate) fn choose_contact(
             "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }
+    scene.chosen.law = Some(law.clone());
     let with_law = Case {
         contact: Some(law),
         ..case.clone()

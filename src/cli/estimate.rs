@@ -1,0 +1,132 @@
+//! `solver estimate`, and its costs in `solver plan`.
+
+use super::{
+    CaseArgs, Stability, first_rank, folder_of, judge, judged, list, prepare, pretty, print, usage,
+    walltime,
+};
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::sweep::study::Run;
+use crate::uncertainty::{self, Members, Options};
+use clap::{Args, value_parser};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What to estimate, and how.
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    case: CaseArgs,
+    #[command(flatten)]
+    stability: Stability,
+    /// Use one grid that is finer than that of the case, and one that is coarser. Default: two coarser ones.
+    #[arg(long)]
+    finer: bool,
+    /// Only vary the cells, no settings of models.
+    #[arg(long)]
+    cells_only: bool,
+    /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Runs at the same time.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1024))]
+    jobs: u32,
+    /// MPI ranks of each run.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=100_000))]
+    ranks: u32,
+    /// Threads per rank, at most 1024 [default: cores of the machine divided by runs and ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// Stop before this wall-clock time has passed. The same command continues later.
+    #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+    max_walltime: Option<Duration>,
+}
+
+/// The runs are separate processes, as the members of a sweep.
+pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    let Arguments {
+        case,
+        stability,
+        finer,
+        cells_only,
+        output,
+        jobs,
+        ranks,
+        threads,
+        max_walltime,
+    } = arguments;
+    let plan = prepare(&case)?;
+    if !case.json {
+        list(&plan.warnings);
+    }
+    judge(&plan.warnings, &case, stability)?;
+    let usual = || {
+        let mut folder = folder_of(&case.case).into_os_string();
+        folder.push("-estimate");
+        folder.into()
+    };
+    let options = Options {
+        output: output.unwrap_or_else(usual),
+        finer,
+        settings: !cells_only,
+        run: Run {
+            ranks,
+            threads: threads_of_each(threads, jobs, ranks),
+            at_once: jobs,
+            time_limit: None,
+        },
+        max_walltime,
+        allow_unstable: stability.allow_unstable,
+    };
+    let report = |line: &str| {
+        if !case.json {
+            // A reader that has gone away is no reason to stop.
+            drop(print(line));
+        }
+    };
+    let outcome = uncertainty::command(&plan, &options, &report).and_then(|table| {
+        if case.json {
+            print(&pretty(&table.json()))?;
+        }
+        Ok(())
+    });
+    judged(outcome, &case.case)
+}
+
+/// Threads of each rank: as asked for, or the share of the cores of this machine.
+fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = u32::try_from(cores).unwrap_or(1);
+    let share = || (cores / jobs.saturating_mul(ranks)).clamp(1, 1024);
+    asked.map_or_else(share, u32::from)
+}
+
+/// What an estimate of a plan costs, or why there is none.
+pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
+    match Members::of(plan, false, true, stability.allow_unstable) {
+        Ok(members) => members.cost_lines(),
+        Err(error) => format!("\n`solver estimate` is not possible: {}", why(&error)),
+    }
+}
+
+/// The same as data.
+pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
+    match Members::of(plan, false, true, stability.allow_unstable) {
+        Ok(members) => members.cost_json(),
+        Err(error) => json!({"impossible": why(&error)}),
+    }
+}
+
+/// The first reason.
+fn why(error: &Error) -> String {
+    match error {
+        Error::Case(problems) => problems
+            .first()
+            .map_or_else(String::new, ToString::to_string),
+        other => other.to_string(),
+    }
+}

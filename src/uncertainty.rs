@@ -1,0 +1,362 @@
+//! `solver estimate`: the numerical uncertainty of the answers of a case, measured by running it on several grids.
+//!
+//! | step | module |
+//! |---|---|
+//! | coarser or finer cells, the case on them | [`grids`] |
+//! | settings of models that cells do not refine | [`settings`] |
+//! | runs as members of a study: [`crate::sweep::runner`] | [`Members`] |
+//! | the answers of a run | [`answers`] |
+//! | order, extrapolated value, uncertainty | [`convergence`] |
+//! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
+//!
+//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is not run again.
+//! Settings of models are compared on the next coarser grid, where there is one.
+//!
+//! An estimate is a command and no field of a case: a case describes one run, which may be one of many ranks, and an
+//! estimate is several. `accuracy` remains the target of the automatic choices.
+
+pub mod answers;
+pub mod convergence;
+pub mod grids;
+pub mod settings;
+pub mod table;
+
+use crate::case::Document;
+use crate::case::fluid::Precision;
+use crate::error::{Error, Problem, Severity, Verdict};
+use crate::plan::Plan;
+use crate::sweep::members::{Member, Prepared};
+use crate::sweep::record::{Outcome, Record};
+use crate::sweep::runner::{Runner, solver_version};
+use crate::sweep::study::Run;
+use crate::sweep::{Report, enough_cores};
+use grids::Scaling;
+use serde_json::{Value, json};
+use settings::Setting;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use table::{Grid, Noise, Table};
+
+/// Options of an estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Output folder.
+    pub output: PathBuf,
+    /// Whether one grid is finer than that of the case.
+    pub finer: bool,
+    /// Whether settings of models are varied too.
+    pub settings: bool,
+    /// Ranks, threads and runs at once.
+    pub run: Run,
+    /// Wall-clock time after which the runs are stopped.
+    pub max_walltime: Option<Duration>,
+    /// Runs an unstable case.
+    pub allow_unstable: bool,
+}
+
+/// The runs of an estimate.
+#[derive(Clone, Debug)]
+pub struct Members {
+    /// Each with its case, the case itself first.
+    pub list: Vec<Member>,
+    /// Cells over those of the case of each grid, from fine to coarse, and its place in the list.
+    pub grids: Vec<(f64, usize)>,
+    /// Settings and their places in the list.
+    pub settings: Vec<(Setting, usize)>,
+    /// The run that settings are compared with.
+    pub beside: usize,
+    /// How the time step changes.
+    pub scaling: Scaling,
+}
+
+impl Members {
+    /// The runs of the estimate of a case.
+    ///
+    /// # Errors
+    /// [`Error::Case`] where no other grid can run.
+    pub fn of(
+        plan: &Plan,
+        finer: bool,
+        with_settings: bool,
+        unstable: bool,
+    ) -> Result<Self, Error> {
+        let stated = grids::stated(plan)?;
+        let has_grid = plan.scene.flow.is_some();
+        let mut ratios = Vec::new();
+        if has_grid {
+            ratios = grids::ratios(&plan.scene, finer);
+            grids::check(&plan.scene, &stated, &ratios)?;
+        }
+        // A coarsest grid that no rule allows is left out before the estimate is given up.
+        let shorter = ratios.len().saturating_sub(1).max(1).min(ratios.len());
+        let mut refused = Vec::new();
+        for ratios in [&ratios[..], &ratios[..shorter]] {
+            for scaling in [Scaling::Diffusive, Scaling::Acoustic] {
+                match Self::scaled(plan, &stated, ratios, scaling, unstable) {
+                    Ok(mut members) => {
+                        if with_settings {
+                            members.add_settings(plan, &stated, ratios);
+                        }
+                        return Ok(members);
+                    }
+                    Err(Error::Case(problems)) => refused = problems,
+                    Err(other) => return Err(other),
+                }
+            }
+        }
+        Err(Error::Case(refused))
+    }
+
+    /// The grids by one rule of the time step.
+    fn scaled(
+        plan: &Plan,
+        stated: &Value,
+        ratios: &[f64],
+        scaling: Scaling,
+        unstable: bool,
+    ) -> Result<Self, Error> {
+        let mut list = vec![Member {
+            name: "1-case".into(),
+            labels: Vec::new(),
+            case: Value::Null,
+            verdict: Verdict::of(&plan.warnings),
+            problems: plan.warnings.clone(),
+            prepared: Some(prepared(plan)),
+        }];
+        let mut grids = vec![(1.0, 0)];
+        for ratio in ratios {
+            let name = format!("{}-grid-{ratio:.3}", list.len() + 1);
+            let case = grids::on_cells(stated, plan, *ratio, scaling);
+            let member = member(name, case, unstable);
+            if member.prepared.is_none() {
+                let mut problems = member.problems;
+                problems.retain(|problem| problem.severity != Severity::Warning);
+                for problem in &mut problems {
+                    problem.path = format!("cells of {ratio:.3} times the size: {}", problem.path);
+                }
+                return Err(Error::Case(problems));
+            }
+            grids.push((*ratio, list.len()));
+            list.push(member);
+        }
+        grids.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let coarser = grids.iter().find(|(ratio, _)| *ratio > 1.0);
+        Ok(Self {
+            beside: coarser.map_or(0, |(_, place)| *place),
+            list,
+            grids,
+            settings: Vec::new(),
+            scaling,
+        })
+    }
+
+    fn add_settings(&mut self, plan: &Plan, stated: &Value, ratios: &[f64]) {
+        let coarser = ratios.iter().find(|ratio| **ratio > 1.0);
+        let case = match coarser {
+            Some(ratio) => grids::on_cells(stated, plan, *ratio, self.scaling),
+            None => stated.clone(),
+        };
+        for setting in settings::of(&case, plan, self.scaling) {
+            let name = format!("{}-{}", self.list.len() + 1, setting.folder);
+            let member = member(name, setting.case.clone(), true);
+            self.settings.push((setting, self.list.len()));
+            self.list.push(member);
+        }
+    }
+
+    /// Planned time of each run on one core \[s\], and of all.
+    #[must_use]
+    pub fn costs(&self) -> (Vec<(&str, f64)>, f64) {
+        let seconds = |member: &Member| member.prepared.as_ref().map_or(0.0, |p| p.seconds);
+        let costs: Vec<(&str, f64)> = self
+            .list
+            .iter()
+            .map(|member| (member.name.as_str(), seconds(member)))
+            .collect();
+        let sum = costs.iter().map(|(_, seconds)| seconds).sum();
+        (costs, sum)
+    }
+
+    /// The costs as lines of a plan.
+    #[must_use]
+    pub fn cost_lines(&self) -> String {
+        let (costs, sum) = self.costs();
+        let own = costs.first().map_or(0.0, |(_, seconds)| *seconds);
+        let mut text = String::from("\ncosts of `solver estimate` (estimate)\n");
+        for (member, (name, seconds)) in self.list.iter().zip(&costs) {
+            text += &match &member.prepared {
+                Some(_) => format!("  {name:24} {seconds:10.3} core-s\n"),
+                None => format!("  {name:24} not possible: {}\n", refusal(member)),
+            };
+        }
+        text + &format!(
+            "  {:24} {sum:10.3} core-s, {:.2} times the run of the case; {}",
+            "all",
+            sum / own.max(f64::MIN_POSITIVE),
+            self.meaning()
+        )
+    }
+
+    /// What the grids mean.
+    fn meaning(&self) -> &'static str {
+        if self.grids.len() > 1 {
+            self.scaling.meaning()
+        } else {
+            "one grid: a seepage and dry grains have no cells that can be refined alone"
+        }
+    }
+
+    /// The costs for a plan as JSON.
+    #[must_use]
+    pub fn cost_json(&self) -> Value {
+        let (costs, sum) = self.costs();
+        json!({
+            "scaling": self.scaling,
+            "runs": costs.iter().map(|(name, seconds)| json!({"name": name, "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
+            "seconds_on_one_core": sum,
+        })
+    }
+}
+
+/// Why a run is not possible: the first reason that is no warning.
+fn refusal(member: &Member) -> String {
+    let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
+    let first = member.problems.iter().find(heavy);
+    first.map_or_else(|| "not run".to_owned(), ToString::to_string)
+}
+
+fn prepared(plan: &Plan) -> Prepared {
+    Prepared {
+        text: plan.case_text.clone(),
+        hash: plan.case_hash.clone(),
+        seconds: plan.estimate.seconds_on_one_core,
+        memory: plan.estimate.memory_bytes,
+    }
+}
+
+/// A run of a changed case; its input files have absolute paths already.
+fn member(name: String, case: Value, unstable: bool) -> Member {
+    let planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
+    let problems = match &planned {
+        Ok(plan) => plan.warnings.clone(),
+        Err(problems) => problems.clone(),
+    };
+    let verdict = Verdict::of(&problems);
+    let planned = planned.ok().filter(|_| verdict.runs(unstable));
+    Member {
+        name,
+        labels: Vec::new(),
+        prepared: planned.as_ref().map(prepared),
+        case,
+        verdict,
+        problems,
+    }
+}
+
+/// Runs what is missing and writes the results; `report` takes lines for the reader. Returns the table.
+///
+/// # Errors
+/// Problems of the case, [`Error::Stopped`] where the runs were stopped, and the failure of the run of the case itself.
+pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Table, Error> {
+    enough_cores(&options.run)?;
+    let unstable = options.allow_unstable;
+    let members = Members::of(plan, options.finer, options.settings, unstable)?;
+    let (_, sum) = members.costs();
+    report(&format!(
+        "{} runs, about {sum:.1} core-seconds as planned, in {}",
+        members.list.len(),
+        options.output.display()
+    ));
+    // Settings are compared even where a plan calls them unstable; the run of the case was judged before.
+    let runner = Runner::new(
+        &options.run,
+        true,
+        &options.output,
+        options.max_walltime,
+        report,
+    )?;
+    runner.run(&members.list)?;
+    let table = collect(plan, &members, &options.output)?;
+    write(&table, &options.output)?;
+    report(&table.text());
+    report(&format!("estimate.csv in {}", options.output.display()));
+    Ok(table)
+}
+
+/// Reads the answers of all runs.
+fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error> {
+    let found: Vec<Result<answers::Answers, String>> = members
+        .list
+        .iter()
+        .map(|member| {
+            let folder = output.join(&member.name);
+            let record = Record::read(&folder).filter(|_| member.prepared.is_some());
+            match record {
+                Some(record) if record.outcome == Outcome::Finished => answers::read(plan, &folder),
+                Some(record) => Err(format!("{}: {}", record.outcome.name(), record.message)),
+                None => Err(refusal(member)),
+            }
+        })
+        .collect();
+    if let Some(Err(why)) = found.first() {
+        return Err(Error::Io(format!(
+            "the run of the case has no answers: {why}"
+        )));
+    }
+    let of = |place: usize| found.get(place).and_then(|answers| answers.as_ref().ok());
+    let core_seconds = |place: usize| {
+        let record = Record::read(&output.join(&members.list[place].name));
+        record.map_or(0.0, |record| record.processor_seconds)
+    };
+    let grids: Vec<Grid> = members
+        .grids
+        .iter()
+        .map(|(ratio, place)| Grid {
+            folder: members.list[*place].name.clone(),
+            spacing: plan.scene.grid.spacing * ratio,
+            ratio: *ratio,
+            core_seconds: core_seconds(*place),
+            answers: of(*place).cloned(),
+        })
+        .collect();
+    let at = members.grids.iter().position(|(_, place)| *place == 0);
+    let formal_order = grids::formal_order(&plan.scene);
+    let flow = plan.scene.flow.as_ref();
+    let noise = Noise {
+        units: plan.units,
+        single: flow.is_some_and(|flow| flow.storage == Precision::F32),
+    };
+    let settings = members.settings.iter().map(|(setting, place)| {
+        let folder = members.list[*place].name.as_str();
+        let beside = members.list[members.beside].name.as_str();
+        let missing = match &found[*place] {
+            Ok(_) => "",
+            Err(why) => why.as_str(),
+        };
+        let answers = [of(members.beside), of(*place)];
+        table::sensitivity(setting, [folder, beside], answers, missing, noise)
+    });
+    Ok(Table {
+        scaling: members.meaning().to_owned(),
+        formal_order,
+        answers: table::rows(&grids, at.unwrap_or(0), formal_order, noise),
+        settings: settings.collect(),
+        grids,
+        version: solver_version()?,
+    })
+}
+
+/// Writes `estimate.csv` and the block in the summary of the case.
+fn write(table: &Table, output: &Path) -> Result<(), Error> {
+    let fail = |e: io::Error| Error::Io(e.to_string());
+    io::atomic::write(&output.join("estimate.csv"), table.csv().as_bytes()).map_err(fail)?;
+    let path = output.join("1-case").join("summary.json");
+    let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(fail)?;
+    let mut summary: Value =
+        serde_json::from_str(&text).map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
+    summary["estimate"] = table.json();
+    io::atomic::write_json(&path, &summary).map_err(fail)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,308 @@
+//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on them.
+//!
+//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step changes by one of two
+//! rules, the same for all grids:
+//!
+//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors of the method, that of
+//!   compressibility included, then fall with h², and the estimate contains them.
+//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would exceed the
+//!   limits of the lattice velocity or of the compression. The error of compressibility is then the same on all grids: the estimate
+//!   does not contain it, and a run with half the lattice velocity measures it.
+//!
+//! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
+
+use crate::case::coupling::{Coupling, Scheme};
+use crate::case::fluid::Initial;
+use crate::error::{Error, Problem, Severity};
+use crate::number::{real, whole};
+use crate::plan::Plan;
+use crate::scene::Scene;
+use crate::scene::findings::number;
+use crate::scene::flow::Lattice;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost goes
+/// with the fourth or fifth power.
+const RATIO: [f64; 2] = [1.8, 1.6];
+/// Refinement ratio of a finer grid.
+const FINER_RATIO: f64 = 1.5;
+/// Smallest ratio of neighbouring grids (Celik et al. 2008).
+const LEAST_RATIO: f64 = 1.3;
+/// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
+const LEAST_CELLS: f64 = 4.0;
+
+/// How the time step changes with the cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scaling {
+    /// With h²: the relaxation time stays.
+    Diffusive,
+    /// With h: the lattice velocity stays.
+    Acoustic,
+}
+
+impl Scaling {
+    /// What it keeps and what that means.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Diffusive => {
+                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is part of the uncertainty"
+            }
+            Self::Acoustic => {
+                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
+            }
+        }
+    }
+
+    /// The factor of the time step where cells are `ratio` times as large.
+    fn of_time(self, ratio: f64) -> f64 {
+        match self {
+            Self::Diffusive => ratio * ratio,
+            Self::Acoustic => ratio,
+        }
+    }
+}
+
+/// Spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a finer one on request.
+#[must_use]
+pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
+    let grid = &scene.grid;
+    let common = grid.cells[..grid.dimension]
+        .iter()
+        .fold(0, |a, b| divisor(a, *b));
+    let wanted = RATIO[usize::from(grid.dimension == 3)];
+    let allowed =
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+    let mut chosen = Vec::new();
+    if finer {
+        let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
+        chosen.push(real(common) / real(cells));
+    }
+    chosen.extend(pick(common, wanted, allowed, if finer { 1 } else { 2 }));
+    chosen
+}
+
+/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
+/// `allowed` times as large.
+fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
+    let steps = f64::from(number);
+    let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
+    let mut before = common;
+    let mut chosen = Vec::new();
+    for left in (0..number).rev() {
+        let away = |cells: &usize| (real(before) / real(*cells) / wanted).ln().abs();
+        let near = |limit: f64| {
+            let fits = |cells: &usize| {
+                real(before) / real(*cells) >= LEAST_RATIO - 1e-9
+                    && real(common) / real(*cells) <= limit + 1e-9
+            };
+            (1..before)
+                .filter(fits)
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+        };
+        // The first grid leaves room for the second, where there is room for two.
+        let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
+        let Some(best) = best else { break };
+        chosen.push(real(common) / real(best));
+        before = best;
+    }
+    chosen
+}
+
+/// The largest whole number that divides both.
+fn divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { divisor(b, a % b) }
+}
+
+/// Diameter of the smallest disc or sphere in the water \[m\].
+fn smallest_diameter(scene: &Scene) -> Option<f64> {
+    let bodies = scene.bodies.iter().map(|body| body.radius);
+    let grains = scene.grains.iter().filter_map(|g| g.radii).map(|r| r.0);
+    let smallest = bodies.chain(grains).fold(f64::INFINITY, f64::min);
+    smallest.is_finite().then_some(2.0 * smallest)
+}
+
+/// The order of the method: second, and first where surfaces of bodies are staircases or partly covered cells.
+#[must_use]
+pub fn formal_order(scene: &Scene) -> f64 {
+    let stairs = match &scene.coupling {
+        Some(Coupling::BounceBack(links)) => links.scheme == Scheme::HalfWay,
+        Some(Coupling::PartiallySaturated(_)) => true,
+        None => false,
+    };
+    if stairs && scene.has_solids() {
+        1.0
+    } else {
+        2.0
+    }
+}
+
+/// The case with everything stated that the program chose for it, and without fields for ParaView.
+///
+/// # Errors
+/// [`Error::Internal`] where the plan is not that of a case.
+pub fn stated(plan: &Plan) -> Result<Value, Error> {
+    let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
+    let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
+    let scene = &plan.scene;
+    let Some(case) = tree.as_object_mut() else {
+        return Err(Error::Internal("the case is no object".into()));
+    };
+    case.remove("accuracy");
+    case.insert("output".into(), json!({}));
+    if let Some(law) = &scene.chosen.law {
+        case.insert("contact".into(), serde_json::to_value(law).map_err(wrong)?);
+    }
+    if let Some(coupling) = &scene.coupling {
+        let mut coupling = coupling.clone();
+        if let (Coupling::PartiallySaturated(cells), Some(flow)) = (&mut coupling, &scene.flow) {
+            cells.solid_operator = Some(flow.solid_operator(cells));
+        }
+        let coupling = serde_json::to_value(coupling).map_err(wrong)?;
+        case.insert("coupling".into(), coupling);
+    }
+    tree["domain"]["spacing"] = scene.grid.spacing.into();
+    if let Some(domain) = tree["domain"].as_object_mut() {
+        domain.remove("slab_bounds");
+    }
+    if let Some(flow) = &scene.flow {
+        let lbm = &mut tree["fluid"]["lattice_boltzmann"];
+        lbm["collision"] = serde_json::to_value(flow.collision).map_err(wrong)?;
+        lbm["lattice"] = match flow.lattice {
+            Lattice::D2Q9 => "d2q9",
+            Lattice::D3Q19 => "d3q19",
+            Lattice::D3Q27 => "d3q27",
+        }
+        .into();
+        lbm["turbulence"] = match flow.turbulence {
+            Some(model) => serde_json::to_value(model).map_err(wrong)?,
+            None => "none".into(),
+        };
+        lbm["storage"] = serde_json::to_value(flow.storage).map_err(wrong)?;
+        if flow.fixed_by == "accuracy" {
+            lbm["relaxation_time"] = flow.relaxation_time.into();
+        }
+    }
+    if let Some(seepage) = &scene.seepage {
+        let interval = seepage.coupling_interval(plan.clock.solid_time_step);
+        tree["fluid"]["darcy"]["coupling_interval"] = interval.into();
+    }
+    Ok(tree)
+}
+
+/// The stated case on cells that are `ratio` times as large.
+#[must_use]
+pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Value {
+    let mut tree = stated.clone();
+    let (clock, scene) = (&plan.clock, &plan.scene);
+    tree["domain"]["spacing"] = (scene.grid.spacing * ratio).into();
+    let factor = scaling.of_time(ratio);
+    with_time_step(&mut tree, plan, factor);
+    if let Some(change) = tree.pointer_mut("/time/warm_up/fluid_only/relative_change")
+        && let Some(number) = change.as_f64()
+    {
+        // It is a change in a hundred steps.
+        *change = (number * factor).min(0.5).into();
+    }
+    if let Some(steps) = tree.pointer_mut("/time/solid_steps_per_fluid_step")
+        && steps.is_number()
+    {
+        // The solid time step stays.
+        let number = f64::from(clock.solid_steps_per_step) * factor;
+        *steps = whole(number.ceil().max(1.0)).into();
+    }
+    tree
+}
+
+/// Sets a time step that is about `factor` times that of the plan and divides the same end.
+pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
+    let clock = &plan.clock;
+    let steps = real(clock.steps);
+    let number = (steps / factor).round().max(1.0);
+    let lbm = &mut tree["fluid"]["lattice_boltzmann"];
+    if let Some(lbm) = lbm.as_object_mut() {
+        for field in ["relaxation_time", "reference_velocity", "lattice_velocity"] {
+            lbm.remove(field);
+        }
+    }
+    lbm["time_step"] = (clock.time_step * (steps / number)).into();
+    tree["time"]["end"] = (clock.time_step * steps).into();
+}
+
+/// What keeps the case from being run on other cells.
+///
+/// # Errors
+/// The field and a remedy.
+pub fn check(scene: &Scene, stated: &Value, ratios: &[f64]) -> Result<(), Error> {
+    let one = |path: &str, value: String, reason: &str, remedy: &str| {
+        Error::Case(vec![Problem {
+            path: path.into(),
+            value,
+            reason: reason.into(),
+            remedy: remedy.into(),
+            severity: Severity::Error,
+        }])
+    };
+    let path = "fluid.lattice_boltzmann.initial";
+    let initial = &stated["fluid"]["lattice_boltzmann"]["initial"];
+    if let Ok(Initial::File { .. }) = serde_json::from_value(initial.clone()) {
+        return Err(one(
+            path,
+            initial.to_string(),
+            "a field from a file has one spacing, and an estimate requires several",
+            "start from another initial state, or warm up the fluid",
+        ));
+    }
+    if ratios.is_empty() {
+        let cells = &scene.grid.cells[..scene.grid.dimension];
+        return Err(one(
+            "domain.spacing",
+            format!("{} m", number(scene.grid.spacing)),
+            &format!(
+                "no cells of {LEAST_RATIO} times the size or more divide the edges of {cells:?} cells and leave {LEAST_CELLS} cells across the smallest solid"
+            ),
+            "use --finer, a smaller spacing, or edges whose numbers of cells have a larger common divisor",
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_leave_whole_cells_and_are_near_the_wanted_ones() {
+        for (cells, number) in [
+            (40, 2),
+            (100, 2),
+            (24, 2),
+            (6, 2),
+            (4, 2),
+            (3, 1),
+            (2, 1),
+            (1, 0),
+        ] {
+            let found = pick(cells, 1.8, f64::INFINITY, 2);
+            assert_eq!(found.len(), number, "{cells}: {found:?}");
+            let mut before = 1.0;
+            for ratio in found {
+                let coarse = real(cells) / ratio;
+                assert!((coarse - coarse.round()).abs() < 1e-9, "{cells} by {ratio}");
+                assert!(ratio / before >= LEAST_RATIO - 1e-9, "{cells}: {ratio}");
+                before = ratio;
+            }
+        }
+        // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
+        let found = pick(40, 1.8, f64::INFINITY, 2);
+        assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
+        // A body of eight cells keeps four of them, one of six cells has room for one grid, one of five for none.
+        let found = pick(40, 1.8, 2.0, 2);
+        assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
+        let found = pick(40, 1.8, 1.5, 2);
+        assert!(found.len() == 1 && found[0] <= 1.5, "{found:?}");
+        assert!(pick(40, 1.8, 1.25, 2).is_empty());
+    }
+}
