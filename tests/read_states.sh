@@ -14,8 +14,20 @@ if [ -z "${DISPLAY:-}" ]; then
 fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-for run in "$@"; do
+one() {
+  local run=$1 state
   state=$work/$(basename "$run").pvsm
   timeout 120 "${display[@]}" pvpython "$root/jobs/paraview/state.py" "$run" --output "$state" --picture "${state%.pvsm}.png"
   timeout 120 "${display[@]}" pvpython "$root/tests/read_state.py" "$run" "$state"
+}
+
+parts=()
+for run in "$@"; do
+  one "$run" &
+  parts+=($!)
 done
+status=0
+for part in "${parts[@]}"; do
+  wait "$part" || status=1
+done
+exit "$status"

@@ -106,10 +106,10 @@ scripts() {
   for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch benches/*.sh benches/*/*.sh tests/*.sh .ci/run; do
     bash -n "$file" || return 1
   done
-  # Python without leaving its caches.
-  for file in jobs/spack/packages/*/package.py jobs/paraview/*.py jobs/python/*.py jobs/python/*/*.py tests/*.py tests/python/*.py; do
-    python3 -c 'import ast, sys; ast.parse(open(sys.argv[1], encoding="utf-8").read(), sys.argv[1])' "$file" || return 1
-  done
+  # Without leaving caches.
+  python3 -c 'import ast, sys
+for name in sys.argv[1:]: ast.parse(open(name, encoding="utf-8").read(), name)' \
+    jobs/spack/packages/*/package.py jobs/paraview/*.py jobs/python/*.py jobs/python/*/*.py tests/*.py tests/python/*.py
 }
 
 # Every example, shortened, through the reader of results; version and notes. The runs of the gates before are read, not made again.
