@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every test: installs what the tests need, then runs formatting, lints, documentation, the Rust tests of all packages (real mpirun among
-# them), and VTK's readers on the files of a real run. Ends with one line `N passed, N failed` and status 1 if any failed.
+# them), and the readers of results (VTK, Python, and ParaView where it is installed) on the files of real runs. Ends with one line `N passed, N failed` and status 1 if any failed.
 #
 #   bash tests/run.sh
 #
@@ -106,6 +106,23 @@ scripts() {
   for file in jobs/*.sh jobs/*/*.sh jobs/*/*.sbatch benches/*.sh benches/*/*.sh tests/*.sh .ci/run; do
     bash -n "$file" || return 1
   done
+  # Without leaving caches.
+  python3 -c 'import ast, sys
+for name in sys.argv[1:]: ast.parse(open(name, encoding="utf-8").read(), name)' \
+    jobs/spack/packages/*/package.py jobs/paraview/*.py jobs/python/*.py jobs/python/*/*.py tests/*.py tests/python/*.py
+}
+
+# Every example, shortened, through the reader of results; version and notes. The runs of the gates before are read, not made again.
+python_reader() {
+  mkdir -p "$work/examples" &&
+    ln -sfn "$work/run" "$work/examples/piping" && ln -sfn "$work/run/avalanche" "$work/examples/avalanche" &&
+    SOLVER="$target/debug/solver" SOLVER_RUNS="$work/examples" MPLBACKEND=Agg MPLCONFIGDIR="$work/matplotlib" PYTHONDONTWRITEBYTECODE=1 \
+      timeout "$((300 * ${SOLVER_TEST_PATIENCE:-1}))" "$target/venv/bin/python" -m pytest -q -p no:cacheprovider tests/python
+}
+
+# ParaView states, where there is a ParaView.
+paraview_states() {
+  bash tests/read_states.sh "$work/run" "$work/run/avalanche"
 }
 
 # Waits for the network, not for a core: made while the rest is built.
@@ -147,6 +164,10 @@ gate "schema accepts the examples" timeout 60 "$target/venv/bin/python" tests/sc
 gate "small run on 2 ranks" small_run
 gate "small run of blocks on 2 ranks" blocks_run
 gate "VTK reads every output" readers
+gate "python reader" python_reader
+if command -v pvpython >/dev/null; then
+  gate "ParaView opens states" paraview_states
+fi
 
 echo
 if [ "$failed" -ne 0 ]; then
