@@ -331,6 +331,10 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
         eroded_mass: records.last().map_or(0.0, |r| r.eroded_mass),
         hole_width: first.map_or(f64::NAN, |r| r.hole_width),
         hole_length: first.map_or(f64::NAN, |r| r.hole_length),
+        contacts_per_grain: None,
+        bonds_per_grain: None,
+        face_share: None,
+        bulk_displacement: None,
     })
 }
 

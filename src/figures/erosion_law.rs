@@ -337,6 +337,8 @@ mod tests {
                 bonds_broken_at_wall: grains,
                 lattice_velocity: 0.05,
                 mass_error: 0.0,
+                face_share: f64::NAN,
+                bulk_displacement: f64::NAN,
             });
             let expected = law.1 * (shear - law.0).max(0.0) * 2.0 * LENGTH * dt / GRAIN;
             let mut clock = draws.exponential(1.0);
@@ -368,6 +370,10 @@ mod tests {
                 eroded_mass: mass,
                 hole_width: 8e-4,
                 hole_length: LENGTH,
+                contacts_per_grain: None,
+                bonds_per_grain: None,
+                face_share: None,
+                bulk_displacement: None,
             };
             let summary = serde_json::json!({"outcome": "done", "erosion": erosion});
             fs::write(folder.join("summary.json"), summary.to_string()).unwrap();
