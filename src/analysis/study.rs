@@ -17,6 +17,9 @@ use crate::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
+/// Below this share of broken bonds at the faces of the hole, the bulk fails rather than the faces erode.
+const FACES: f64 = 0.5;
+
 /// One run as read.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
@@ -34,6 +37,10 @@ pub struct RunReport {
     pub eroded_fraction: f64,
     /// Grains that left.
     pub eroded_grains: u64,
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    pub face_share: Option<f64>,
+    /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
+    pub bulk_displacement: Option<f64>,
     /// The windows.
     pub windows: Vec<RateWindow>,
     /// The run as one hole erosion test.
@@ -264,6 +271,20 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         ));
     }
     let last = records.last();
+    let known = |value: f64| value.is_finite().then_some(value);
+    let face_share = about
+        .face_share
+        .or_else(|| known(last.map_or(f64::NAN, |record| record.face_share)));
+    if let Some(share) = face_share
+        && share < FACES
+        && left > 0
+    {
+        warnings.push(format!(
+            "{}: the bulk failed: {:.0} % of the bonds that broke before a tenth of the mass had left were not at the faces of the hole; the law describes erosion of the faces",
+            folder.display(),
+            100.0 * (1.0 - share)
+        ));
+    }
     Ok(RunReport {
         folder: folder.to_path_buf(),
         outcome,
@@ -272,6 +293,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         end: last.map_or(0.0, |record| record.time),
         eroded_fraction: last.map_or(0.0, |record| record.eroded_fraction),
         eroded_grains: last.map_or(0, |record| record.eroded_grains),
+        face_share,
+        bulk_displacement: about.bulk_displacement,
         windows,
         whole,
         records,

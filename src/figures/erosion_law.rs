@@ -455,6 +455,30 @@ mod tests {
         );
     }
 
+    #[test]
+    fn a_bulk_that_fails_is_told_from_faces_that_erode() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = write_run(root.path(), 0.3, 0.506, (1e-3, 9.1), false);
+        let file = folder.join("erosion.csv");
+        for (share, told) in [(0.2, 1), (0.9, 0), (f64::NAN, 0)] {
+            let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
+            for row in &mut rows {
+                row.face_share = share;
+            }
+            write_rows(&file, &rows).unwrap();
+            let report = run(&[folder.clone()], &root.path().join("out"), None).unwrap();
+            let of_bulk = report
+                .warnings
+                .iter()
+                .filter(|w| w.contains("80 % of the bonds"));
+            assert_eq!(of_bulk.count(), told, "{:?}", report.warnings);
+            assert_eq!(
+                report.cohesions[0].runs[0].face_share.is_some(),
+                share.is_finite()
+            );
+        }
+    }
+
     /// Grains that the cut left without bonds leave at any cohesion; without a broken bond nothing eroded.
     #[test]
     fn loose_grains_are_no_erosion() {
