@@ -466,7 +466,12 @@ mod tests {
                 row.face_share = share;
             }
             write_rows(&file, &rows).unwrap();
-            let report = run(&[folder.clone()], &root.path().join("out"), None).unwrap();
+            let report = run(
+                std::slice::from_ref(&folder),
+                &root.path().join("out"),
+                None,
+            )
+            .unwrap();
             let of_bulk = report
                 .warnings
                 .iter()

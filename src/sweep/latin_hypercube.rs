@@ -86,7 +86,7 @@ impl Range {
     /// What is wrong with it.
     fn problems(&self, path: &str, found: &mut Vec<Problem>) {
         let value = format!("{} to {}", self.from, self.to);
-        if !(self.from < self.to) {
+        if self.from >= self.to {
             let reason = "a range begins with its smaller end".into();
             found.push(problem(
                 path,
