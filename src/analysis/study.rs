@@ -17,8 +17,8 @@ use crate::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Below this share of broken bonds at the faces of the hole, the bulk fails rather than the faces erode.
-const FACES: f64 = 0.5;
+/// A bulk that moves by more than this many mean diameters fails; beside faces that erode, it stands.
+const MOVED: f64 = 1.0;
 
 /// One run as read.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -275,14 +275,17 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     let face_share = about
         .face_share
         .or_else(|| known(last.map_or(f64::NAN, |record| record.face_share)));
-    if let Some(share) = face_share
-        && share < FACES
-        && left > 0
+    let bulk_displacement = about.bulk_displacement.or_else(|| {
+        let rows = records.iter().rev();
+        let before = rows.filter(|row| row.eroded_fraction < 0.1);
+        before.map(|row| row.bulk_displacement).find_map(known)
+    });
+    if let Some(moved) = bulk_displacement
+        && moved > MOVED
     {
         warnings.push(format!(
-            "{}: the bulk failed: {:.0} % of the bonds that broke before a tenth of the mass had left were not at the faces of the hole; the law describes erosion of the faces",
+            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the law describes erosion of the faces",
             folder.display(),
-            100.0 * (1.0 - share)
         ));
     }
     Ok(RunReport {
@@ -294,7 +297,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         eroded_fraction: last.map_or(0.0, |record| record.eroded_fraction),
         eroded_grains: last.map_or(0, |record| record.eroded_grains),
         face_share,
-        bulk_displacement: about.bulk_displacement,
+        bulk_displacement,
         windows,
         whole,
         records,

@@ -460,27 +460,21 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = write_run(root.path(), 0.3, 0.506, (1e-3, 9.1), false);
         let file = folder.join("erosion.csv");
-        for (share, told) in [(0.2, 1), (0.9, 0), (f64::NAN, 0)] {
+        for (moved, told) in [(2.5, 1), (0.1, 0), (f64::NAN, 0)] {
             let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
             for row in &mut rows {
-                row.face_share = share;
+                // What moves later is no part of the mechanism.
+                let late = row.eroded_fraction >= 0.1;
+                row.bulk_displacement = if late { 50.0 } else { moved };
             }
             write_rows(&file, &rows).unwrap();
-            let report = run(
-                std::slice::from_ref(&folder),
-                &root.path().join("out"),
-                None,
-            )
-            .unwrap();
-            let of_bulk = report
-                .warnings
-                .iter()
-                .filter(|w| w.contains("80 % of the bonds"));
+            let runs = std::slice::from_ref(&folder);
+            let report = run(runs, &root.path().join("out"), None).unwrap();
+            let found = report.warnings.iter();
+            let of_bulk = found.filter(|w| w.contains("moved by 2.5 mean diameters"));
             assert_eq!(of_bulk.count(), told, "{:?}", report.warnings);
-            assert_eq!(
-                report.cohesions[0].runs[0].face_share.is_some(),
-                share.is_finite()
-            );
+            let known = report.cohesions[0].runs[0].bulk_displacement;
+            assert_eq!(known.is_some(), moved.is_finite());
         }
     }
 

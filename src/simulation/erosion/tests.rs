@@ -280,7 +280,7 @@ fn departed(step: u64, id: u64, region: usize) -> Departed {
             step,
             time: real(step),
             id,
-            mass: 0.1,
+            mass: 1e-4,
             radius: 1e-4,
             x: 3.9e-3,
             y: 8e-4,
@@ -414,9 +414,9 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
     let last = rows.last().unwrap();
     // Ten grains in ten half intervals; only those of the outlet count, the last row is that of the ninth.
     assert_eq!((rows.len(), last.eroded_grains), (5, 9));
-    assert!((last.eroded_mass - 0.9).abs() < 1e-12);
+    assert!((last.eroded_mass - 9e-4).abs() < 1e-15);
     assert_eq!((last.bonds_broken, last.bonds_broken_inside), (9, 8));
-    // A tenth of the 1.72 kg/m had left with the second grain, when two bonds were broken.
+    // A tenth of the 1.9 g/m had left with the second grain, when two bonds were broken.
     assert!((last.face_share - 0.5).abs() < 1e-15, "{last:?}");
     assert!((rows[0].face_share - 1.0).abs() < 1e-15);
     let summary = recorder.summary(&plan).unwrap().unwrap();
