@@ -43,7 +43,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "sweep",
-        &["analysis", "case", "figures", "plan", "scene"],
+        &["analysis", "case", "figures", "plan", "random", "scene"],
         &["io"],
     ),
     (
