@@ -234,7 +234,13 @@ impl Scene {
         (Some(scene), findings)
     }
 
-    /// Whether each grain stores its initial position.
+    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion law.
+    #[must_use]
+    pub fn marks_start(&self) -> bool {
+        self.follows_grains() || self.erosion_law.is_some()
+    }
+
+    /// Whether an output or analysis requires the initial position of each grain.
     #[must_use]
     pub fn follows_grains(&self) -> bool {
         let written = self.output.grains.as_ref();

@@ -4,6 +4,7 @@
 //! | step | module |
 //! |---|---|
 //! | the study as written, its schema | [`study`] |
+//! | members drawn instead of combined | [`latin_hypercube`] |
 //! | every member's case, checked before any member runs | [`members`] |
 //! | a member as a process of this program; stopped members are resumed | [`runner`] |
 //! | outcome and cost of a member, in its folder | [`record`] |
@@ -14,6 +15,7 @@
 //! The output folder holds a folder for each member, named by its varied values. A member is not run again if its folder holds the record
 //! of the same case and the same version of the program.
 
+pub mod latin_hypercube;
 pub mod members;
 pub mod picture;
 pub mod record;

@@ -17,6 +17,9 @@ use crate::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
+/// A bulk that moves by more than this many mean diameters fails; beside faces that erode, it stands.
+const MOVED: f64 = 1.0;
+
 /// One run as read.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
@@ -34,6 +37,10 @@ pub struct RunReport {
     pub eroded_fraction: f64,
     /// Grains that left.
     pub eroded_grains: u64,
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    pub face_share: Option<f64>,
+    /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
+    pub bulk_displacement: Option<f64>,
     /// The windows.
     pub windows: Vec<RateWindow>,
     /// The run as one hole erosion test.
@@ -264,6 +271,23 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         ));
     }
     let last = records.last();
+    let known = |value: f64| value.is_finite().then_some(value);
+    let face_share = about
+        .face_share
+        .or_else(|| known(last.map_or(f64::NAN, |record| record.face_share)));
+    let bulk_displacement = about.bulk_displacement.or_else(|| {
+        let rows = records.iter().rev();
+        let before = rows.filter(|row| row.eroded_fraction < 0.1);
+        before.map(|row| row.bulk_displacement).find_map(known)
+    });
+    if let Some(moved) = bulk_displacement
+        && moved > MOVED
+    {
+        warnings.push(format!(
+            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the law describes erosion of the faces",
+            folder.display(),
+        ));
+    }
     Ok(RunReport {
         folder: folder.to_path_buf(),
         outcome,
@@ -272,6 +296,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         end: last.map_or(0.0, |record| record.time),
         eroded_fraction: last.map_or(0.0, |record| record.eroded_fraction),
         eroded_grains: last.map_or(0, |record| record.eroded_grains),
+        face_share,
+        bulk_displacement,
         windows,
         whole,
         records,
@@ -331,6 +357,10 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
         eroded_mass: records.last().map_or(0.0, |r| r.eroded_mass),
         hole_width: first.map_or(f64::NAN, |r| r.hole_width),
         hole_length: first.map_or(f64::NAN, |r| r.hole_length),
+        contacts_per_grain: None,
+        bonds_per_grain: None,
+        face_share: None,
+        bulk_displacement: None,
     })
 }
 

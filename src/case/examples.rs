@@ -15,7 +15,7 @@ pub struct Example {
 pub const EXAMPLES: [Example; 18] = [
     Example {
         name: "piping",
-        summary: "hole-erosion test: a bonded packing of discs with a hole, eroded by a pressure drop",
+        summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
         text: include_str!("examples/piping.json"),
     },
     Example {

@@ -337,6 +337,8 @@ mod tests {
                 bonds_broken_at_wall: grains,
                 lattice_velocity: 0.05,
                 mass_error: 0.0,
+                face_share: f64::NAN,
+                bulk_displacement: f64::NAN,
             });
             let expected = law.1 * (shear - law.0).max(0.0) * 2.0 * LENGTH * dt / GRAIN;
             let mut clock = draws.exponential(1.0);
@@ -368,6 +370,10 @@ mod tests {
                 eroded_mass: mass,
                 hole_width: 8e-4,
                 hole_length: LENGTH,
+                contacts_per_grain: None,
+                bonds_per_grain: None,
+                face_share: None,
+                bulk_displacement: None,
             };
             let summary = serde_json::json!({"outcome": "done", "erosion": erosion});
             fs::write(folder.join("summary.json"), summary.to_string()).unwrap();
@@ -447,6 +453,29 @@ mod tests {
             shown.contains("no erosion") && shown.contains("no significant trend"),
             "{shown}"
         );
+    }
+
+    #[test]
+    fn a_bulk_that_fails_is_told_from_faces_that_erode() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = write_run(root.path(), 0.3, 0.506, (1e-3, 9.1), false);
+        let file = folder.join("erosion.csv");
+        for (moved, told) in [(2.5, 1), (0.1, 0), (f64::NAN, 0)] {
+            let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
+            for row in &mut rows {
+                // What moves later is no part of the mechanism.
+                let late = row.eroded_fraction >= 0.1;
+                row.bulk_displacement = if late { 50.0 } else { moved };
+            }
+            write_rows(&file, &rows).unwrap();
+            let runs = std::slice::from_ref(&folder);
+            let report = run(runs, &root.path().join("out"), None).unwrap();
+            let found = report.warnings.iter();
+            let of_bulk = found.filter(|w| w.contains("moved by 2.5 mean diameters"));
+            assert_eq!(of_bulk.count(), told, "{:?}", report.warnings);
+            let known = report.cohesions[0].runs[0].bulk_displacement;
+            assert_eq!(known.is_some(), moved.is_finite());
+        }
     }
 
     /// Grains that the cut left without bonds leave at any cohesion; without a broken bond nothing eroded.

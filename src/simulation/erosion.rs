@@ -20,6 +20,8 @@
 //!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise inside. Before the
 //!   first row the faces are those of the box in the case.
 //!
+//! - **Mechanism.** Whether the hole erodes at its faces or the bulk fails: [`mechanism`].
+//!
 //! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses are kg/m;
 //! in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
 //!
@@ -27,6 +29,8 @@
 //! an uninterrupted run.
 
 mod hole;
+mod imposed;
+mod mechanism;
 
 use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
@@ -37,7 +41,6 @@ use crate::analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
     RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
 };
-use crate::dem::contact::Scaled;
 use crate::dem::space::{Components, Space};
 use crate::dem::{BondBreak, Failure};
 use crate::error::Error;
@@ -47,12 +50,14 @@ use crate::plan::interval::Interval;
 use crate::scene::observe::Action;
 use decomposition::{Domain, ExactSum, Fixed};
 use hole::{BEHIND, Hole, cell_sums, depth, excess_force};
+use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
+use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
 /// Bonds up to this many mean diameters from a face break at the wall of the hole.
-const NEAR_WALL: f64 = 1.5;
+const NEAR_WALL: f64 = 2.0;
 
 /// What is measured once, at the first call, while the sample is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,6 +68,9 @@ struct Start {
     diameter: f64,
     /// Solid fraction of the grains beside the hole, by their own radii.
     packing: f64,
+    /// Contacts and bonds a grain.
+    #[serde(default)]
+    contacts: Option<[f64; 2]>,
 }
 
 /// The state of the recorder in a checkpoint.
@@ -80,6 +88,8 @@ pub struct State {
     /// How long the fluid had run before time 0 \[s\].
     flow_age: f64,
     last_row: Option<u64>,
+    #[serde(default)]
+    mechanism: Mechanism,
 }
 
 /// A broken bond on its way to rank 0.
@@ -180,6 +190,11 @@ impl ErosionRecorder {
         }
     }
 
+    /// Bonds broken inside and at the wall of the hole, as of the last flush.
+    fn broken(&self) -> [u64; 2] {
+        [self.state.bonds_inside, self.state.bonds_at_wall]
+    }
+
     /// Whether a row of `erosion.csv` is due at this step.
     #[must_use]
     pub fn is_due(&self, step: u64) -> bool {
@@ -236,6 +251,10 @@ impl ErosionRecorder {
                 view.domain.communicator(),
                 append(&mut self.removed, &lines),
             )?;
+        }
+        if self.state.mechanism.is_due(self.eroded_fraction()) {
+            self.flush(view.domain)?;
+            self.state.mechanism.note_bonds(self.broken());
         }
         if self.is_due(view.step) && self.state.last_row != Some(view.step) {
             self.flush(view.domain)?;
@@ -369,16 +388,19 @@ impl ErosionRecorder {
         let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
             return Ok(None);
         };
-        let pressures = || pressures(plan);
-        let ramp = pressures().fold(0.0, |end: f64, [_, _, ramp]| end.max(ramp));
+        let ramp = pressures(plan).fold(0.0, |end: f64, [_, _, ramp]| end.max(ramp));
         let summary = ErosionSummary {
             cohesion: cohesion_per_diameter(plan, start.diameter),
-            pressure_difference: spread(pressures().map(|[_, value, _]| value)),
+            pressure_difference: spread(pressures(plan).map(|[_, value, _]| value)),
             ramp_end: (ramp - self.state.flow_age).max(0.0),
             initial_mass: start.mass,
             eroded_mass: self.state.eroded_mass,
             hole_width: hole.width(),
             hole_length: hole.length(),
+            contacts_per_grain: start.contacts.map(|[contacts, _]| contacts),
+            bonds_per_grain: start.contacts.map(|[_, bonds]| bonds),
+            face_share: self.state.mechanism.face_share(self.broken()),
+            bulk_displacement: self.state.mechanism.displacement(),
         };
         serde_json::to_value(summary)
             .map(Some)
@@ -433,6 +455,7 @@ impl ErosionRecorder {
             } else {
                 0.0
             },
+            contacts: contacts_per_grain(view, self.first_grain, grains),
         }
     }
 
@@ -500,13 +523,7 @@ impl ErosionRecorder {
         let faces = hole_faces(profile(&solid), intact, hole.middle());
         self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);
         let time = view.time + self.state.flow_age;
-        let pressure_difference = spread(pressures(view.plan).map(|[from, value, ramp]| {
-            if time >= ramp {
-                value
-            } else {
-                from + (value - from) * (time / ramp)
-            }
-        }));
+        let pressure_difference = pressure_difference(view.plan, time);
         let length = hole.length();
         let viscosity = flow.density * flow.kinematic_viscosity;
         let gradient = faces
@@ -547,6 +564,11 @@ impl ErosionRecorder {
             units.velocity_to_si(through.to_f64()) * area
         });
         let width = faces.map_or(f64::NAN, |faces| faces.width());
+        let displacement = faces.map_or(f64::NAN, |faces| {
+            bulk_displacement(view, &hole, start.diameter, faces)
+        });
+        self.state.mechanism.note_displacement(displacement);
+        let share = self.state.mechanism.face_share(self.broken());
         let row = ErosionRecord {
             step: view.step,
             time: view.time,
@@ -567,6 +589,8 @@ impl ErosionRecorder {
             bonds_broken_at_wall: self.state.bonds_at_wall,
             lattice_velocity: sums.speed,
             mass_error,
+            face_share: share.unwrap_or(f64::NAN),
+            bulk_displacement: displacement,
         };
         self.state.last_row = Some(view.step);
         self.speed = Some(sums.speed);
@@ -577,37 +601,5 @@ impl ErosionRecorder {
     }
 }
 
-/// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
-fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
-    let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
-    patches.filter_map(|patch| {
-        let pressure = patch.condition.model().pressure()?;
-        Some([pressure.start, pressure.end, pressure.ramp_time])
-    })
-}
-
-/// Largest less smallest; NaN for fewer than two.
-fn spread(values: impl Iterator<Item = f64>) -> f64 {
-    let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
-    for value in values {
-        n += 1;
-        low = low.min(value);
-        high = high.max(value);
-    }
-    if n < 2 { f64::NAN } else { high - low }
-}
-
-/// C/d [N/m] of a pair of grains of mean size.
-fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
-    let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
-        return 0.0;
-    };
-    let material = crate::number::to_u32(grains.material);
-    match table.model().cohesion([material; 2]) {
-        Scaled::PerDiameter(value) => value,
-        Scaled::Absolute(value) if diameter > 0.0 => value / diameter,
-        Scaled::Absolute(_) => 0.0,
-    }
-}
 #[cfg(test)]
 mod tests;

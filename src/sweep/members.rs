@@ -1,5 +1,7 @@
-//! The members of a study: every combination of the variations, and the listed members, each with its case checked and planned.
+//! The members of a study: every combination of the variations or a sample of them, and the listed members, each with its case checked
+//! and planned.
 
+use super::latin_hypercube::{Sample, choice};
 use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
 use crate::analysis::expression;
 use crate::case::text::MOST_PROBLEMS;
@@ -11,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// More members than this are a slip.
-const MOST_MEMBERS: usize = 10_000;
+pub(super) const MOST_MEMBERS: usize = 10_000;
 /// Fields of one member that formulas set, at most: each of them is looked for in all the others.
 const MOST_FORMULAS: usize = 100;
 /// The field that lets a member beyond the limits run.
@@ -139,20 +141,15 @@ fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> 
 }
 
 fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
-    let mut counts = study
-        .vary
-        .0
-        .iter()
-        .map(|(_, variation)| variation.labels().len());
-    let all = counts.try_fold(1_usize, usize::checked_mul);
-    if all.is_none_or(|all| all > MOST_MEMBERS) {
-        let reason = format!("more than {MOST_MEMBERS} combinations");
-        return Err(vec![problem(
-            "vary",
-            "too many",
-            reason,
-            "vary less at once",
-        )]);
+    if study.sample.is_none() {
+        let variations = study.vary.0.iter();
+        let mut counts = variations.map(|(_, variation)| variation.labels().len());
+        let all = counts.try_fold(1_usize, usize::checked_mul);
+        if all.is_none_or(|all| all > MOST_MEMBERS) {
+            let reason = format!("more than {MOST_MEMBERS} combinations");
+            let remedy = "vary less at once";
+            return Err(vec![problem("vary", "too many", reason, remedy)]);
+        }
     }
     if study.members.len() > MOST_MEMBERS {
         let value = format!("{} members", study.members.len());
@@ -164,41 +161,99 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
             "list fewer, or vary a field",
         )]);
     }
-    let mut grid = Vec::new();
-    if !study.vary.0.is_empty() {
-        grid.push(Draft {
-            name: String::new(),
-            labels: Vec::new(),
-            set: Vec::new(),
-        });
-    }
-    for (field, variation) in &study.vary.0 {
-        let short = file_name(short(field, study));
-        let labels = variation.labels();
-        grid = grid
-            .iter()
-            .flat_map(|draft| {
-                labels.iter().enumerate().map(|(n, label)| {
-                    let mut set = draft.set.clone();
-                    match variation {
-                        Variation::Values(values) => set.push((field.clone(), values[n].clone())),
-                        Variation::Choices(choices) => set.extend(choices.0[n].1.clone()),
-                    }
-                    let between = if draft.name.is_empty() { "" } else { "_" };
-                    let name = format!("{}{between}{short}={}", draft.name, file_name(label));
-                    let mut labels = draft.labels.clone();
-                    labels.push(Some(label.clone()));
-                    Draft { name, labels, set }
-                })
-            })
-            .collect();
-    }
+    let mut grid = varied(study);
     grid.extend(study.members.iter().map(|listed| Draft {
         name: file_name(&listed.name),
         labels: vec![None; study.vary.0.len()],
         set: listed.set.clone().into_iter().collect(),
     }));
     Ok(grid)
+}
+
+/// What the variations come to: all combinations, or the draws of the sample with the combinations of what is crossed with them.
+fn varied(study: &Study) -> Vec<Draft> {
+    let draft = |name: String| Draft {
+        name,
+        labels: Vec::new(),
+        set: Vec::new(),
+    };
+    let sample = study.sample.as_ref().map(|sample| {
+        let Sample::LatinHypercube(sample) = sample;
+        sample
+    });
+    // With the number of the draw.
+    let mut grid: Vec<(usize, Draft)> = match sample {
+        None if study.vary.0.is_empty() => Vec::new(),
+        None => vec![(0, draft(String::new()))],
+        Some(sample) => {
+            let digits = sample.members.to_string().len();
+            (0..sample.members as usize)
+                .map(|n| (n, draft(format!("draw-{:0digits$}", n + 1))))
+                .collect()
+        }
+    };
+    for (place, (field, variation)) in study.vary.0.iter().enumerate() {
+        if let Some(sample) = sample.filter(|sample| sample.draws(field)) {
+            let places = sample.places(place);
+            for (n, draft) in &mut grid {
+                let (label, set) = variation.at(field, places[*n]);
+                draft.labels.push(Some(label));
+                draft.set.extend(set);
+            }
+            continue;
+        }
+        let short = file_name(short(field, study));
+        let labels = variation.labels();
+        grid = grid
+            .iter()
+            .flat_map(|(number, draft)| {
+                labels.iter().enumerate().map(|(n, label)| {
+                    let mut set = draft.set.clone();
+                    set.extend(variation.set(field, n));
+                    let between = if draft.name.is_empty() { "" } else { "_" };
+                    let name = format!("{}{between}{short}={}", draft.name, file_name(label));
+                    let mut labels = draft.labels.clone();
+                    labels.push(Some(label.clone()));
+                    (*number, Draft { name, labels, set })
+                })
+            })
+            .collect();
+    }
+    grid.into_iter().map(|(_, draft)| draft).collect()
+}
+
+impl Variation {
+    /// The fields that value number `n` sets; none of a range.
+    fn set(&self, field: &str, n: usize) -> Vec<(String, Value)> {
+        match self {
+            Self::Values(values) => {
+                let value = values.get(n);
+                value
+                    .map(|value| (field.to_owned(), value.clone()))
+                    .into_iter()
+                    .collect()
+            }
+            Self::Choices(choices) => {
+                let fields = choices.0.get(n).map(|(_, fields)| fields.clone());
+                fields.unwrap_or_default().into_iter().collect()
+            }
+            Self::Range(_) => Vec::new(),
+        }
+    }
+
+    /// Label and fields of the value at a place from 0 to 1.
+    fn at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
+        if let Self::Range(range) = self {
+            let value = Value::from(range.at(place));
+            return (label(&value), vec![(field.to_owned(), value)]);
+        }
+        let labels = self.labels();
+        let n = choice(place, labels.len());
+        (
+            labels.get(n).cloned().unwrap_or_default(),
+            self.set(field, n),
+        )
+    }
 }
 
 /// The last word of a path, or the whole path where two varied fields share that word.
@@ -271,7 +326,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     let mut labels = draft.labels;
     for (known, (field, variation)) in labels.iter_mut().zip(&study.vary.0) {
         // The name of choices is no field, though it may sound like one.
-        if known.is_none() && matches!(variation, Variation::Values(_)) {
+        if known.is_none() && !matches!(variation, Variation::Choices(_)) {
             *known = set::lookup(&case, field).map(label);
         }
     }

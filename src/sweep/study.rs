@@ -5,6 +5,7 @@
     reason = "comments are texts of the schema, where units stand in brackets"
 )]
 
+use super::latin_hypercube::{self, Range, Sample};
 use crate::analysis::expression;
 use crate::analysis::measure::{Measure, Norm, Take};
 use crate::case::{check, text};
@@ -36,9 +37,12 @@ pub struct Study {
     #[serde(default)]
     pub set: BTreeMap<String, Value>,
     /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name with named choices
-    /// that set several fields each. The first variation colours the picture.
+    /// that set several fields each, or a field with a range of numbers for `sample`. The first variation colours the picture.
     #[serde(default)]
     pub vary: Ordered<Variation>,
+    /// Draws members from the variations instead of all combinations.
+    #[serde(default)]
+    pub sample: Option<Sample>,
     /// Members in addition to the combinations.
     #[serde(default)]
     pub members: Vec<Listed>,
@@ -73,6 +77,8 @@ pub struct Study {
 pub enum Variation {
     /// Values of the field.
     Values(Vec<Value>),
+    /// A range of numbers of the field, for `sample`.
+    Range(Range),
     /// Fields of the case for each named choice.
     Choices(Ordered<BTreeMap<String, Value>>),
 }
@@ -295,6 +301,7 @@ impl Study {
                 "vary a field, or list members",
             ));
         }
+        latin_hypercube::problems(self, &mut found);
         for (name, output) in &self.outputs.0 {
             output.problems(&format!("outputs.{name}"), &mut found);
         }
@@ -377,9 +384,10 @@ impl Study {
 }
 
 impl Variation {
-    /// The labels of what it takes, in order.
+    /// The labels of what it takes, in order; none for a range, whose values are drawn.
     pub(crate) fn labels(&self) -> Vec<String> {
         match self {
+            Self::Range(_) => Vec::new(),
             Self::Values(values) => values.iter().map(label).collect(),
             Self::Choices(choices) => choices.0.iter().map(|(name, _)| name.clone()).collect(),
         }

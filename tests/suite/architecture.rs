@@ -44,7 +44,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "sweep",
-        &["analysis", "case", "figures", "plan", "scene"],
+        &["analysis", "case", "figures", "plan", "random", "scene"],
         &["io"],
     ),
     // The models that an estimate varies are named by their types.

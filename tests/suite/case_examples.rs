@@ -13,7 +13,12 @@ fn every_example_is_valid_without_a_warning() {
             .unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         assert_eq!(plan.warnings, [], "{}", example.name);
-        assert!(plan.estimate.seconds_on_one_core < 60.0, "{}", example.name);
+        // A minute on two ranks, which are 1.79 times as fast as one (benches/results/P-10.csv).
+        assert!(
+            plan.estimate.seconds_on_one_core < 60.0 * 1.79,
+            "{}",
+            example.name
+        );
         assert!(
             // At the limit itself, but for rounding.
             plan.margins.iter().all(|m| m.used <= 1.0 + 1e-12),
@@ -71,10 +76,10 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     approx::assert_relative_eq!(units.viscosity_to_lattice(1e-6), 0.2, max_relative = 1e-12);
     approx::assert_relative_eq!(
         units.velocity_scale(),
-        5.0 * 1e-6 / 2e-5,
+        5.0 * 1e-6 / 2.5e-5,
         max_relative = 1e-12
     );
-    assert_eq!(plan.scene.grid.cells, [420, 200, 1]);
+    assert_eq!(plan.scene.grid.cells, [336, 160, 1]);
     // 2 sqrt(m/k) of the smallest disc: m = 2650 pi r², k = 150e6 · 2r.
     let radius = 0.75e-4_f64;
     let mass = 2650.0 * std::f64::consts::PI * radius * radius;
@@ -84,8 +89,8 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
         critical,
         max_relative = 1e-12
     );
-    assert_eq!(plan.clock.solid_steps_per_step, 9);
-    assert_eq!(plan.clock.steps, 12500);
+    assert_eq!(plan.clock.solid_steps_per_step, 5);
+    assert_eq!(plan.clock.steps, 48000);
     // k_n and C go with the mean diameter of the pair.
     let law = plan.scene.contact.as_ref().expect("contacts").model();
     approx::assert_relative_eq!(
@@ -105,7 +110,7 @@ fn a_saved_sample_sets_the_solid_steps_like_a_list() {
         Plan::prepare(document)
     };
     let good = plan("x,y,radius\n0.002,0.002,0.75e-4\n0.003,0.002,1.25e-4\n").expect("a plan");
-    assert_eq!(good.clock.solid_steps_per_step, 9);
+    assert_eq!(good.clock.solid_steps_per_step, 5);
     assert_eq!(good.scene.grains.expect("grains").expected, 2);
     for bad in [
         "x,y,radius\n1,0.002,1e-4\n",

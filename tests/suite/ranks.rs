@@ -304,6 +304,7 @@ impl Study {
             "piping",
             &[
                 ("domain.size", "[0.003, 0.0016]"),
+                ("domain.spacing", "2e-5"),
                 ("grains.initial", r#"{"file": {"path": "sample.csv"}}"#),
                 ("grains.save", "null"),
                 ("grains.cut", "[]"),
@@ -332,6 +333,9 @@ impl Study {
                     "0.002",
                 ),
                 ("contact.cohesive_frictional.cohesion.per_diameter", "0.03"),
+                ("contact.cohesive_frictional.normal_damping_ratio", "0.2"),
+                ("contact.cohesive_frictional.local_damping", "0"),
+                ("time.solid_time_step_safety", "0.1"),
             ],
         );
         std::fs::write(study.folder.path().join("sample.csv"), sample()).unwrap();

@@ -14,6 +14,16 @@ fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
     assert!(study.rows("straight", "removed.csv") > 0);
     assert_eq!(study.rows("straight", "erosion.csv"), 61);
     assert_eq!(study.summary("straight")["grains"], 67);
+    let erosion = study.summary("straight")["erosion"].clone();
+    for name in [
+        "contacts_per_grain",
+        "bonds_per_grain",
+        "face_share",
+        "bulk_displacement",
+    ] {
+        let value = erosion[name].as_f64();
+        assert!(value.is_some_and(|value| value > 0.0), "{name}: {value:?}");
+    }
     for (name, ranks, threads, set) in [
         ("two with threads", 2, 2, &[][..]),
         ("three along y", 3, 1, &["domain.split=y"]),
@@ -24,6 +34,7 @@ fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
     ] {
         study.run(name, ranks, threads, set);
         study.same("straight", name);
+        assert_eq!(study.summary(name)["erosion"], erosion, "{name}");
     }
 }
 

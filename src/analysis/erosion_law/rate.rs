@@ -293,6 +293,8 @@ mod tests {
             bonds_broken_at_wall: 0,
             lattice_velocity: 0.0,
             mass_error: 0.0,
+            face_share: f64::NAN,
+            bulk_displacement: f64::NAN,
         }
     }
 

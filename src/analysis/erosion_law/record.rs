@@ -126,13 +126,20 @@ pub struct ErosionRecord {
     bonds_broken: u64 = "bonds_broken [1]",
     /// Of these, in the bulk of the packing.
     bonds_broken_inside: u64 = "bonds_broken_inside [1]",
-    /// Of these, at the wall of the hole.
+    /// Of these, at the wall of the hole: between its faces or within two mean diameters of one.
     bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
     /// Largest fluid speed in lattice units, |u| dt/h. Earlier versions named the column `mach [1]`.
     #[serde(alias = "mach [1]")]
     lattice_velocity: f64 = "lattice_velocity [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole. Earlier versions had no such column.
+    #[serde(default = "unknown")]
+    face_share: f64 = "face_share [1]",
+    /// Mean distance from where they started of the grains that started beside the hole and more than two mean diameters behind its
+    /// present faces, in mean diameters. Earlier versions had no such column.
+    #[serde(default = "unknown")]
+    bulk_displacement: f64 = "bulk_displacement [diameters]",
 }
 }
 
@@ -235,7 +242,27 @@ pub struct ErosionSummary {
     pub hole_width: f64,
     /// Initial hole length L, m.
     pub hole_length: f64,
+    /// Contacts of a grain with grains and walls at the start of the flow, mean over all grains.
+    #[serde(default)]
+    pub contacts_per_grain: Option<f64>,
+    /// Bonds of a grain with grains and walls at the start of the flow, mean over all grains.
+    #[serde(default)]
+    pub bonds_per_grain: Option<f64>,
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    #[serde(default)]
+    pub face_share: Option<f64>,
+    /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters of the grains.
+    #[serde(default)]
+    pub bulk_displacement: Option<f64>,
 }
+
+/// The value of a column that a table does not have.
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+/// Columns that earlier versions did not write, at the end of their tables.
+const ADDED: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
 
 /// Columns that earlier versions wrote under another name: that name and the present one.
 const RENAMED: [(&str, &str); 1] = [("mach [1]", "lattice_velocity [1]")];
@@ -257,7 +284,9 @@ pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>,
         None => name,
     };
     let names = lines.names();
-    if !(names.iter().map(|name| present(name))).eq(R::COLUMNS.iter().copied()) {
+    let given = || names.iter().map(|name| present(name));
+    let earlier = (R::COLUMNS.iter().copied()).filter(|name| !ADDED.contains(name));
+    if !given().eq(R::COLUMNS.iter().copied()) && !given().eq(earlier) {
         return Err(fail(format!(
             "the columns are `{}`, expected `{}`",
             names.join(","),
@@ -322,6 +351,8 @@ mod tests {
             bonds_broken_at_wall: 3,
             lattice_velocity: 0.0,
             mass_error: -0.0,
+            face_share: 0.75,
+            bulk_displacement: 1e-3,
         }
     }
 
@@ -357,9 +388,16 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         let old = text.replace("lattice_velocity [1]", "mach [1]");
         assert_ne!(old, text);
-        fs::write(&path, old).unwrap();
+        fs::write(&path, &old).unwrap();
         let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
         assert_eq!(back[0].lattice_velocity.to_bits(), 0.05_f64.to_bits());
+        // Still earlier ones end before the columns of the mechanism.
+        let cut = |line: &str| line.rsplitn(3, ',').last().unwrap_or_default().to_owned();
+        let older: Vec<String> = old.lines().map(cut).collect();
+        fs::write(&path, older.join("\n")).unwrap();
+        let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
+        assert_eq!(back[0].lattice_velocity.to_bits(), 0.05_f64.to_bits());
+        assert!(back[0].face_share.is_nan() && back[0].bulk_displacement.is_nan());
     }
 
     #[test]

@@ -280,7 +280,7 @@ fn departed(step: u64, id: u64, region: usize) -> Departed {
             step,
             time: real(step),
             id,
-            mass: 0.1,
+            mass: 1e-4,
             radius: 1e-4,
             x: 3.9e-3,
             y: 8e-4,
@@ -309,11 +309,11 @@ fn broken(step: u64, grain: u64, x: f64, y: f64) -> BondBreak<Plane> {
 #[test]
 fn the_ledger_is_ordered_and_says_where_bonds_broke() {
     let plan = plan();
-    let (domain, fluid, particles) = (domain(), Channel::new(&plan), packing(1e-4));
+    let (domain, fluid, particles) = (domain(), Channel::new(&plan), packing(0.7e-4));
     let folder = tempfile::tempdir().unwrap();
     let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, None).unwrap();
     let breaks = vec![
-        // Deep in the lower packing, more than 0.3 mm behind the face.
+        // Deep in the lower packing, more than two diameters behind the face.
         broken(12, 4, 2e-3, 0.05e-3),
         // At the upper face; against wall 2.
         broken(11, 7, 2e-3, 1.25e-3),
@@ -357,11 +357,13 @@ fn half(plan: &Plan, n: u64) -> u64 {
 
 /// Half intervals `from..=to`, each with a grain gone through either region and a broken bond.
 fn run(recorder: &mut ErosionRecorder, plan: &Plan, from: u64, to: u64) {
-    let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(1e-4));
+    let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(0.7e-4));
     for step in from..=to {
         let at = half(plan, step);
         let removed = [departed(at, 2 * step, 0), departed(at, 2 * step + 1, 1)];
-        let breaks = vec![broken(step, 2 * step, 2e-3, 0.5e-4)];
+        // The first at the lower face, the others deep inside.
+        let y = if step == 0 { 4.1e-4 } else { 0.5e-4 };
+        let breaks = vec![broken(step, 2 * step, 2e-3, y)];
         let view = view(plan, &domain, &fluid, &particles, at);
         recorder.record_due(&view, &removed, breaks, 1e-9).unwrap();
     }
@@ -412,6 +414,44 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
     let last = rows.last().unwrap();
     // Ten grains in ten half intervals; only those of the outlet count, the last row is that of the ninth.
     assert_eq!((rows.len(), last.eroded_grains), (5, 9));
-    assert!((last.eroded_mass - 0.9).abs() < 1e-12);
-    assert_eq!((last.bonds_broken, last.bonds_broken_inside), (9, 9));
+    assert!((last.eroded_mass - 9e-4).abs() < 1e-15);
+    assert_eq!((last.bonds_broken, last.bonds_broken_inside), (9, 8));
+    // A tenth of the 1.9 g/m had left with the second grain, when two bonds were broken.
+    assert!((last.face_share - 0.5).abs() < 1e-15, "{last:?}");
+    assert!((rows[0].face_share - 1.0).abs() < 1e-15);
+    let summary = recorder.summary(&plan).unwrap().unwrap();
+    assert_eq!(summary["face_share"], 0.5);
+    // No contacts to look at, and no starts of the grains.
+    assert!(summary["bonds_per_grain"].is_null() && summary["bulk_displacement"].is_null());
+}
+
+#[test]
+fn the_bulk_is_what_started_deep_behind_the_present_faces() {
+    let plan = plan();
+    let (domain, fluid) = (domain(), Channel::new(&plan));
+    // Two diameters are 0.16 mm: the outer rows are the bulk, but for the grains at their ends.
+    let mut particles = packing(4e-5);
+    particles.mark_start();
+    for motion in &mut particles.motion {
+        let y = motion.position.y;
+        let of_bulk =
+            !(2e-4..1.4e-3).contains(&y) && (7.6e-4..3.24e-3).contains(&motion.position.x);
+        // A face grain may have gone anywhere, also into the bulk.
+        motion.position += if of_bulk {
+            Vector2::new(8e-6, -6e-6)
+        } else {
+            Vector2::new(0.0, 2e-4)
+        };
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, None).unwrap();
+    let view = view(&plan, &domain, &fluid, &particles, 0);
+    recorder.record_due(&view, &[], Vec::new(), 0.0).unwrap();
+    let row = records(folder.path())[0];
+    // 10 um over 80 um.
+    assert!((row.bulk_displacement - 0.125).abs() < 1e-9, "{row:?}");
+    assert!(row.face_share.is_nan());
+    let summary = recorder.summary(&plan).unwrap().unwrap();
+    let found = summary["bulk_displacement"].as_f64().unwrap();
+    assert_eq!(found.to_bits(), row.bulk_displacement.to_bits());
 }

@@ -152,9 +152,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 setup::blocks::shapes(&plan, &mut particles)?;
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
-                if !plan.scene.follows_grains() {
+                if !plan.scene.marks_start() {
                     particles.forget_start();
-                } else if flowed && !particles.has_start() {
+                } else if flowed && plan.scene.follows_grains() && !particles.has_start() {
                     return Err(Error::Io(format!(
                         "{} does not contain the initial positions of the grains, because its run had no displacements; remove `output.grains.displacement` and `analysis.ground_collapse`, or start a new run",
                         found.path.display()
@@ -254,7 +254,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             }
             // What the preparation pressed is not the run's.
             engine.forget_deepest();
-            if plan.scene.follows_grains() {
+            if plan.scene.marks_start() {
                 particles.mark_start();
             }
         }

@@ -1,0 +1,49 @@
+//! What a piping case imposes: its pressures and the cohesion of its bonds.
+
+use crate::dem::contact::Scaled;
+use crate::number::to_u32;
+use crate::plan::Plan;
+
+/// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
+pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
+    let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
+    patches.filter_map(|patch| {
+        let pressure = patch.condition.model().pressure()?;
+        Some([pressure.start, pressure.end, pressure.ramp_time])
+    })
+}
+
+/// Largest less smallest; NaN for fewer than two.
+pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
+    for value in values {
+        n += 1;
+        low = low.min(value);
+        high = high.max(value);
+    }
+    if n < 2 { f64::NAN } else { high - low }
+}
+
+/// C/d [N/m] of a pair of grains of mean size.
+pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
+    let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
+        return 0.0;
+    };
+    let material = to_u32(grains.material);
+    match table.model().cohesion([material; 2]) {
+        Scaled::PerDiameter(value) => value,
+        Scaled::Absolute(value) if diameter > 0.0 => value / diameter,
+        Scaled::Absolute(_) => 0.0,
+    }
+}
+
+/// The difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
+pub(super) fn pressure_difference(plan: &Plan, time: f64) -> f64 {
+    spread(pressures(plan).map(|[from, value, ramp]| {
+        if time >= ramp {
+            value
+        } else {
+            from + (value - from) * (time / ramp)
+        }
+    }))
+}

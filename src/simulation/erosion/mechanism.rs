@@ -1,0 +1,146 @@
+//! How a hole erodes, in numbers: at its faces, bond by bond, while the bulk stands; or by failure of the bulk.
+//!
+//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of discs whose
+//!   contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six) without friction.
+//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall of the hole.
+//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk are the grains that
+//!   started beside the hole and more than [`BEHIND`] mean diameters behind its present faces and from its ends, as far as they are
+//!   still there.
+
+use super::hole::{BEHIND, Hole, depth};
+use crate::analysis::erosion_law::HoleFaces;
+use crate::dem::space::{Components, Space};
+use crate::number::real;
+use crate::simulation::removal::boxed;
+use crate::simulation::view::View;
+use decomposition::ExactSum;
+use serde::{Deserialize, Serialize};
+
+/// The part of the mass that leaves while the mechanism is looked at.
+const FIRST: f64 = 0.1;
+
+/// What is known of the mechanism so far; part of a checkpoint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Mechanism {
+    /// Bonds broken inside and at the wall of the hole when the first [`FIRST`] of the mass had left.
+    at_first: Option<[u64; 2]>,
+    /// Displacement of the bulk in the last row up to and including the first one of that time.
+    displacement: Option<f64>,
+    /// Whether that row is written.
+    complete: bool,
+}
+
+impl Mechanism {
+    /// Whether the bonds broken so far are those that count: the first part of the mass has just left.
+    pub(super) fn is_due(&self, eroded_fraction: f64) -> bool {
+        self.at_first.is_none() && eroded_fraction >= FIRST
+    }
+
+    /// Takes note of the bonds, inside and at the wall, where [`Self::is_due`] holds.
+    pub(super) fn note_bonds(&mut self, broken: [u64; 2]) {
+        self.at_first = Some(broken);
+    }
+
+    /// Takes note of the displacement of a row, NaN where there is none.
+    pub(super) fn note_displacement(&mut self, diameters: f64) {
+        if !self.complete {
+            if diameters.is_finite() {
+                self.displacement = Some(diameters);
+            }
+            self.complete = self.at_first.is_some();
+        }
+    }
+
+    /// The share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond broke.
+    pub(super) fn face_share(&self, broken: [u64; 2]) -> Option<f64> {
+        let [inside, at_wall] = self.at_first.unwrap_or(broken).map(real);
+        (inside + at_wall > 0.0).then(|| at_wall / (inside + at_wall))
+    }
+
+    pub(super) fn displacement(&self) -> Option<f64> {
+        self.displacement
+    }
+}
+
+/// Contacts and bonds a grain, the mean over all `grains` of all ranks; none without contacts to look at. Collective.
+pub(super) fn contacts_per_grain<S: Space>(
+    view: &View<'_, S>,
+    first_grain: u64,
+    grains: u64,
+) -> Option<[f64; 2]> {
+    let mut ends = [0_u64; 2];
+    if let Some(dem) = view.dem {
+        let is_grain = |k: usize| view.particles.body[k].id >= first_grain;
+        dem.for_each_contact(view.particles, |contact| {
+            let of_grains = [Some(contact.grain), contact.other]
+                .into_iter()
+                .flatten()
+                .filter(|k| is_grain(*k))
+                .count() as u64;
+            ends[0] += of_grains;
+            ends[1] += if contact.bonded { of_grains } else { 0 };
+        });
+    }
+    let communicator = view.domain.communicator();
+    let ends = ends.map(|n| communicator.all_reduce_sum_u64(n));
+    (view.dem.is_some() && grains > 0).then(|| ends.map(|n| real(n) / real(grains)))
+}
+
+/// The displacement of the bulk in mean diameters; NaN where no grain belongs to it. Collective.
+pub(super) fn bulk_displacement<S: Space>(
+    view: &View<'_, S>,
+    hole: &Hole,
+    diameter: f64,
+    faces: HoleFaces,
+) -> f64 {
+    let grid = &view.plan.scene.grid;
+    let first_grain = view.plan.scene.first_grain();
+    let deep = BEHIND * diameter;
+    let between = hole.from[hole.along] + deep..hole.to[hole.along] - deep;
+    let (mut sum, mut grains) = (ExactSum::new(), 0_u64);
+    for k in 0..view.particles.owned() {
+        let Some(moved) = view.particles.displacement(k) else {
+            continue;
+        };
+        let began = boxed(&(view.particles.motion[k].position - moved), grid);
+        if view.particles.body[k].id >= first_grain
+            && depth(faces, began[hole.across]) > deep
+            && between.contains(&began[hole.along])
+            && hole.spans(hole.third(), began[hole.third()], grid.dimension)
+        {
+            sum.add(moved.length() / diameter);
+            grains += 1;
+        }
+    }
+    let communicator = view.domain.communicator();
+    sum.all_reduce(communicator);
+    let grains = communicator.all_reduce_sum_u64(grains);
+    if grains == 0 {
+        f64::NAN
+    } else {
+        sum.value() / real(grains)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mechanism_is_that_of_the_first_tenth() {
+        let mut seen = Mechanism::default();
+        assert_eq!(seen.face_share([0, 0]), None);
+        assert_eq!(seen.face_share([1, 3]), Some(0.75));
+        assert!(!seen.is_due(0.0999) && seen.is_due(0.1));
+        seen.note_displacement(0.25);
+        seen.note_displacement(f64::NAN);
+        assert_eq!(seen.displacement(), Some(0.25));
+        seen.note_bonds([2, 6]);
+        assert!(!seen.is_due(0.2));
+        // The first row at or after that time is the last that counts.
+        seen.note_displacement(0.5);
+        seen.note_displacement(7.0);
+        assert_eq!(seen.displacement(), Some(0.5));
+        assert_eq!(seen.face_share([200, 6]), Some(0.75));
+    }
+}
