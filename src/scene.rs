@@ -29,6 +29,7 @@ pub(crate) mod saved;
 pub mod seepage;
 pub(crate) mod speed;
 pub(crate) mod stl;
+pub mod structures;
 pub mod walls;
 
 use crate::case::Case;
@@ -63,7 +64,9 @@ pub struct Scene {
     pub blocks: Option<blocks::Blocks>,
     /// The contact law, if contacts are possible.
     pub contact: Option<contact::ContactTable>,
-    /// Plane walls, those on faces of the domain last.
+    /// Structures, in the order of the case.
+    pub structures: Vec<structures::Structure>,
+    /// Walls of grains: those of the case, of the structures, and on faces of the domain.
     pub walls: Vec<walls::Wall>,
     /// Named bodies.
     pub bodies: Vec<bodies::Body>,
@@ -156,7 +159,8 @@ impl Scene {
             })
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
-        let walls = walls::walls(case, &grid, &names, &mut findings);
+        let structures = structures::structures(case, &grid, &names, &mut findings);
+        let walls = walls::walls(case, &grid, &names, &structures, &mut findings);
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);
         let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
@@ -164,6 +168,9 @@ impl Scene {
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+            if let Some(grains::GrainSource::List(list)) = grains.as_ref().map(|g| &g.source) {
+                structures::grains_inside(&structures, list, &mut findings);
+            }
             blocks::overlaps(
                 case,
                 blocks.as_ref(),
@@ -199,6 +206,7 @@ impl Scene {
             grains,
             blocks,
             contact,
+            structures,
             walls,
             bodies,
             coupling: case.coupling.clone().filter(|_| solid),
