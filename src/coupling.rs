@@ -12,6 +12,7 @@ pub mod loads;
 pub mod partially_saturated;
 pub mod seepage;
 pub mod solid_fraction;
+pub mod structure_map;
 pub mod water;
 
 use crate::dem::particles::Particles;
@@ -100,6 +101,10 @@ pub trait FluidView {
     }
     /// Id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
+    /// Whether the centre of a cell is solid: of a body or of a structure.
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        self.body_at(cell).is_some()
+    }
     /// Names of the patches of the faces.
     fn patches(&self) -> Vec<String>;
     /// What crossed each patch in the last step, on this rank: sum the integers over ranks.

@@ -160,6 +160,9 @@ impl Scene {
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
         let structures = structures::structures(case, &grid, &names, &mut findings);
+        if let Some(flow) = &flow {
+            structures::openings(&grid, &structures, flow, &mut findings);
+        }
         let walls = walls::walls(case, &grid, &names, &structures, &mut findings);
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);

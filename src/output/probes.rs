@@ -364,7 +364,7 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
         for z in from[2]..to[2] {
             for y in from[1]..to[1] {
                 for x in from[0]..to[0] {
-                    if fluid.body_at([x, y, z]).is_some() {
+                    if fluid.solid_at([x, y, z]) {
                         continue;
                     }
                     let (deviation, [u, v, w]) = fluid.state([x, y, z]);

@@ -10,7 +10,7 @@ use crate::case::structures::Stops;
 use crate::dem::Surface;
 use crate::error::Remedy;
 use crate::scene::auto::features::grain_diameters;
-use crate::scene::boundaries::Patch;
+use crate::scene::flow::Flow;
 use crate::structure::{Frame, Images};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -217,15 +217,18 @@ pub(crate) fn grains_inside(
 pub(crate) fn openings(
     grid: &Grid,
     structures: &[Structure],
-    patches: &[&Patch],
+    flow: &Flow,
     findings: &mut Findings,
 ) {
     let solid = |at: [f64; 3]| {
         let mut water = structures.iter().filter(|s| s.stops.water());
         water.any(|s| s.solid.distance(at) < 0.0)
     };
-    for (n, patch) in patches.iter().enumerate() {
-        if !patch.condition.model().passes_water() || structures.is_empty() {
+    for patch in flow.patches() {
+        let Some(n) = patch.index.filter(|_| !structures.is_empty()) else {
+            continue;
+        };
+        if !patch.condition.model().passes_water() {
             continue;
         }
         let axis = patch.face.axis();
