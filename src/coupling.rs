@@ -19,6 +19,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
+use crate::lbm::links::Load;
 use crate::units::LatticeUnits;
 use decomposition::Domain;
 use std::ops::Range;
@@ -104,6 +105,11 @@ pub trait FluidView {
     /// Whether the centre of a cell is solid: of a body or of a structure.
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some()
+    }
+    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about the lower corner of
+    /// the domain. Sum the integers over ranks.
+    fn structure_loads(&self) -> &[Load] {
+        &[]
     }
     /// Names of the patches of the faces.
     fn patches(&self) -> Vec<String>;

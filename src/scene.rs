@@ -183,9 +183,10 @@ impl Scene {
                 &mut findings,
             );
         }
-        let seepage = seepage::Seepage::resolve(case, &grid, grains.as_ref(), &mut findings);
+        let seepage = 
+            seepage::Seepage::resolve(case, &grid, grains.as_ref(), &structures, &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
-        let probes = observe::probes(case, &grid, &bodies, &mut findings);
+        let probes = observe::probes(case, &grid, (&bodies, &structures), &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
         let solid = has_solids(case);

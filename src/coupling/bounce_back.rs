@@ -260,6 +260,11 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
         self.map.body_at(cell)
     }
 
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         !self.counts(cell)
     }

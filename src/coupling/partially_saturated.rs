@@ -251,6 +251,11 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
         self.fluid.cover()?.body_at(position)
     }
 
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some() || !self.counts(cell)
     }
