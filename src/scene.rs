@@ -183,7 +183,7 @@ impl Scene {
                 &mut findings,
             );
         }
-        let seepage = 
+        let seepage =
             seepage::Seepage::resolve(case, &grid, grains.as_ref(), &structures, &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
         let probes = observe::probes(case, &grid, (&bodies, &structures), &mut findings);

@@ -85,7 +85,13 @@ shapes! {
 }
 
 /// A finding that a shape has no place in so many dimensions; whether it has.
-fn only_in(dimension: usize, frame: &Frame, path: &str, instead: &str, report: &mut dyn Report) -> bool {
+fn only_in(
+    dimension: usize,
+    frame: &Frame,
+    path: &str,
+    instead: &str,
+    report: &mut dyn Report,
+) -> bool {
     let fits = frame.dimension == dimension;
     if !fits {
         report.error(

@@ -93,7 +93,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
         if let Some(structures) = &structures {
             let populations = self.fluid.populations();
-            self.map.close(structures.positions(populations), populations);
+            self.map
+                .close(structures.positions(populations), populations);
             structures.tell_gradients(&mut self.fluid);
         }
         self.structures = structures;

@@ -42,6 +42,16 @@ struct Ends {
     kappa: [f64; 2],
 }
 
+/// A link that a surface cuts: from a cell of water along a direction.
+#[derive(Clone, Copy, Debug)]
+struct Cut {
+    cells: [[i32; 3]; 2],
+    direction: usize,
+    structure: usize,
+    /// Distances of the surface from both ends as parts of the link.
+    parts: [f64; 2],
+}
+
 /// The structures of one slab.
 #[derive(Debug)]
 pub struct StructureMap {
@@ -247,7 +257,10 @@ impl StructureMap {
                     // Cut at a periodic face.
                     let a = axis;
                     let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
-                    for face in [-start, i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX) - start] {
+                    for face in [
+                        -start,
+                        i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX) - start,
+                    ] {
                         if low[a] < face && face < high[a] {
                             half = face;
                         }
@@ -310,15 +323,13 @@ impl StructureMap {
         best
     }
 
-    /// Lists the links that surfaces cut.
-    fn cut<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) {
+    /// The links that surfaces cut, each once; notes those between two cells of water.
+    fn cuts<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) -> Vec<Cut> {
         let velocities = populations.velocities();
         let mut found = Vec::new();
-        // Sheets first: what is behind a link must not be cut off.
-        let mut cuts: Vec<([i32; 3], [i32; 3], usize, usize, [f64; 2])> = Vec::new();
+        let mut cuts = Vec::new();
         for &cell in near {
-            let here = self.owner[self.at(cell)];
-            if here != WATER || !self.in_domain(cell) {
+            if self.owner[self.at(cell)] != WATER || !self.in_domain(cell) {
                 continue;
             }
             for i in 1..velocities.q() {
@@ -335,7 +346,7 @@ impl StructureMap {
                     self.crossing(next, c.map(|c| -c), &mut found)
                         .map(|(n, [a, b])| (n, [b, a]))
                 };
-                let (structure, ends) = match (there, crossing) {
+                let (structure, parts) = match (there, crossing) {
                     (WATER, None) => continue,
                     (WATER, Some(crossing)) => {
                         let direction = u8::try_from(i).unwrap_or(0);
@@ -347,29 +358,41 @@ impl StructureMap {
                     }
                     (tag, crossing) => (
                         usize::from(tag) - 1,
-                        crossing.map_or([0.5; 2], |(_, ends)| ends),
+                        crossing.map_or([0.5; 2], |(_, parts)| parts),
                     ),
                 };
-                cuts.push((cell, next, i, structure, ends));
+                if self.interior(cell) || self.interior(next) {
+                    cuts.push(Cut {
+                        cells: [cell, next],
+                        direction: i,
+                        structure,
+                        parts,
+                    });
+                }
             }
         }
+        cuts
+    }
+
+    /// Lists the links that surfaces cut.
+    fn cut<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) {
+        let velocities = populations.velocities();
+        // All sheets are known before: what is behind a link must not be cut off.
+        let cuts = self.cuts(near, populations);
         let mut by_structure: Vec<(Vec<FixedLink>, Vec<Ends>)> =
             self.solids.iter().map(|_| Default::default()).collect();
-        for (cell, next, i, structure, cuts) in cuts {
-            if !self.interior(cell) && !self.interior(next) {
-                continue;
-            }
+        for cut in cuts {
+            let i = cut.direction;
             let c = velocities.c[i].map(i32::from);
-            let cells = [cell, next];
             let directions = [velocities.opposite[i], i];
             let mut ends = Ends {
-                cells: cells.map(|cell| u32::try_from(self.at(cell)).unwrap_or(u32::MAX)),
+                cells: (cut.cells).map(|cell| u32::try_from(self.at(cell)).unwrap_or(u32::MAX)),
                 behind: [0; 2],
                 wet: [false; 2],
                 kappa: [0.0; 2],
             };
             for end in 0..2 {
-                let own = cells[end];
+                let own = cut.cells[end];
                 if self.owner[self.at(own)] != WATER || !self.interior(own) {
                     continue;
                 }
@@ -381,12 +404,13 @@ impl StructureMap {
                     && self.in_domain(behind)
                     && self.owner[self.at(behind)] == WATER
                     && !self.sheets.contains(&(self.at(own), direction));
-                let q = cuts[end].clamp(0.0, 1.0);
+                let q = cut.parts[end].clamp(0.0, 1.0);
                 if self.interpolated && open && (q - 0.5).abs() > HALF {
                     ends.kappa[end] = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
                     ends.behind[end] = u32::try_from(self.at(behind)).unwrap_or(u32::MAX);
                 }
             }
+            let cell = cut.cells[0];
             let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
             let link = FixedLink {
                 link: populations.link(populations.cell(cell.map(|v| v as isize)), i),
@@ -401,8 +425,8 @@ impl StructureMap {
                 wet: ends.wet,
                 kappa: ends.kappa,
             };
-            by_structure[structure].0.push(link);
-            by_structure[structure].1.push(ends);
+            by_structure[cut.structure].0.push(link);
+            by_structure[cut.structure].1.push(ends);
         }
         for (structure, (links, ends)) in by_structure.iter().enumerate() {
             for (links, ends) in links.chunks(GROUP).zip(ends.chunks(GROUP)) {
@@ -425,9 +449,8 @@ impl StructureMap {
     /// The solid cells of the slab and of the layers round it that are known.
     pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
         let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
-        let all = range(2).flat_map(move |z| {
-            range(1).flat_map(move |y| range(0).map(move |x| [x, y, z]))
-        });
+        let all = range(2)
+            .flat_map(move |z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])));
         all.filter(|cell| !self.owner.is_empty() && self.owner[self.at(*cell)] != WATER)
     }
 

@@ -92,10 +92,11 @@ impl Division<'_> {
     fn left(&self, cell: [usize; 3]) -> Left {
         let centre = self.grid.centre(cell);
         let dimension = self.grid.dimension;
-        let reach = 0.5001 * (0..dimension)
-            .map(|a| self.grid.spacing[a].powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let reach = 0.5001
+            * (0..dimension)
+                .map(|a| self.grid.spacing[a].powi(2))
+                .sum::<f64>()
+                .sqrt();
         let distances = self.solids.iter().map(|solid| solid.distance(centre));
         let nearest = distances.fold(f64::INFINITY, f64::min);
         if nearest > reach {
@@ -112,7 +113,12 @@ impl Division<'_> {
             let near = ROUNDING * edge;
             let steps = self.by[axis] - 1;
             for first in self.layer(axis, 0) {
-                self.solid_parts(self.centre(cell, first), axis, real(steps) * edge, &mut parts);
+                self.solid_parts(
+                    self.centre(cell, first),
+                    axis,
+                    real(steps) * edge,
+                    &mut parts,
+                );
                 for level in 0..=steps {
                     let mut sub = first;
                     sub[axis] = level;
@@ -187,12 +193,20 @@ impl Division<'_> {
     }
 
     /// The open part of the face below a cell, which may be one past the last; `of` gives the cells.
-    fn face<'a>(&self, axis: usize, upper: [usize; 3], of: impl Fn([usize; 3]) -> Option<&'a Left>) -> f64 {
+    fn face<'a>(
+        &self,
+        axis: usize,
+        upper: [usize; 3],
+        of: impl Fn([usize; 3]) -> Option<&'a Left>,
+    ) -> f64 {
         let mut lower = upper;
         lower[axis] = upper[axis].wrapping_sub(1);
         let [below, above] = [lower, upper].map(of);
         let whole = |left: Option<&Left>| matches!(left, None | Some(Left::Water));
-        if [below, above].iter().any(|left| matches!(left, Some(Left::Solid))) {
+        if [below, above]
+            .iter()
+            .any(|left| matches!(left, Some(Left::Solid)))
+        {
             return 0.0;
         }
         // A sheet may lie between two whole cells.
@@ -261,7 +275,9 @@ impl Openness {
             // Further than from a centre to the far corner of a cell beside.
             let reach = 1.6 * norm(grid.spacing, grid.dimension);
             let centre = grid.centre(cell);
-            solids.iter().any(|solid| solid.distance(centre).abs() < reach)
+            solids
+                .iter()
+                .any(|solid| solid.distance(centre).abs() < reach)
         };
         let of = |cell: [usize; 3]| {
             let inside = (0..3).all(|a| cell[a] < grid.cells[a]);
@@ -276,7 +292,11 @@ impl Openness {
                     let mut beside = upper;
                     beside[axis] = upper[axis].min(grid.cells[axis] - 1);
                     // Solid cells close their faces below.
-                    if near(beside) { division.face(axis, upper, of) } else { 1.0 }
+                    if near(beside) {
+                        division.face(axis, upper, of)
+                    } else {
+                        1.0
+                    }
                 })
                 .collect();
             for (fraction, open) in self.faces[axis].iter_mut().zip(open) {
@@ -289,7 +309,11 @@ impl Openness {
 }
 
 fn norm(spacing: [f64; 3], dimension: usize) -> f64 {
-    spacing[..dimension].iter().map(|x| x * x).sum::<f64>().sqrt()
+    spacing[..dimension]
+        .iter()
+        .map(|x| x * x)
+        .sum::<f64>()
+        .sqrt()
 }
 
 #[cfg(test)]
@@ -324,7 +348,11 @@ mod tests {
         let grid = Grid {
             cells: [n, n, if flat { 1 } else { n }],
             origin: [0.0; 3],
-            spacing: [1.0 / real(n), 1.0 / real(n), if flat { 1.0 } else { 1.0 / real(n) }],
+            spacing: [
+                1.0 / real(n),
+                1.0 / real(n),
+                if flat { 1.0 } else { 1.0 / real(n) },
+            ],
             dimension,
         };
         Openness::measure(&grid, &Enclosure::Everything).with_structures(&[solid(text, dimension)])
@@ -359,11 +387,23 @@ mod tests {
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [
-            (r#"{"box": {"from": [0.49995, 0], "to": [0.50005, 1]}}"#, false),
+            (
+                r#"{"box": {"from": [0.49995, 0], "to": [0.50005, 1]}}"#,
+                false,
+            ),
             (r#"{"box": {"from": [0.53, 0], "to": [0.5301, 1]}}"#, false),
-            (r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]]}}"#, false),
-            (r#"{"polygon": {"points": [[0, 0.71], [1, 0.32], [1, 0.3201], [0, 0.7101]]}}"#, false),
-            (r#"{"box": {"from": [0.53, 0.13], "to": [0.5301, 1]}}"#, true),
+            (
+                r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]]}}"#,
+                false,
+            ),
+            (
+                r#"{"polygon": {"points": [[0, 0.71], [1, 0.32], [1, 0.3201], [0, 0.7101]]}}"#,
+                false,
+            ),
+            (
+                r#"{"box": {"from": [0.53, 0.13], "to": [0.5301, 1]}}"#,
+                true,
+            ),
         ] {
             for n in [4, 10, 13] {
                 let open = open(text, n, 2);
@@ -386,10 +426,18 @@ mod tests {
         assert_eq!(open_2d.faces[1][open_2d.face(1, [4, 3, 0])], 0.0);
         assert_eq!(open_2d.faces[1][open_2d.face(1, [4, 4, 0])], 1.0);
         // Half way up a cell the open part of a face says so.
-        let pile = open(r#"{"box": {"from": [0.4999, 0.35], "to": [0.5001, 2]}}"#, 10, 2);
+        let pile = open(
+            r#"{"box": {"from": [0.4999, 0.35], "to": [0.5001, 2]}}"#,
+            10,
+            2,
+        );
         let face = |y: usize| pile.faces[0][pile.face(0, [5, y, 0])];
         assert_eq!([face(2), face(3), face(4)], [1.0, 0.5, 0.0]);
-        let ball = open(r#"{"sphere": {"centre": [0.5, 0.5, 0.5], "radius": 0.3}}"#, 8, 3);
+        let ball = open(
+            r#"{"sphere": {"centre": [0.5, 0.5, 0.5], "radius": 0.3}}"#,
+            8,
+            3,
+        );
         let water: f64 = (0..ball.grid.count()).map(|k| ball.volume(k)).sum();
         let exact = 1.0 - 4.0 / 3.0 * std::f64::consts::PI * 0.027;
         assert!((water - exact).abs() < 2e-3, "{water} {exact}");

@@ -814,7 +814,7 @@ mod tests {
                     water: None,
                     grains: Some(ball),
                     faces: None,
-            structures: None,
+                    structures: None,
                 }],
                 view,
             );

@@ -60,7 +60,10 @@ pub(crate) struct Probe {
 enum At {
     Point(Points),
     Line(Points),
-    Plane { axis: usize, position: f64 },
+    Plane {
+        axis: usize,
+        position: f64,
+    },
     Body(u64),
     Structure(usize),
     /// A point in seepage \[m\].

@@ -58,10 +58,7 @@ pub(super) fn write(
             column("stops_grains", Data::U8(&grains)),
         ],
     };
-    let when = Moment {
-        step: 0,
-        time: 0.0,
-    };
+    let when = Moment { step: 0, time: 0.0 };
     group.checked(series.write_mesh(when, &mesh, provenance, group, Mode::Collective))?;
     Ok(())
 }

@@ -287,7 +287,7 @@ pub(crate) fn probes(
                 }
                 ProbeAt::Body(index.unwrap_or(0))
             }
- WrittenAt::Structure { name } => {
+            WrittenAt::Structure { name } => {
                 let mut water = structures.iter().filter(|s| s.stops.water());
                 let index = water.position(|s| s.name == *name);
                 if index.is_none() {
@@ -324,7 +324,8 @@ pub(crate) fn probes(
                     );
                 }
                 let part = part.as_ref().map(|part| {
-                    let from = Block::vector(grid, &part.from, &format!("{path}.part.from"), findings);
+                    let from =
+                        Block::vector(grid, &part.from, &format!("{path}.part.from"), findings);
                     let to = Block::vector(grid, &part.to, &format!("{path}.part.to"), findings);
                     Block {
                         from,

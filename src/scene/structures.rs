@@ -113,15 +113,16 @@ pub(crate) fn structures(
 
 /// Whether a part of the solid, however thin, lies in the domain.
 fn meets(images: &Images, grid: &Grid) -> bool {
-    images.extents().any(|[low, high]| {
-        (0..grid.dimension).all(|a| low[a] < grid.size[a] && high[a] > 0.0)
-    }) && images.solid().plane().is_none_or(|(point, normal)| {
-        // The corner of the domain that lies deepest behind the plane.
-        let deepest: f64 = (0..grid.dimension)
-            .map(|a| (-point[a] * normal[a]).min((grid.size[a] - point[a]) * normal[a]))
-            .sum();
-        deepest < 0.0
-    })
+    images
+        .extents()
+        .any(|[low, high]| (0..grid.dimension).all(|a| low[a] < grid.size[a] && high[a] > 0.0))
+        && images.solid().plane().is_none_or(|(point, normal)| {
+            // The corner of the domain that lies deepest behind the plane.
+            let deepest: f64 = (0..grid.dimension)
+                .map(|a| (-point[a] * normal[a]).min((grid.size[a] - point[a]) * normal[a]))
+                .sum();
+            deepest < 0.0
+        })
 }
 
 /// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
@@ -138,7 +139,10 @@ pub(crate) fn walls(
     if !moving {
         return Vec::new();
     }
-    let extent = grid.size[..grid.dimension].iter().copied().fold(0.0, f64::max);
+    let extent = grid.size[..grid.dimension]
+        .iter()
+        .copied()
+        .fold(0.0, f64::max);
     let smallest = grain_diameters(case).map_or(0.01 * extent, |(low, _)| low);
     let mut walls = Vec::new();
     for (n, structure) in structures.iter().enumerate() {
@@ -233,8 +237,15 @@ pub(crate) fn openings(
         }
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..grid.dimension).filter(|&a| a != axis).collect();
-        let count: usize = across.iter().map(|&a| patch.to[a] - patch.from[a]).product();
-        let layer = if patch.face.is_max() { grid.cells[axis] - 1 } else { 0 };
+        let count: usize = across
+            .iter()
+            .map(|&a| patch.to[a] - patch.from[a])
+            .product();
+        let layer = if patch.face.is_max() {
+            grid.cells[axis] - 1
+        } else {
+            0
+        };
         let closed = (0..count).all(|mut k| {
             let mut cell = [0; 3];
             cell[axis] = layer;
@@ -260,7 +271,11 @@ pub(crate) fn walls_in_water(case: &Case, grid: &Grid, walls: &[Wall], findings:
     let Some(fluid) = &case.fluid else {
         return;
     };
-    let near = 1e-6 * grid.size[..grid.dimension].iter().copied().fold(0.0, f64::max);
+    let near = 1e-6
+        * grid.size[..grid.dimension]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max);
     let bounds_water = |wall: &Wall| {
         if wall.surface.is_some() {
             return false;
@@ -278,7 +293,9 @@ pub(crate) fn walls_in_water(case: &Case, grid: &Grid, walls: &[Wall], findings:
                     let (point, normal) = (plane.point.to_array(), plane.normal.to_array());
                     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
                     let along: f64 = (0..3).map(|a| normal[a] * wall.normal[a]).sum();
-                    let off: f64 = (0..3).map(|a| (point[a] - wall.point[a]) * wall.normal[a]).sum();
+                    let off: f64 = (0..3)
+                        .map(|a| (point[a] - wall.point[a]) * wall.normal[a])
+                        .sum();
                     along > (1.0 - 1e-6) * length && off.abs() < near
                 }),
                 crate::case::darcy::Enclosure::Grid => false,

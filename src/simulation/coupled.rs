@@ -58,8 +58,10 @@ pub fn flow<Sp: Space, S: Stored>(
         }
         Some(Coupling::BounceBack(written)) => {
             let settings = links(plan, written);
-            let flow = BounceBack::new(fluid, units, origin, settings)
-                .with_structures(structures(plan), written.scheme == WrittenScheme::Interpolated);
+            let flow = BounceBack::new(fluid, units, origin, settings).with_structures(
+                structures(plan),
+                written.scheme == WrittenScheme::Interpolated,
+            );
             Water::BounceBack(Box::new(flow))
         }
         None => {

@@ -22,8 +22,14 @@ impl Cuboid {
         _: ReadMesh<'_>,
         report: &mut dyn Report,
     ) -> Option<Arc<dyn Solid>> {
-        let from = self.0.from.resolve(frame.dimension, &format!("{path}.from"), report);
-        let to = self.0.to.resolve(frame.dimension, &format!("{path}.to"), report);
+        let from = self
+            .0
+            .from
+            .resolve(frame.dimension, &format!("{path}.from"), report);
+        let to = self
+            .0
+            .to
+            .resolve(frame.dimension, &format!("{path}.to"), report);
         if !(0..frame.dimension).all(|a| from[a] < to[a]) {
             report.error(
                 path,
@@ -51,7 +57,11 @@ impl Solid for Box {
     fn distance(&self, at: Point) -> f64 {
         let out: Point = std::array::from_fn(|a| (self.low[a] - at[a]).max(at[a] - self.high[a]));
         let outside = out.iter().map(|d| d.max(0.0).powi(2)).sum::<f64>().sqrt();
-        let inside = out.iter().copied().fold(f64::NEG_INFINITY, f64::max).min(0.0);
+        let inside = out
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max)
+            .min(0.0);
         outside + inside
     }
 

@@ -72,7 +72,9 @@ impl Solid for Rod {
 
     fn extent(&self) -> [Point; 2] {
         let to = plus(self.from, times(self.axis, self.length));
-        let reach = self.axis.map(|n| self.radius * (1.0 - n * n).max(0.0).sqrt());
+        let reach = self
+            .axis
+            .map(|n| self.radius * (1.0 - n * n).max(0.0).sqrt());
         [
             std::array::from_fn(|a| self.from[a].min(to[a]) - reach[a]),
             std::array::from_fn(|a| self.from[a].max(to[a]) + reach[a]),
@@ -91,7 +93,12 @@ impl Solid for Rod {
         }
         let flat = |v: Point, h: f64| minus(v, times(self.axis, h));
         let mut round = Vec::new();
-        super::sphere::through(flat(arm, height), flat(along, rise), self.radius, &mut round);
+        super::sphere::through(
+            flat(arm, height),
+            flat(along, rise),
+            self.radius,
+            &mut round,
+        );
         for [s, t] in round {
             between(first.max(s), last.min(t), found);
         }

@@ -64,7 +64,12 @@ impl Solid for Round {
     }
 
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
-        sphere::through(flat(super::minus(from, self.centre)), flat(along), self.radius, found);
+        sphere::through(
+            flat(super::minus(from, self.centre)),
+            flat(along),
+            self.radius,
+            found,
+        );
     }
 
     fn outline(&self, tolerance: f64) -> Vec<[f64; 2]> {

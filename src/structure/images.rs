@@ -35,9 +35,8 @@ impl Images {
             }
         }
         let reaches = |shift: &Point| {
-            (0..frame.dimension).all(|a| {
-                high[a] + shift[a] > -margin && low[a] + shift[a] < frame.size[a] + margin
-            })
+            (0..frame.dimension)
+                .all(|a| high[a] + shift[a] > -margin && low[a] + shift[a] < frame.size[a] + margin)
         };
         shifts.retain(reaches);
         Self {

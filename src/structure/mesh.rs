@@ -262,7 +262,12 @@ impl Mesh {
             }
             faces.push(normal);
         }
-        let edge = |a: u32, b: u32| edges.get(&(a.min(b), a.max(b))).copied().unwrap_or([0.0; 3]);
+        let edge = |a: u32, b: u32| {
+            edges
+                .get(&(a.min(b), a.max(b)))
+                .copied()
+                .unwrap_or([0.0; 3])
+        };
         self.normals = (self.triangles.iter().zip(&faces))
             .map(|(&[a, b, c], face)| {
                 let [x, y, z] = [a, b, c].map(|v| vertices[v as usize]);

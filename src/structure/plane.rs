@@ -27,7 +27,9 @@ impl Plane {
         _: ReadMesh<'_>,
         report: &mut dyn Report,
     ) -> Option<Arc<dyn Solid>> {
-        let point = self.point.resolve(frame.dimension, &format!("{path}.point"), report);
+        let point = self
+            .point
+            .resolve(frame.dimension, &format!("{path}.point"), report);
         let path = format!("{path}.normal");
         let normal = self.normal.resolve(frame.dimension, &path, report);
         let length = norm(normal);
@@ -94,7 +96,8 @@ impl Solid for HalfSpace {
     fn extent(&self) -> [Point; 2] {
         let mut extent = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
         for axis in 0..self.frame.dimension {
-            let across = (0..self.frame.dimension).all(|a| a == axis || self.normal[a].abs() <= 0.0);
+            let across =
+                (0..self.frame.dimension).all(|a| a == axis || self.normal[a].abs() <= 0.0);
             if across {
                 let side = usize::from(self.normal[axis] > 0.0);
                 extent[side][axis] = self.point[axis];

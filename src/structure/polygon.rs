@@ -68,13 +68,19 @@ impl Polygon {
         if let Some((k, n)) = crossing(&self.points) {
             report.error(
                 &path,
-                format!("the polygon crosses or touches itself: its edges from corners {k} and {n} meet"),
+                format!(
+                    "the polygon crosses or touches itself: its edges from corners {k} and {n} meet"
+                ),
                 "give the corners in order round the solid, each once".into(),
             );
             return None;
         }
         let area = double_area(&self.points);
-        let size = self.points.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let size = self
+            .points
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |most, x| most.max(x.abs()));
         if area.abs() <= 1e-14 * size * size {
             report.error(
                 &path,

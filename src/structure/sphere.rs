@@ -105,7 +105,12 @@ impl Solid for Ball {
         let mut facets = Facets::default();
         for ring in 0..rings {
             for k in 0..around {
-                let corners = [at(ring, k), at(ring + 1, k), at(ring + 1, k + 1), at(ring, k + 1)];
+                let corners = [
+                    at(ring, k),
+                    at(ring + 1, k),
+                    at(ring + 1, k + 1),
+                    at(ring, k + 1),
+                ];
                 if ring == 0 {
                     facets.face(&corners[..3]);
                 } else if ring + 1 == rings {

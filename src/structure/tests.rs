@@ -57,16 +57,34 @@ const ELL: &str = r#"{"polygon": {"points": [[1, 0.5], [3, 0.5], [3, 1], [1.5, 1
 
 fn shapes() -> Vec<(Frame, &'static str)> {
     vec![
-        (SPACE, r#"{"plane": {"point": [2, 1, 1], "normal": [1, 2, -2]}}"#),
-        (SPACE, r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#),
+        (
+            SPACE,
+            r#"{"plane": {"point": [2, 1, 1], "normal": [1, 2, -2]}}"#,
+        ),
+        (
+            SPACE,
+            r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#,
+        ),
         (SPACE, ELL),
-        (SPACE, r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#),
-        (SPACE, r#"{"cylinder": {"from": [1, 1, 0.3], "to": [3, 2, 1.2], "radius": 0.5}}"#),
+        (
+            SPACE,
+            r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
+        ),
+        (
+            SPACE,
+            r#"{"cylinder": {"from": [1, 1, 0.3], "to": [3, 2, 1.2], "radius": 0.5}}"#,
+        ),
         (SPACE, r#"{"surface": {"mesh": {"path": "ell.stl"}}}"#),
-        (SPACE, r#"{"surface": {"mesh": {"path": "ell.stl"}, "thickness": 0.2}}"#),
+        (
+            SPACE,
+            r#"{"surface": {"mesh": {"path": "ell.stl"}, "thickness": 0.2}}"#,
+        ),
         (FLAT, r#"{"plane": {"point": [2, 1], "normal": [1, 3]}}"#),
         (FLAT, r#"{"box": {"from": [1, 0.5], "to": [3, 2]}}"#),
-        (FLAT, r#"{"polygon": {"points": [[1, 0.5], [1, 1.8], [1.5, 1.8], [1.5, 1], [3, 1], [3, 0.5]]}}"#),
+        (
+            FLAT,
+            r#"{"polygon": {"points": [[1, 0.5], [1, 1.8], [1.5, 1.8], [1.5, 1], [3, 1], [3, 0.5]]}}"#,
+        ),
         (FLAT, r#"{"disc": {"centre": [2, 1.5], "radius": 0.8}}"#),
     ]
 }
@@ -93,7 +111,11 @@ fn distances_and_chords_agree_for_every_shape() {
             // A corner that is cut by less than a step is passed over.
             exact.retain(|[s, t]| t - s > 2e-3);
             traced.retain(|[s, t]| t - s > 2e-3);
-            assert_eq!(exact.len(), traced.len(), "{text} {a:?} {b:?} {exact:?} {traced:?}");
+            assert_eq!(
+                exact.len(),
+                traced.len(),
+                "{text} {a:?} {b:?} {exact:?} {traced:?}"
+            );
             for (x, y) in exact.as_flattened().iter().zip(traced.as_flattened()) {
                 assert!((x - y).abs() < 1e-9, "{text}: {x} {y}");
             }
@@ -112,7 +134,11 @@ fn distances_and_chords_agree_for_every_shape() {
 #[test]
 fn facets_close_the_volume_of_a_solid() {
     let volumes = [
-        (r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#, 2.0 * 1.5 * 1.1, 1e-12),
+        (
+            r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#,
+            2.0 * 1.5 * 1.1,
+            1e-12,
+        ),
         (ELL, 2.2 * (2.0 * 0.5 + 0.5 * 0.8), 1e-12),
         (
             r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
@@ -139,7 +165,10 @@ fn facets_close_the_volume_of_a_solid() {
                 assert!(solid.distance(corner(k)).abs() < 1e-12, "{text}");
             }
         }
-        assert!((volume / expected - 1.0).abs() < within, "{text}: {volume} {expected}");
+        assert!(
+            (volume / expected - 1.0).abs() < within,
+            "{text}: {volume} {expected}"
+        );
     }
     let triangles = mesh::Mesh::new(&ell()).unwrap();
     assert!((triangles.volume() / 3.08 - 1.0).abs() < 1e-12);
@@ -184,7 +213,8 @@ fn solids_that_are_none_are_refused_by_name() {
     assert!(refused(stl, &FLAT, &ell()).contains("does not fit a 2-D problem"));
     let flat = r#"{"box": {"from": [1, 1], "to": [2, 1]}}"#;
     assert!(refused(flat, &FLAT, &[]).contains("no volume"));
-    let ends = r#"{"polygon": {"points": [[0, 0], [1, 0], [1, 1]], "axis": "z", "from": 2, "to": 1}}"#;
+    let ends =
+        r#"{"polygon": {"points": [[0, 0], [1, 0], [1, 1]], "axis": "z", "from": 2, "to": 1}}"#;
     assert!(refused(ends, &SPACE, &[]).contains("needs `axis`"));
     let sheet = r#"{"surface": {"mesh": {"path": "a.stl"}, "thickness": 0.1}}"#;
     assert!(made(sheet, &SPACE, &|_| Ok(open.clone())).is_ok());
@@ -193,7 +223,12 @@ fn solids_that_are_none_are_refused_by_name() {
 /// A solid across a periodic face is whole.
 #[test]
 fn images_join_across_periodic_faces() {
-    let solid = made(r#"{"disc": {"centre": [3.9, 1.5], "radius": 0.5}}"#, &FLAT, &none).unwrap();
+    let solid = made(
+        r#"{"disc": {"centre": [3.9, 1.5], "radius": 0.5}}"#,
+        &FLAT,
+        &none,
+    )
+    .unwrap();
     let images = Images::new(solid, FLAT, [true, false, false], 0.1);
     assert_eq!(images.extents().count(), 2);
     assert!((images.distance([0.1, 1.5, 0.0]) + 0.3).abs() < 1e-12);
@@ -204,7 +239,12 @@ fn images_join_across_periodic_faces() {
     for (a, b) in found.as_flattened().iter().zip(expected.as_flattened()) {
         assert!((a - b).abs() < 1e-12);
     }
-    let away = made(r#"{"disc": {"centre": [9, 1.5], "radius": 0.5}}"#, &FLAT, &none).unwrap();
+    let away = made(
+        r#"{"disc": {"centre": [9, 1.5], "radius": 0.5}}"#,
+        &FLAT,
+        &none,
+    )
+    .unwrap();
     assert!(Images::new(away, FLAT, [false; 3], 0.1).is_empty());
     // Counter-clockwise, so that the area is positive.
     let area: f64 = images
