@@ -9,6 +9,7 @@ use crate::case::geometry::Face;
 use crate::case::grains::{Grading, GrainSource};
 use crate::case::observe::Action;
 use crate::case::solids::{Body, Shape};
+use crate::case::structures::Shape as Structure;
 use crate::dem::polyhedron::Polyhedron;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
@@ -64,6 +65,7 @@ fn in_narrow_gap(obstacle: &'static str) -> &'static str {
 /// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
 pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
     let mut list = solids(case, lbm, flow);
+    list.extend(structures(case));
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
             what,
@@ -139,6 +141,24 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
         obstacle: obstacle(&coupling, flow, true),
     });
     bodies.chain(grains).collect()
+}
+
+/// Diameters of round structures. Sheets and boxes hold water back however thin they are.
+fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
+    let wet = case.structures.iter().filter(|s| s.stops.water());
+    wet.filter_map(|structure| {
+        let radius = match &structure.shape {
+            Structure::Disc(disc) => disc.radius,
+            Structure::Sphere(sphere) => sphere.radius,
+            Structure::Cylinder(cylinder) => cylinder.radius,
+            _ => return None,
+        };
+        Some(Feature {
+            what: format!("diameter of `{}`", structure.name),
+            size: 2.0 * radius,
+            obstacle: "interpolated links",
+        })
+    })
 }
 
 /// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
