@@ -168,6 +168,17 @@ impl Scene {
         let grains = grains::grains(case, &grid, &names, &mut findings);
         let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
+        let still = bodies
+            .iter()
+            .filter(|body| body.mobility == bodies::Mobility::Fixed);
+        let still = still.filter_map(|body| body.solid.as_ref());
+        let still_blocks = blocks.iter().flat_map(|blocks| &blocks.list);
+        let still_blocks = still_blocks.filter(|block| block.fixed);
+        let fixed: Vec<&Solid> = still
+            .chain(still_blocks.map(|block| &block.solid))
+            .collect();
+        let solids = (structures.as_slice(), fixed.as_slice());
+        structures::walls_in_water(case, &grid, &walls, solids, &mut findings);
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);

@@ -91,7 +91,6 @@ pub(crate) fn walls(
             structure: None,
         });
     }
-    structures::walls_in_water(case, grid, &walls, findings);
     walls.extend(structures::walls(case, grid, solids, findings));
     let grains = case.grains.as_ref().map(|g| g.material.as_str());
     let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
