@@ -28,6 +28,7 @@ pub mod reference;
 pub mod restart;
 pub mod set;
 pub mod solids;
+pub mod structures;
 pub mod text;
 pub mod time;
 
@@ -78,7 +79,10 @@ pub struct Case {
     /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
-    /// Walls for grains and blocks, anywhere in the domain.
+    /// Solids at rest that water and grains meet: sheet piles, weirs, steps, piers.
+    #[serde(default)]
+    pub structures: Vec<structures::Structure>,
+    /// Walls for grains and blocks, anywhere in the domain. Water does not meet them: see `structures`.
     #[serde(default)]
     pub walls: Vec<solids::Wall>,
     /// Faces of the domain that act as walls for grains and blocks.

@@ -12,12 +12,14 @@ pub mod loads;
 pub mod partially_saturated;
 pub mod seepage;
 pub mod solid_fraction;
+pub mod structure_map;
 pub mod water;
 
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::lbm::boundary::Flux;
+use crate::lbm::links::Load;
 use crate::units::LatticeUnits;
 use decomposition::Domain;
 use std::ops::Range;
@@ -100,6 +102,15 @@ pub trait FluidView {
     }
     /// Id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
+    /// Whether the centre of a cell is solid: of a body or of a structure.
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        self.body_at(cell).is_some()
+    }
+    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about the lower corner of
+    /// the domain. Sum the integers over ranks.
+    fn structure_loads(&self) -> &[Load] {
+        &[]
+    }
     /// Names of the patches of the faces.
     fn patches(&self) -> Vec<String>;
     /// What crossed each patch in the last step, on this rank: sum the integers over ranks.

@@ -12,6 +12,7 @@
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
 pub mod bed_motion;
+pub mod cut_cells;
 pub mod drag;
 pub mod enclosure;
 pub mod grid;

@@ -19,6 +19,9 @@
 //! Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the model is selected
 //! once, outside of the loop.
 
+use schemars::Schema;
+use serde_json::Value;
+
 /// See the module.
 macro_rules! family {
     (
@@ -58,3 +61,18 @@ macro_rules! family {
 }
 
 pub(crate) use family;
+
+/// Describes each choice of a schema by the documentation of its model: an object with one field takes the description of that field.
+pub(crate) fn describe_choices(schema: &mut Schema) {
+    let choices = schema.get_mut("oneOf").and_then(Value::as_array_mut);
+    for choice in choices.into_iter().flatten() {
+        let fields = choice.get_mut("properties").and_then(Value::as_object_mut);
+        let described = fields.and_then(|fields| {
+            let mut fields = fields.values_mut().filter_map(Value::as_object_mut);
+            fields.next()?.remove("description")
+        });
+        if let (Some(described), Some(choice)) = (described, choice.as_object_mut()) {
+            choice.insert("description".into(), described);
+        }
+    }
+}

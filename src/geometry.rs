@@ -1,8 +1,9 @@
-//! Points, directions, boxes, axes and faces of the domain, as written in a case.
+//! Points, directions, boxes, axes, faces of the domain and triangulated surfaces, as written in a case.
 
 use crate::error::Report;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// A point, direction or velocity: two numbers in 2-D, three in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -71,6 +72,25 @@ pub struct Extent {
     pub from: Vector,
     /// The corner with the largest coordinates [m].
     pub to: Vector,
+}
+
+/// A triangulated surface from a file. Triangles that share corners form one smooth surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mesh {
+    /// STL file, text or binary, relative to the case.
+    pub path: PathBuf,
+    /// Length of the file's unit [m]: 0.001 for a file in mm.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub scale: f64,
+    /// Position of the file's origin [m]. Default: the origin of the domain.
+    #[serde(default)]
+    pub origin: Option<Vector>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// An axis of the domain.

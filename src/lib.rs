@@ -44,6 +44,11 @@ pub mod provenance;
 pub mod random;
 pub mod scene;
 pub mod simulation;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod structure;
 pub mod sweep;
 pub mod thread_pool;
 pub mod uncertainty;

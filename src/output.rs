@@ -11,6 +11,7 @@
 //! | `fluid`, `planes` | fields of the fluid, derivatives across slabs |
 //! | `averages` | time averages and their profile |
 //! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order that does not depend on the ranks |
+//! | `structures` | surfaces at rest, once |
 //! | `probes` | values over time |
 //! | `info` | description of a file or folder |
 //!
@@ -28,6 +29,7 @@ mod planes;
 mod probes;
 mod schedule;
 mod seepage;
+mod structures;
 pub mod view;
 
 use crate::case::geometry::Axis;
@@ -81,7 +83,7 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Opens the series `fluid`, `grains`, `contacts`, `blocks` and the tables `probe_NAME.csv` in `folder`, which is there.
+    /// Writes the series `structures` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables `probe_NAME.csv` in `folder`, which is there.
     ///
     /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written up to
     /// that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
@@ -98,6 +100,9 @@ impl Outputs {
         let written = &plan.scene.output;
         let group = RankGroup(domain.communicator());
         let every = |interval: f64| Some(plan.clock.every(interval));
+        if resumed_at.is_none() && !plan.scene.structures.is_empty() {
+            structures::write(&plan.scene, folder, &provenance, &group)?;
+        }
         let fluid = match &written.fluid {
             Some(output) => {
                 let fields = if plan.scene.seepage.is_some() {

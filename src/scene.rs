@@ -29,6 +29,7 @@ pub(crate) mod saved;
 pub mod seepage;
 pub(crate) mod speed;
 pub(crate) mod stl;
+pub mod structures;
 pub mod walls;
 
 use crate::case::Case;
@@ -63,7 +64,9 @@ pub struct Scene {
     pub blocks: Option<blocks::Blocks>,
     /// The contact law, if contacts are possible.
     pub contact: Option<contact::ContactTable>,
-    /// Plane walls, those on faces of the domain last.
+    /// Structures, in the order of the case.
+    pub structures: Vec<structures::Structure>,
+    /// Walls of grains: those of the case, of the structures, and on faces of the domain.
     pub walls: Vec<walls::Wall>,
     /// Named bodies.
     pub bodies: Vec<bodies::Body>,
@@ -156,14 +159,32 @@ impl Scene {
             })
             .collect();
         let flow = flow::Flow::resolve(case, &grid, &mut findings);
-        let walls = walls::walls(case, &grid, &names, &mut findings);
+        let structures = structures::structures(case, &grid, &names, &mut findings);
+        if let Some(flow) = &flow {
+            structures::openings(&grid, &structures, flow, &mut findings);
+        }
+        let walls = walls::walls(case, &grid, &names, &structures, &mut findings);
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);
         let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
+        let still = bodies
+            .iter()
+            .filter(|body| body.mobility == bodies::Mobility::Fixed);
+        let still = still.filter_map(|body| body.solid.as_ref());
+        let still_blocks = blocks.iter().flat_map(|blocks| &blocks.list);
+        let still_blocks = still_blocks.filter(|block| block.fixed);
+        let fixed: Vec<&Solid> = still
+            .chain(still_blocks.map(|block| &block.solid))
+            .collect();
+        let solids = (structures.as_slice(), fixed.as_slice());
+        structures::walls_in_water(case, &grid, &walls, solids, &mut findings);
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+            if let Some(grains::GrainSource::List(list)) = grains.as_ref().map(|g| &g.source) {
+                structures::grains_inside(&structures, list, &mut findings);
+            }
             blocks::overlaps(
                 case,
                 blocks.as_ref(),
@@ -173,9 +194,10 @@ impl Scene {
                 &mut findings,
             );
         }
-        let seepage = seepage::Seepage::resolve(case, &grid, grains.as_ref(), &mut findings);
+        let seepage =
+            seepage::Seepage::resolve(case, &grid, grains.as_ref(), &structures, &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
-        let probes = observe::probes(case, &grid, &bodies, &mut findings);
+        let probes = observe::probes(case, &grid, (&bodies, &structures), &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
         let solid = has_solids(case);
@@ -199,6 +221,7 @@ impl Scene {
             grains,
             blocks,
             contact,
+            structures,
             walls,
             bodies,
             coupling: case.coupling.clone().filter(|_| solid),

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 18] = [
+pub const EXAMPLES: [Example; 19] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -62,6 +62,11 @@ pub const EXAMPLES: [Example; 18] = [
         name: "seepage",
         summary: "water seeps through a pile of spheres to an opening in the floor",
         text: include_str!("examples/seepage.json"),
+    },
+    Example {
+        name: "sheet-pile",
+        summary: "seepage under a sheet pile, beside the solution by conformal mapping (Harr 1962)",
+        text: include_str!("examples/sheet-pile.json"),
     },
     Example {
         name: "deposition",

@@ -83,7 +83,7 @@ pub struct Probe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProbeAt {
-    /// Velocity and pressure at a point.
+    /// Velocity and pressure at a point; in seepage also the hydraulic head.
     Point {
         /// The point [m].
         position: Vector,
@@ -109,6 +109,23 @@ pub enum ProbeAt {
     Body {
         /// Name of the body.
         name: String,
+    },
+    /// Force [N] and torque [N m] of the fluid of a lattice on a structure (2-D: per metre of depth). The torque is about the lower corner
+    /// of the domain. The pressure is that of the lattice: without gravity on the fluid it is the excess over hydrostatic.
+    Structure {
+        /// Name of the structure.
+        name: String,
+    },
+    /// Discharge of seepage through a plane between cells of the coarse grid, or a part of it, and the mean hydraulic heads [m] of the cells
+    /// before and behind it.
+    Section {
+        /// Axis normal to the plane; the discharge along it is positive.
+        axis: Axis,
+        /// Coordinate of the plane [m]; the nearest plane between cells is taken.
+        position: f64,
+        /// Box that selects a part of the plane [m]; its extent along the axis has no effect. Default: the whole plane.
+        #[serde(default)]
+        part: Option<Extent>,
     },
     /// Force of the fluid on a face of the domain [N], and its mean traction [Pa].
     Wall {

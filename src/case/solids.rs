@@ -1,11 +1,11 @@
 //! Solids other than grains: walls and bodies.
 
+pub use super::geometry::Mesh;
 use super::geometry::{Extent, Rotation, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 
-/// A wall for grains and blocks. It does not act on the fluid.
+/// A wall for grains and blocks. It does not act on the fluid; `structures` do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -48,25 +48,6 @@ pub enum WallShape {
     Box(Extent),
     /// A triangulated surface.
     Mesh(Mesh),
-}
-
-/// A triangulated surface from a file. Triangles that share corners form one smooth surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Mesh {
-    /// STL file, text or binary, relative to the case.
-    pub path: PathBuf,
-    /// Length of the file's unit [m]: 0.001 for a file in mm.
-    #[serde(default = "one")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub scale: f64,
-    /// Position of the file's origin [m]. Default: the origin of the domain.
-    #[serde(default)]
-    pub origin: Option<Vector>,
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 /// A plane. Grains are on the side of the normal.

@@ -11,15 +11,16 @@ mod links;
 mod owners;
 
 use super::solid_fraction::faces;
+use super::structure_map::StructureMap;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{BodyLink, Load, Plane, Rigid, add_force};
 use crate::lbm::populations::Populations;
 use crate::thread_pool;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
-/// A cell outside the domain: the faces' business.
+/// A cell outside the domain or in a structure: the business of the faces and of the structures.
 const OUTSIDE: u32 = u32::MAX;
 /// A cell of fluid.
 const FLUID: u32 = 0;
@@ -105,6 +106,8 @@ pub struct BodyMap {
     found: Vec<Vec<[i32; 3]>>,
     /// Bodies that moved since they were mapped.
     looks: Vec<Look>,
+    /// Links between two cells of water that sheets cut: place of the cell and direction.
+    sheets: HashSet<(usize, u8)>,
 }
 
 /// A look at a body that moved.
@@ -171,6 +174,7 @@ impl BodyMap {
             relink: Vec::new(),
             found: Vec::new(),
             looks: Vec::new(),
+            sheets: HashSet::new(),
         };
         let range = |a: usize| -ghosts(a)..local[a] + ghosts(a);
         for z in range(2) {
@@ -184,6 +188,21 @@ impl BodyMap {
             }
         }
         map
+    }
+
+    /// Keeps bodies out of the cells and links of structures, before any body is mapped.
+    pub fn stand_in(&mut self, structures: &StructureMap) {
+        for cell in structures.cells() {
+            let position = self.at(cell);
+            self.owner[position] = OUTSIDE;
+        }
+        self.sheets.clone_from(structures.sheets());
+    }
+
+    /// Whether neither body nor structure holds the cell at a place in the map.
+    #[must_use]
+    pub fn is_water(&self, place: u32) -> bool {
+        self.owner[place as usize] == FLUID
     }
 
     /// The polyhedron that an entry is, if it is one.

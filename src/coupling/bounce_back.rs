@@ -11,6 +11,7 @@
 use super::body_map::{BodyMap, Grid, Rules};
 use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
+use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
 use crate::dem::space::Space;
@@ -20,9 +21,11 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{Load, Rigid, Scheme, bounce};
 use crate::number::real;
+use crate::structure::Images;
 use crate::units::LatticeUnits;
 use decomposition::Domain;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +45,7 @@ pub struct Settings {
 pub struct BounceBack<Sp: Space, S: Stored> {
     fluid: Fluid<S>,
     map: BodyMap,
+    structures: Option<Box<StructureMap>>,
     units: LatticeUnits,
     settings: Settings,
     loads: Vec<Load>,
@@ -68,6 +72,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         Self {
             fluid,
             map,
+            structures: None,
             units,
             settings,
             loads: Vec::new(),
@@ -76,6 +81,18 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             fresh: true,
             space: PhantomData,
         }
+    }
+
+    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    #[must_use]
+    pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
+        let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
+        if let Some(structures) = &structures {
+            self.map.stand_in(structures);
+            structures.tell_gradients(&mut self.fluid);
+        }
+        self.structures = structures;
+        self
     }
 
     /// Which cells lie inside which body.
@@ -108,6 +125,18 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         } else {
             self.fluid.know_links::<3>(bodies);
         }
+        if let Some(structures) = &self.structures {
+            structures.tell_gradients(&mut self.fluid);
+        }
+    }
+
+    /// Links of structures follow where bodies cover their ends.
+    fn see_bodies(&mut self) {
+        if let Some(structures) = &mut self.structures
+            && !self.map.is_as_before()
+        {
+            structures.see_bodies(&self.map);
+        }
     }
 
     fn clear_loads(&mut self, n: usize) {
@@ -119,6 +148,9 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         self.fluid.advance();
+        if let Some(structures) = &mut self.structures {
+            structures.bounce(self.fluid.populations_mut());
+        }
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
@@ -174,6 +206,9 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     ) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         particles.keep_extra();
+        if let Some(structures) = &self.structures {
+            structures.clear(&mut self.fluid);
+        }
         if particles.is_empty() && domain.communicator().size() == 1 && self.map.links().is_empty()
         {
             self.fresh = false;
@@ -187,6 +222,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             self.fresh = false;
             self.map
                 .update_bodies(particles, self.fluid.populations(), None);
+            self.see_bodies();
             self.tell_gradients();
             log::debug!(
                 "rank {}: {} bodies on the lattice by {} links",
@@ -200,6 +236,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let mut loads = std::mem::take(&mut self.loads);
         self.map
             .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
+        self.see_bodies();
         self.tell_gradients();
         let reduced = particles.reduce_to_owners(&mut loads, domain);
         self.loads = loads;
@@ -222,6 +259,15 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         self.map.body_at(cell)
     }
+
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        !self.counts(cell)
+    }
 }
 
 impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
@@ -243,15 +289,20 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
 
     /// What is inside the shells is not the water's.
     fn counts(&self, cell: [usize; 3]) -> bool {
-        self.map.body_at(cell).is_none()
+        let structures = self.structures.as_ref();
+        self.map.body_at(cell).is_none() && structures.is_none_or(|map| !map.holds(cell))
     }
 
     fn all_count(&self) -> bool {
-        self.map.is_empty()
+        self.map.is_empty() && self.structures.is_none()
+    }
+
+    fn structures(&self) -> Option<&StructureMap> {
+        self.structures.as_deref()
     }
 
     fn enclosed(&self, cell: [usize; 3]) -> bool {
-        !self.all_count() && self.map.encloses(cell, self.fluid.populations())
+        !self.map.is_empty() && self.map.encloses(cell, self.fluid.populations())
     }
 
     fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
@@ -259,7 +310,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         let mut cells = (nx * ny * nz) as u64;
         if !self.all_count() {
             let interior = self.fluid.populations().interior();
-            let open = interior.filter(|(at, _)| self.map.body_at(*at).is_none());
+            let open = interior.filter(|(at, _)| self.counts(*at));
             cells = open.count() as u64;
         }
         let cells = real(communicator.all_reduce_sum_u64(cells));

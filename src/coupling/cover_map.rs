@@ -87,6 +87,8 @@ pub struct CoverMap {
     slots: u32,
     /// Entry of the particles in each slot.
     entries: Vec<u32>,
+    /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
+    closed: Vec<bool>,
 }
 fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
@@ -114,6 +116,19 @@ impl CoverMap {
             unused: Vec::new(),
             slots: 0,
             entries: Vec::new(),
+            closed: Vec::new(),
+        }
+    }
+
+    /// Keeps bodies out of the cells of structures, given by position, before any body is mapped.
+    pub fn close<S: Stored>(
+        &mut self,
+        cells: impl Iterator<Item = usize>,
+        populations: &Populations<S>,
+    ) {
+        self.closed = vec![false; populations.cell_positions()];
+        for cell in cells {
+            self.closed[cell] = true;
         }
     }
 
@@ -174,12 +189,16 @@ impl CoverMap {
             );
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);
+        let closed = &self.closed;
         let look = |scratch: &mut Scratch, body: &mut Mapped| {
             if let (true, Some(pose)) = (body.moved, body.at) {
                 let frame = frame(grid, dimension, body.name.1);
                 let mut next = std::mem::take(&mut body.next);
                 let form = body.form(&pose, dimension);
                 rows.walk(&form, frame, dimension, method, scratch, &mut next);
+                if !closed.is_empty() {
+                    next.retain(|(position, _)| !closed[*position as usize]);
+                }
                 body.next = next;
             }
         };

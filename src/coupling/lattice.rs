@@ -1,5 +1,6 @@
 //! The interface between a run and a lattice with bodies, common to all couplings.
 
+use super::structure_map::StructureMap;
 use super::{Flow, FluidView};
 use crate::dem::space::Space;
 use crate::lbm::fluid::Fluid;
@@ -27,6 +28,9 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
 
     /// Whether all cells of the slab count, so that no test per cell is needed.
     fn all_count(&self) -> bool;
+
+    /// The structures in the water, if there are any.
+    fn structures(&self) -> Option<&StructureMap>;
 
     /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;

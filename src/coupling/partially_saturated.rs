@@ -19,6 +19,7 @@ use super::cover_map::{CoverMap, rigid};
 use super::lattice::{LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
+use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
@@ -28,9 +29,11 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
 use crate::lbm::saturation::{Cover, cells};
+use crate::structure::Images;
 use crate::units::LatticeUnits;
 use decomposition::{Communicator, Domain};
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +51,7 @@ pub struct Settings {
 pub struct PartiallySaturated<Sp: Space, S: Stored> {
     fluid: Fluid<S>,
     map: CoverMap,
+    structures: Option<Box<StructureMap>>,
     grid: Grid,
     units: LatticeUnits,
     settings: Settings,
@@ -72,6 +76,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         Self {
             map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
             fluid,
+            structures: None,
             grid,
             units,
             settings,
@@ -80,6 +85,20 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             fresh: true,
             space: PhantomData,
         }
+    }
+
+    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    #[must_use]
+    pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
+        let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
+        if let Some(structures) = &structures {
+            let populations = self.fluid.populations();
+            self.map
+                .close(structures.positions(populations), populations);
+            structures.tell_gradients(&mut self.fluid);
+        }
+        self.structures = structures;
+        self
     }
 
     fn scales(&self) -> (f64, f64) {
@@ -158,6 +177,9 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         self.fluid.advance();
+        if let Some(structures) = &mut self.structures {
+            structures.bounce(self.fluid.populations_mut());
+        }
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
@@ -207,6 +229,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             } else {
                 self.fluid.know_covered::<3>(surfaces);
             }
+            if let Some(structures) = &self.structures {
+                structures.tell_gradients(&mut self.fluid);
+            }
+        }
+        if let Some(structures) = &self.structures {
+            structures.clear(&mut self.fluid);
         }
         if self.fresh {
             self.fresh = false;
@@ -222,6 +250,15 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let position = self.fluid.populations().interior_cell(cell);
         self.fluid.cover()?.body_at(position)
+    }
+
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        self.body_at(cell).is_some() || !self.counts(cell)
     }
 }
 
@@ -242,13 +279,18 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// The bodies received what all cells lost.
-    fn counts(&self, _: [usize; 3]) -> bool {
-        true
+    /// The bodies received what all cells lost; what is inside structures is not the water's.
+    fn counts(&self, cell: [usize; 3]) -> bool {
+        let structures = self.structures.as_ref();
+        structures.is_none_or(|map| !map.holds(cell))
     }
 
     fn all_count(&self) -> bool {
-        true
+        self.structures.is_none()
+    }
+
+    fn structures(&self) -> Option<&StructureMap> {
+        self.structures.as_deref()
     }
 
     /// Cells that bodies fill in part are in contact with all their neighbours.
@@ -260,7 +302,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
         let populations = self.fluid.populations();
         let (mut all, mut covered) = (0_i128, 0_i128);
-        for (_, position) in populations.interior() {
+        for (_, position) in populations.interior().filter(|(at, _)| self.counts(*at)) {
             all += i128::from(crate::lbm::boundary::quanta(1.0));
             if let Some(cover) = self.fluid.cover() {
                 covered += i128::from(cover.weight(position));

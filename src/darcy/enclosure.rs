@@ -154,7 +154,8 @@ impl Openness {
         }
     }
 
-    fn close_faces(&mut self) {
+    /// Closes faces beside blocked cells, and slivers.
+    pub(super) fn close_faces(&mut self) {
         for axis in 0..3 {
             let faces = with_one_more(&self.grid, axis);
             for index in 0..faces.count() {
@@ -174,7 +175,7 @@ impl Openness {
     }
 }
 
-fn with_one_more(grid: &Grid, axis: usize) -> Grid {
+pub(super) fn with_one_more(grid: &Grid, axis: usize) -> Grid {
     let mut faces = *grid;
     faces.cells[axis] += 1;
     faces

@@ -31,6 +31,7 @@
 
 mod boundary;
 mod iteration;
+pub mod section;
 
 use super::Error;
 use super::enclosure::Openness;

@@ -20,6 +20,7 @@ use section::Section;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 /// What to draw of a run.
 #[allow(
@@ -68,6 +69,7 @@ pub enum View {
 }
 
 const SAND: [f64; 3] = [214.0, 176.0, 120.0];
+const STONE: [f64; 3] = [150.0, 150.0, 150.0];
 const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 
 /// Draws a run and returns a line with the path of the picture. Serial.
@@ -81,6 +83,10 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .filter(|series| series.moments().next().is_some())
     };
     let (fluid, grains, blocks) = (open("fluid"), open("grains"), open("blocks"));
+    let structures = open("structures")
+        .map(|series| Faces::read(&series.heavy(0), "structure"))
+        .transpose()?
+        .map(Rc::new);
     let Some(clock) = grains.as_ref().or(blocks.as_ref()).or(fluid.as_ref()) else {
         return Err(failed(
             run,
@@ -111,6 +117,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
                 .map(|path| Grains::read(&path, colour, &shaped.unwrap_or_default()))
                 .transpose()?,
             faces,
+            structures: structures.clone(),
         };
         scenes.push(scene.cut(request.section));
     }
@@ -155,6 +162,8 @@ struct Scene {
     water: Option<Water>,
     grains: Option<Grains>,
     faces: Option<Faces>,
+    /// What never moves; a section leaves it out, where the water shows it.
+    structures: Option<Rc<Faces>>,
 }
 
 impl Scene {
@@ -170,6 +179,7 @@ impl Scene {
             }
             // Blocks are what is solid in the water.
             self.faces = None;
+            self.structures = None;
         }
         self
     }
@@ -613,6 +623,9 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
                 raster.grain(&frame, p, r, colour, all.flat);
             }
         }
+        if let Some(structures) = &scene.structures {
+            structures.paint(&mut raster, &frame, |_| STONE);
+        }
         if let (Some(faces), Some(scale)) = (&scene.faces, grains) {
             faces.paint(&mut raster, &frame, |v| grain_colour(share(v, scale)));
         }
@@ -754,6 +767,7 @@ mod tests {
             water: None,
             grains: Some(grains),
             faces: None,
+            structures: None,
         };
         let grains = Grains {
             positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]],
@@ -800,6 +814,7 @@ mod tests {
                     water: None,
                     grains: Some(ball),
                     faces: None,
+                    structures: None,
                 }],
                 view,
             );

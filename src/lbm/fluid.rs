@@ -14,6 +14,7 @@ use super::initial::{self, Field};
 use super::kernel::Shared;
 use super::lanes::{Level, Stored};
 use super::lattice::VelocitySet;
+use super::links::fixed::FixedLink;
 use super::links::{BodyLink, Rigid, surface_velocity};
 use super::populations::Populations;
 use super::saturation::pass::View as CoverView;
@@ -49,6 +50,8 @@ pub struct Setup<S: Stored = f64> {
 
 /// A cell of which solids fill this part is no water to the gradients beside it.
 const HALF: f64 = 0.5;
+/// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
+const NEAREST: f64 = 0.05;
 
 /// The planes of worker t.
 fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
@@ -72,6 +75,8 @@ pub struct Fluid<S: Stored> {
     field: Option<VelocityField>,
     /// Where solids are, if cells can be covered.
     cover: Option<Cover>,
+    /// Cells of structures, by position: openings before them are closed. Empty where there are none.
+    closed: Vec<bool>,
     describe: fn(&mut Populations<S>, View, CoverView) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
@@ -125,7 +130,8 @@ impl<S: Stored> Fluid<S> {
             &populations,
             &frame,
             setup.patches,
-            setup.saturation.is_some(),
+            // Structures may cover them as well.
+            true,
         );
         let cover = setup.saturation.map(|method| {
             let antisymmetric = setup.operator.model().antisymmetric_rate();
@@ -162,6 +168,7 @@ impl<S: Stored> Fluid<S> {
             turbulence: setup.turbulence,
             field,
             cover,
+            closed: Vec::new(),
             describe,
             pass,
             relaxation_time: setup.relaxation_time,
@@ -256,6 +263,11 @@ impl<S: Stored> Fluid<S> {
             .apply(&mut self.populations, time, half, given);
         if let Some(cover) = &self.cover {
             let fraction = |cell: usize| cover.fraction(cell);
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
+        if !self.closed.is_empty() {
+            let fraction = |cell: usize| f64::from(u8::from(self.closed[cell]));
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
         }
@@ -386,6 +398,47 @@ impl<S: Stored> Fluid<S> {
                 };
                 field.wall(cell, (axis, c[axis] > 0), 0.5, velocity);
             }
+        }
+    }
+
+    /// As [`Self::know_links`] of surfaces at rest, beside what is known.
+    pub fn know_fixed_links<'a, const D: usize>(
+        &mut self,
+        links: impl Iterator<Item = &'a FixedLink>,
+    ) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        let velocities = self.populations.velocities();
+        for link in links {
+            for end in (0..2).filter(|&end| link.wet[end]) {
+                let forth = usize::from(link.direction);
+                let back = velocities.opposite[forth];
+                let (near, leaves, returns) = if end == 0 {
+                    (link.link.near, forth, back)
+                } else {
+                    (link.link.far, back, forth)
+                };
+                let c = velocities.c[leaves];
+                let mut along = (0..D).filter(|a| c[*a] != 0);
+                let (Some(axis), None) = (along.next(), along.next()) else {
+                    continue;
+                };
+                let cell = near as usize - self.populations.slot(0, returns);
+                // q from its kappa; 1/2 for half-way.
+                let kappa = link.kappa[end];
+                let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
+                let distance = distance.max(NEAREST);
+                field.wall(cell, (axis, c[axis] > 0), distance, [0.0; 3]);
+            }
+        }
+    }
+
+    /// Closes the openings before the cells of structures, given by position.
+    pub fn close(&mut self, cells: impl Iterator<Item = usize>) {
+        self.closed = vec![false; self.populations.cell_positions()];
+        for cell in cells {
+            self.closed[cell] = true;
         }
     }
 

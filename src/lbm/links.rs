@@ -19,6 +19,8 @@
 //!
 //! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not affect them.
 
+pub mod fixed;
+
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
 use super::quanta::quanta;

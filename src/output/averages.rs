@@ -96,7 +96,7 @@ impl Averages {
         for band in bands(nz) {
             fluid.band_states(band.clone(), states);
             for (n, (cell, sums)) in cells_of(band, [nx, ny]).zip(&mut sums).enumerate() {
-                if fluid.body_at(cell).is_some() {
+                if fluid.solid_at(cell) {
                     continue;
                 }
                 let drho = states.density[n];

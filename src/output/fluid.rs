@@ -155,7 +155,7 @@ impl<T: Number> Buffers<T> {
                     FieldName::Solid => {
                         for cell in band.clone() {
                             let body = fluid.body_at(cell);
-                            self.solid.push(u8::from(body.is_some()));
+                            self.solid.push(u8::from(fluid.solid_at(cell)));
                             self.body
                                 .push(body.map_or(-1, |id| i32::try_from(id).unwrap_or(i32::MAX)));
                         }

@@ -5,10 +5,12 @@
 //!
 //! | probe | columns |
 //! |---|---|
-//! | point | velocity, pressure |
+//! | point | velocity, pressure; in seepage also the hydraulic head, of the cell that holds the point |
 //! | line | distance from the first point, position, velocity, pressure; one row per point and time |
 //! | plane | discharge, means over the fluid cells, largest speed, fluid fraction |
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
+//! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
+//! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
@@ -16,14 +18,17 @@
 //! cells whose centre is in the fluid count. **Faces**: see [`wall`].
 
 mod points;
+mod seepage;
 mod wall;
 
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
 use super::group::RankGroup;
 use super::schedule::Schedule;
 use crate::coupling::FluidView;
+use crate::coupling::loads::about_centre;
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::lbm::links::Load;
 use crate::number::real;
 use crate::output::view::View;
 use crate::plan::Plan;
@@ -32,6 +37,7 @@ use crate::units::LatticeUnits;
 use decomposition::{Domain, ExactSum};
 use io::Table;
 use points::{Points, along, clamped};
+use seepage::Section;
 use std::path::{Path, PathBuf};
 use wall::Wall;
 
@@ -54,8 +60,15 @@ pub(crate) struct Probe {
 enum At {
     Point(Points),
     Line(Points),
-    Plane { axis: usize, position: f64 },
+    Plane {
+        axis: usize,
+        position: f64,
+    },
     Body(u64),
+    Structure(usize),
+    /// A point in seepage \[m\].
+    Pores([f64; 3]),
+    Section(Section),
     Wall(Box<Wall>),
 }
 
@@ -191,6 +204,7 @@ impl At {
     ) -> Result<Self, Error> {
         let scene = &plan.scene;
         Ok(match at {
+            ProbeAt::Point(point) if scene.seepage.is_some() => Self::Pores(*point),
             ProbeAt::Point(point) => Self::Point(Points::new(&[*point], &scene.grid, domain)?),
             ProbeAt::Line { from, to, points } => Self::Line(Points::new(
                 &along(*from, *to, *points),
@@ -203,6 +217,15 @@ impl At {
             },
             // Named bodies have the ids 0, 1, … in the order of the case.
             ProbeAt::Body(index) => Self::Body(*index as u64),
+            ProbeAt::Structure(index) => Self::Structure(*index),
+            ProbeAt::Section {
+                axis,
+                position,
+                part,
+            } => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
+            }
             ProbeAt::Wall(face) => {
                 let flow = scene.flow.as_ref().ok_or_else(no_fluid)?;
                 Self::Wall(Box::new(Wall::new(
@@ -220,7 +243,7 @@ impl At {
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
-            Self::Point(_) | Self::Plane { .. } | Self::Body(_) | Self::Wall(_) => 1,
+            _ => 1,
         }
     }
 
@@ -239,6 +262,24 @@ impl At {
                 headings.extend(VELOCITY);
                 headings.push(("pressure", "Pa"));
             }
+            Self::Pores(_) => {
+                headings.extend(VELOCITY);
+                headings.extend([("pressure", "Pa"), ("head", "m")]);
+            }
+            Self::Section(_) => headings.extend([
+                ("discharge", if flat { "m2/s" } else { "m3/s" }),
+                ("open_area", if flat { "m" } else { "m2" }),
+                ("head_before", "m"),
+                ("head_behind", "m"),
+            ]),
+            Self::Structure(_) => headings.extend([
+                ("fluid_force_x", force),
+                ("fluid_force_y", force),
+                ("fluid_force_z", force),
+                ("fluid_torque_x", torque),
+                ("fluid_torque_y", torque),
+                ("fluid_torque_z", torque),
+            ]),
             Self::Plane { .. } => {
                 headings.push(("discharge", if flat { "m2/s" } else { "m3/s" }));
                 headings.extend([
@@ -312,6 +353,18 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
+            Self::Pores(point) => {
+                let values = seepage::at(view.seepage.ok_or_else(no_fluid)?, *point);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Section(section) => {
+                let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Structure(index) => {
+                let values = structure(view, fluid(view)?, *index);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
             Self::Body(id) => {
                 let values = body(view, *id)?;
                 rows.iter_mut().for_each(|row| row.extend(values));
@@ -364,7 +417,7 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
         for z in from[2]..to[2] {
             for y in from[1]..to[1] {
                 for x in from[0]..to[0] {
-                    if fluid.body_at([x, y, z]).is_some() {
+                    if fluid.solid_at([x, y, z]) {
                         continue;
                     }
                     let (deviation, [u, v, w]) = fluid.state([x, y, z]);
@@ -401,6 +454,21 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
         speed,
         number / all,
     ]
+}
+
+/// Force and torque of the water on a structure in the last step, the torque about the lower corner of the domain.
+fn structure<S: Space>(view: &View<S>, fluid: &dyn FluidView, index: usize) -> [f64; 6] {
+    let mine = fluid.structure_loads().get(index).copied();
+    let communicator = view.domain.communicator();
+    let load: Load = mine.unwrap_or([0; 6]).map(|part| {
+        let sum = communicator.all_reduce_sum_u128(part.cast_unsigned());
+        sum.cast_signed()
+    });
+    let units = fluid.units();
+    let [x, y, z, a, b, c] = about_centre([0.0; 3], &load);
+    let [x, y, z] = [x, y, z].map(|f| units.force_to_si(f));
+    let [a, b, c] = [a, b, c].map(|m| units.torque_to_si(m));
+    [x, y, z, a, b, c]
 }
 
 /// Motion and loads of a body; NaN once it is gone.

@@ -124,7 +124,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     } else {
         Enclosure::HalfSpaces(seepage.planes.clone())
     };
-    Openness::measure(&grid, &enclosure)
+    Openness::measure(&grid, &enclosure).with_structures(&seepage.solids)
 }
 
 /// The pores of the coarse grid with the porosity method of the case, without grains.

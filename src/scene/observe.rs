@@ -5,6 +5,7 @@ use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
 use super::grains::{check_radii, fits_period};
 use super::grid::Grid;
+use super::structures::Structure;
 use super::{material, unique};
 use crate::case::Case;
 use crate::case::fluid::Fluid;
@@ -86,6 +87,17 @@ pub enum ProbeAt {
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
     Body(usize),
+    /// Force on a structure, by its index among those that water meets.
+    Structure(usize),
+    /// Discharge of seepage through a part of a plane.
+    Section {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate \[m\].
+        position: f64,
+        /// The part.
+        part: Option<Block>,
+    },
     /// Force on a face.
     Wall(Face),
 }
@@ -180,7 +192,7 @@ pub(crate) fn regions(
 pub(crate) fn probes(
     case: &Case,
     grid: &Grid,
-    bodies: &[Body],
+    (bodies, structures): (&[Body], &[Structure]),
     findings: &mut Findings,
 ) -> Vec<Probe> {
     let mut known = Vec::new();
@@ -203,11 +215,16 @@ pub(crate) fn probes(
                 "add `fluid`, or remove the probe",
             );
         }
-        if needs_fluid && matches!(case.fluid, Some(Fluid::Darcy(_))) {
+        let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
+        let of_pores = matches!(
+            probe.at,
+            WrittenAt::Point { .. } | WrittenAt::Section { .. }
+        );
+        if needs_fluid && seeps && !of_pores {
             findings.error(
                 &format!("{path}.at"),
-                "probes of the water sample a fluid on a lattice; this is seepage",
-                "use `output.fluid`, which has the pressure and velocity of every cell, or remove the probe",
+                "this probe samples a fluid on a lattice; this is seepage",
+                "use a point, a section, or `output.fluid`, which has the pressure and velocity of every cell",
             );
         }
         let at = match &probe.at {
@@ -269,6 +286,58 @@ pub(crate) fn probes(
                     );
                 }
                 ProbeAt::Body(index.unwrap_or(0))
+            }
+            WrittenAt::Structure { name } => {
+                let mut water = structures.iter().filter(|s| s.stops.water());
+                let index = water.position(|s| s.name == *name);
+                if index.is_none() {
+                    let names: Vec<&str> = (structures.iter().filter(|s| s.stops.water()))
+                        .map(|s| s.name.as_str())
+                        .collect();
+                    findings.error(
+                        &format!("{path}.at.structure.name"),
+                        "there is no structure of this name that stops water",
+                        format!("structures here: {}", names.join(", ")),
+                    );
+                }
+                ProbeAt::Structure(index.unwrap_or(0))
+            }
+            WrittenAt::Section {
+                axis,
+                position,
+                part,
+            } => {
+                let path = format!("{path}.at.section");
+                if case.fluid.is_some() && !seeps {
+                    findings.error(
+                        &path,
+                        "a section is one of seepage; this is a fluid on a lattice",
+                        "use a plane",
+                    );
+                }
+                let axis = axis.index();
+                if axis >= grid.dimension || !(0.0..=grid.size[axis.min(2)]).contains(position) {
+                    findings.error(
+                        &format!("{path}.position"),
+                        "the section lies outside the domain",
+                        "move it inside",
+                    );
+                }
+                let part = part.as_ref().map(|part| {
+                    let from =
+                        Block::vector(grid, &part.from, &format!("{path}.part.from"), findings);
+                    let to = Block::vector(grid, &part.to, &format!("{path}.part.to"), findings);
+                    Block {
+                        from,
+                        to,
+                        dimension: grid.dimension,
+                    }
+                });
+                ProbeAt::Section {
+                    axis,
+                    position: *position,
+                    part,
+                }
             }
             WrittenAt::Wall { face } => {
                 if face.axis() >= grid.dimension || grid.periodic[face.axis()] {

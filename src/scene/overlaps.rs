@@ -43,7 +43,8 @@ pub(crate) fn overlaps(
         })
         .collect();
     for (n, solid) in solids.iter().enumerate() {
-        for wall in walls {
+        // Structures have an inside.
+        for wall in walls.iter().filter(|wall| wall.structure.is_none()) {
             let distance = wall.surface.as_ref().map_or_else(
                 || {
                     (0..3)

@@ -4,6 +4,7 @@ use super::block::Block;
 use super::findings::{Findings, number};
 use super::grains::Grains;
 use super::grid::Grid;
+use super::structures::Structure;
 use super::unique;
 use crate::case::Case;
 use crate::case::darcy::{self as written_as, Darcy};
@@ -12,8 +13,10 @@ use crate::case::geometry::Face;
 use crate::darcy::Condition;
 use crate::error::Remedy;
 use crate::number::{real, whole};
+use crate::structure::Images;
 use serde::Serialize;
 use serde_json::json;
+use std::sync::Arc;
 
 /// Where the seepage stands in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
@@ -22,7 +25,7 @@ const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
 
 /// A resolved seepage, in SI.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Seepage {
     /// The choices as written.
     pub written: Darcy,
@@ -38,6 +41,9 @@ pub struct Seepage {
     pub planes: Vec<([f64; 3], f64)>,
     /// Conditions, in the order of the case.
     pub patches: Vec<Patch>,
+    /// Structures that the water meets.
+    #[serde(skip)]
+    pub solids: Vec<Arc<Images>>,
 }
 
 /// A condition on a part of a face of the coarse grid.
@@ -60,6 +66,7 @@ impl Seepage {
         case: &Case,
         grid: &Grid,
         grains: Option<&Grains>,
+        structures: &[Structure],
         findings: &mut Findings,
     ) -> Option<Self> {
         let Some(Fluid::Darcy(written)) = &case.fluid else {
@@ -82,6 +89,9 @@ impl Seepage {
             spacing,
             planes,
             patches: Vec::new(),
+            solids: (structures.iter().filter(|s| s.stops.water()))
+                .map(|s| Arc::clone(&s.solid))
+                .collect(),
         };
         scene.patches = scene.patches_of(grid, findings);
         scene.check(case, grid, grains, findings);
@@ -232,9 +242,41 @@ impl Seepage {
                     "move it into the water, or move the plane",
                 );
             }
+            if self.covered(&patch, grid.dimension) {
+                let whole = boundary.patch.is_none();
+                findings.error(
+                    &format!("{path}.{}", if whole { "face" } else { "patch" }),
+                    "structures cover all of it: no water passes",
+                    "move the boundary or the structure",
+                );
+            }
             patches.push(patch);
         }
         patches
+    }
+
+    /// Whether structures hold the cells of a patch.
+    fn covered(&self, patch: &Patch, dimension: usize) -> bool {
+        let axis = patch.face.axis();
+        let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
+        let cells = across.iter().map(|&a| patch.to[a] - patch.from[a]);
+        (0..cells.product()).all(|mut n: usize| {
+            let mut at = [0.0; 3];
+            at[axis] = self.origin[axis]
+                + self.spacing[axis]
+                    * if patch.face.is_max() {
+                        real(self.cells[axis]) - 0.5
+                    } else {
+                        0.5
+                    };
+            for &a in &across {
+                let cells = patch.to[a] - patch.from[a];
+                at[a] = self.origin[a] + (real(patch.from[a] + n % cells) + 0.5) * self.spacing[a];
+                n /= cells;
+            }
+            let least = 0.5 * self.smallest_edge(dimension);
+            self.solids.iter().any(|solid| solid.distance(at) < -least)
+        })
     }
 
     /// Whether the enclosure shuts a patch: every cell face of it lies wholly behind one plane.

@@ -3,6 +3,7 @@
 use super::block::Block;
 use super::findings::Findings;
 use super::grid::Grid;
+use super::structures::{self, Structure};
 use super::{material, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::Face;
@@ -34,13 +35,16 @@ pub struct Wall {
     pub temporary: bool,
     /// The face of the domain it lies on, if it is a box wall.
     pub face: Option<Face>,
+    /// The structure whose surface it is, by its index in [`super::Scene::structures`].
+    pub structure: Option<usize>,
 }
 
-/// The walls of a case: those written, then those on faces of the domain.
+/// The walls of a case: those written, those of the structures, then those on faces of the domain.
 pub(crate) fn walls(
     case: &Case,
     grid: &Grid,
     names: &[String],
+    solids: &[Structure],
     findings: &mut Findings,
 ) -> Vec<Wall> {
     let mut walls = Vec::new();
@@ -84,8 +88,10 @@ pub(crate) fn walls(
             material: index.unwrap_or(0),
             temporary: wall.during == WallStage::Preparation,
             face: None,
+            structure: None,
         });
     }
+    walls.extend(structures::walls(case, grid, solids, findings));
     let grains = case.grains.as_ref().map(|g| g.material.as_str());
     let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
     let mut taken = [false; 6];
@@ -135,6 +141,7 @@ pub(crate) fn walls(
             material: index.unwrap_or(0),
             temporary: false,
             face: Some(*face),
+            structure: None,
         });
     }
     walls

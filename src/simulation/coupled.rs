@@ -14,7 +14,9 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::links::Scheme;
 use crate::lbm::saturation::Method as Saturation;
 use crate::plan::Plan;
+use crate::structure::Images;
 use crate::units::LatticeUnits;
+use std::sync::Arc;
 
 /// Force per volume of a solid [N/m3] that the lattice does not know of.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
@@ -50,18 +52,34 @@ pub fn flow<Sp: Space, S: Stored>(
                 without_inner_water: written.exclude_inner_fluid,
                 buoyancy: buoyancy(plan),
             };
-            let flow = PartiallySaturated::new(fluid, units, origin, settings);
+            let flow = PartiallySaturated::new(fluid, units, origin, settings)
+                .with_structures(structures(plan), true);
             Water::Saturated(Box::new(flow))
         }
         Some(Coupling::BounceBack(written)) => {
             let settings = links(plan, written);
-            Water::BounceBack(Box::new(BounceBack::new(fluid, units, origin, settings)))
+            let flow = BounceBack::new(fluid, units, origin, settings).with_structures(
+                structures(plan),
+                written.scheme == WrittenScheme::Interpolated,
+            );
+            Water::BounceBack(Box::new(flow))
         }
         None => {
             let settings = links(plan, &WrittenBounceBack::default());
-            Water::BounceBack(Box::new(BounceBack::new(fluid, units, origin, settings)))
+            let flow = BounceBack::new(fluid, units, origin, settings)
+                .with_structures(structures(plan), true);
+            Water::BounceBack(Box::new(flow))
         }
     }
+}
+
+/// The structures that water meets.
+pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
+    let structures = plan.scene.structures.iter();
+    structures
+        .filter(|structure| structure.stops.water())
+        .map(|structure| Arc::clone(&structure.solid))
+        .collect()
 }
 
 /// What solids do to the cells that they cover; none where they bounce links.

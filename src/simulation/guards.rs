@@ -23,6 +23,7 @@ mod openings;
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Precision;
 use crate::coupling::lattice::LatticeFlow;
+use crate::coupling::structure_map::StructureMap;
 use crate::dem::deepest::{Deepest, With};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
@@ -273,10 +274,10 @@ impl Guards {
             if let Some(error) = error
                 && (error.is_nan() || error > limit)
             {
-                let interpolated = matches!(
-                    &plan.scene.coupling,
-                    Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated
-                );
+                let interpolated = match &plan.scene.coupling {
+                    Some(Coupling::BounceBack(links)) => links.scheme == Scheme::Interpolated,
+                    _ => !plan.scene.structures.is_empty(),
+                };
                 let why = if what == "mass" && interpolated {
                     ": interpolated links do not keep the mass to rounding, \"half_way\" links do"
                 } else {
@@ -366,7 +367,8 @@ impl Guards {
         let mut crossed = flow.fluid().left(|at| all || flow.counts(at));
         let through = crossed;
         let mut scale = 0.0_f64;
-        for load in flow.last_loads() {
+        let fixed = flow.structures().map_or(&[][..], StructureMap::loads);
+        for load in flow.last_loads().iter().chain(fixed) {
             for a in 0..3 {
                 crossed[a + 1] += load[a];
                 scale = scale.max(from_quanta(load[a]).abs());

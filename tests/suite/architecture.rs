@@ -70,6 +70,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
             "provenance",
             "random",
             "scene",
+            "structure",
             "units",
         ],
         &["decomposition", "io"],
@@ -97,7 +98,17 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     // Shapes of walls and blocks are those of the engine of the grains; models judge their own parameters.
     (
         "scene",
-        &["case", "coupling", "darcy", "dem", "lbm", "random", "units"],
+        &[
+            "case",
+            "coupling",
+            "darcy",
+            "dem",
+            "geometry",
+            "lbm",
+            "random",
+            "structure",
+            "units",
+        ],
         &["io"],
     ),
     // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
@@ -109,12 +120,20 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     // The parameters of a model stand beside its formula.
     (
         "case",
-        &["coupling", "darcy", "dem", "geometry", "lbm", "units"],
+        &[
+            "coupling",
+            "darcy",
+            "dem",
+            "geometry",
+            "lbm",
+            "structure",
+            "units",
+        ],
         &[],
     ),
     (
         "coupling",
-        &["thread_pool", "darcy", "dem", "lbm", "units"],
+        &["thread_pool", "darcy", "dem", "lbm", "structure", "units"],
         &["decomposition"],
     ),
     // Boundaries and fluctuations convert their own parameters.
@@ -124,7 +143,9 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["decomposition"],
     ),
     ("dem", &["thread_pool", "random"], &["decomposition"]),
-    ("darcy", &["random"], &["decomposition"]),
+    ("darcy", &["random", "structure"], &["decomposition"]),
+    // A shape holds its own parameters.
+    ("structure", &["geometry", "random"], &[]),
     ("geometry", &[], &[]),
     ("provenance", &[], &[]),
     ("units", &[], &[]),

@@ -32,6 +32,7 @@ mod seepage;
 mod slopes;
 mod speaking;
 mod stopping;
+mod structures;
 mod sweep;
 mod usage;
 mod verification;

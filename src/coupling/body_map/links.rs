@@ -63,13 +63,18 @@ impl BodyMap {
                 if there == mine || there == OUTSIDE || (between && there < mine) {
                     continue;
                 }
+                if self.cut(inner, out) {
+                    continue;
+                }
                 let mine_to_do = self.interior(outer);
                 if !mine_to_do && !self.interior(inner) {
                     continue;
                 }
                 let i = velocities.opposite[out];
                 let behind: [i32; 3] = std::array::from_fn(|a| outer[a] + c[a]);
-                let backed = self.held(behind) && self.owner[self.at(behind)] == FLUID;
+                let backed = self.held(behind)
+                    && self.owner[self.at(behind)] == FLUID
+                    && !self.cut(outer, out);
                 let moves = match self.rules.isolated {
                     None => true,
                     Some(limit) => self.solid_neighbours(outer, populations) < limit,
@@ -90,6 +95,12 @@ impl BodyMap {
                 });
             }
         }
+    }
+
+    /// Whether a sheet cuts the link from a cell along a direction: it is the sheet's.
+    fn cut(&self, cell: [i32; 3], direction: usize) -> bool {
+        !self.sheets.is_empty()
+            && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(self.at(cell), d)))
     }
 
     /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local coordinates).

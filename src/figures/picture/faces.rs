@@ -178,6 +178,7 @@ mod tests {
             water: None,
             grains: None,
             faces: Some(faces),
+            structures: None,
         }];
         let frame = Frame::new(&scenes, View::Z);
         assert_eq!((frame.low, frame.high), ([0.0; 2], [1.0; 2]));

@@ -10,6 +10,7 @@ use crate::case::geometry::Face;
 use crate::case::grains::{Grading, GrainSource};
 use crate::case::observe::Action;
 use crate::case::solids::{Body, Shape};
+use crate::case::structures::Shape as Structure;
 use crate::dem::polyhedron::Polyhedron;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
@@ -105,6 +106,7 @@ pub(crate) fn of(
     speed: Option<f64>,
 ) -> Vec<Feature> {
     let mut list = solids(case, lbm, flow);
+    list.extend(structures(case));
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
             what,
@@ -226,6 +228,24 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
         },
         obstacle,
     }
+}
+
+/// Diameters of round structures. Sheets and boxes hold water back however thin they are.
+fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
+    let wet = case.structures.iter().filter(|s| s.stops.water());
+    wet.filter_map(|structure| {
+        let radius = match &structure.shape {
+            Structure::Disc(disc) => disc.radius,
+            Structure::Sphere(sphere) => sphere.radius,
+            Structure::Cylinder(cylinder) => cylinder.radius,
+            _ => return None,
+        };
+        Some(Feature {
+            what: format!("diameter of `{}`", structure.name),
+            size: 2.0 * radius,
+            obstacle: "interpolated links",
+        })
+    })
 }
 
 /// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its

@@ -127,7 +127,7 @@ pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
                     if beside {
                         sums.cells[row] += 1;
                     }
-                    if fluid.body_at(cell).is_some() {
+                    if fluid.solid_at(cell) {
                         sums.solid[row] += i64::from(beside);
                         continue;
                     }

@@ -1,0 +1,50 @@
+//! Structures: solids at rest that water and grains meet.
+
+pub use crate::structure::Shape;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another, leave the
+/// domain and cross its periodic faces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Structure {
+    /// Name that probes use.
+    pub name: String,
+    /// Shape and position.
+    pub shape: Shape,
+    /// Material in contacts. Default: the material of the grains, or of the blocks.
+    #[serde(default)]
+    pub material: Option<String>,
+    /// What the structure stops.
+    #[serde(default)]
+    pub stops: Stops,
+}
+
+/// What a structure stops.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Stops {
+    /// Water, grains and blocks.
+    #[default]
+    All,
+    /// Water only: grains and blocks pass through it.
+    Water,
+    /// Grains and blocks only, such as a screen: water passes through it.
+    Grains,
+}
+
+impl Stops {
+    /// Whether water meets it.
+    #[must_use]
+    pub fn water(self) -> bool {
+        self != Self::Grains
+    }
+
+    /// Whether grains and blocks meet it.
+    #[must_use]
+    pub fn grains(self) -> bool {
+        self != Self::Water
+    }
+}

@@ -1,0 +1,63 @@
+//! Values of the seepage: the state in the cell that holds a point, and what crosses a section between cells.
+//!
+//! Every rank knows the whole coarse grid, so that nothing is gathered.
+
+use crate::coupling::seepage::Seepage;
+use crate::dem::space::Space;
+use crate::number::{real, whole};
+use crate::scene::block::Block;
+use crate::scene::seepage::Seepage as Scene;
+use std::ops::Range;
+
+/// A part of a plane between cells of the coarse grid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Section {
+    axis: usize,
+    plane: usize,
+    ranges: [Range<usize>; 3],
+}
+
+impl Section {
+    /// The plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    pub(super) fn new(scene: &Scene, axis: usize, position: f64, part: Option<&Block>) -> Self {
+        let place = (position - scene.origin[axis]) / scene.spacing[axis];
+        let ranges = std::array::from_fn(|a| match part {
+            Some(part) if a != axis && a < part.dimension => {
+                let first = |x: f64| {
+                    let place = (x - scene.origin[a]) / scene.spacing[a] - 0.5;
+                    whole(place.ceil().clamp(0.0, real(scene.cells[a])))
+                };
+                first(part.from[a])..first(part.to[a])
+            }
+            _ => 0..scene.cells[a],
+        });
+        Self {
+            axis,
+            plane: whole(place.round()).min(scene.cells[axis]),
+            ranges,
+        }
+    }
+
+    /// Discharge, open area, mean heads before and behind.
+    pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> [f64; 4] {
+        let pressure = seepage.pressure();
+        let through = pressure.through(self.axis, self.plane, &self.ranges);
+        let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
+        [through.discharge, through.area, before, behind]
+    }
+}
+
+/// Velocity, pressure and head in the cell that holds a point; NaN outside the grid and in cells without water.
+pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
+    let grid = seepage.grid();
+    let pressure = seepage.pressure();
+    let cell = grid.holding(point).map(|cell| grid.index(cell));
+    match cell.filter(|&cell| seepage.pores().porosity()[cell] > 0.0) {
+        Some(cell) => {
+            let [u, v, w] = seepage.water_velocity(cell);
+            let head = pressure.head(pressure.reduced(cell));
+            [u, v, w, pressure.pressure(cell), head]
+        }
+        None => [f64::NAN; 5],
+    }
+}

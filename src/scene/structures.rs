@@ -1,0 +1,384 @@
+//! The structures of a scene, and the walls that grains meet at them.
+
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::walls::Wall;
+use super::{material, stl, unique};
+use crate::case::Case;
+use crate::case::darcy::Enclosure;
+use crate::case::fluid::Fluid;
+use crate::case::structures::Stops;
+use crate::dem::Surface;
+use crate::dem::polyhedron::Solid;
+use crate::error::Remedy;
+use crate::number::real;
+use crate::scene::auto::features::grain_diameters;
+use crate::scene::flow::Flow;
+use crate::structure::{Frame, Images};
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// A solid at rest.
+#[derive(Clone, Debug, Serialize)]
+pub struct Structure {
+    /// Its name.
+    pub name: String,
+    /// The solid with its periodic images.
+    #[serde(skip)]
+    pub solid: Arc<Images>,
+    /// What it stops.
+    pub stops: Stops,
+    /// Index of its material.
+    pub material: Option<usize>,
+}
+
+/// Cells round the domain in which solids are known.
+const MARGIN: f64 = 3.0;
+
+/// The structures of a case.
+pub(crate) fn structures(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Structure> {
+    let frame = Frame {
+        dimension: grid.dimension,
+        size: grid.size,
+    };
+    let mut known: Vec<&str> = case.walls.iter().map(|wall| wall.name.as_str()).collect();
+    let of_grains = case.grains.as_ref().map(|grains| &grains.material);
+    let of_solids = of_grains.or(case.blocks.as_ref().map(|blocks| &blocks.material));
+    let mut all = Vec::new();
+    for (n, written) in case.structures.iter().enumerate() {
+        let path = format!("structures[{n}]");
+        unique(&mut known, &written.name, &format!("{path}.name"), findings);
+        let read = |mesh: &crate::geometry::Mesh| {
+            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
+            let file = case.directory.join(&mesh.path);
+            let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+                .map_err(|e| e.to_string())
+                .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+                .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
+            Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
+        };
+        let shape = format!("{path}.shape");
+        let Some(solid) = written.shape.solid(&frame, &shape, &read, findings) else {
+            continue;
+        };
+        let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
+        if images.is_empty() || !meets(&images, grid) {
+            findings.error(
+                &shape,
+                "the structure lies outside the domain",
+                format!(
+                    "the domain is 0 … {} m along its axes: move the structure into it",
+                    grid.size[..grid.dimension]
+                        .iter()
+                        .map(|x| number(*x))
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
+            );
+            continue;
+        }
+        let index = match (&written.material, of_solids) {
+            (Some(name), _) => material(names, name, &format!("{path}.material"), findings),
+            (None, Some(name)) => names.iter().position(|known| known == name),
+            (None, None) => None,
+        };
+        let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+        if index.is_none() && written.material.is_none() && moving && written.stops.grains() {
+            findings.error(
+                &format!("{path}.material"),
+                "the structure needs a material: there are no grains or blocks to take it from",
+                Remedy::from("name a material, or write \"stops\": \"water\"")
+                    .set(format!("{path}.stops"), "water"),
+            );
+        }
+        if written.stops == Stops::Water && case.fluid.is_none() {
+            findings.error(
+                &format!("{path}.stops"),
+                "there is no water in this case: the structure would stop nothing",
+                Remedy::from("write all").set(format!("{path}.stops"), "all"),
+            );
+        }
+        all.push(Structure {
+            name: written.name.clone(),
+            solid: Arc::new(images),
+            stops: written.stops,
+            material: index,
+        });
+    }
+    all
+}
+
+/// Whether a part of the solid, however thin, lies in the domain.
+fn meets(images: &Images, grid: &Grid) -> bool {
+    images
+        .extents()
+        .any(|[low, high]| (0..grid.dimension).all(|a| low[a] < grid.size[a] && high[a] > 0.0))
+        && images.solid().plane().is_none_or(|(point, normal)| {
+            // The corner of the domain that lies deepest behind the plane.
+            let deepest: f64 = (0..grid.dimension)
+                .map(|a| (-point[a] * normal[a]).min((grid.size[a] - point[a]) * normal[a]))
+                .sum();
+            deepest < 0.0
+        })
+}
+
+/// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
+const SAGITTA: f64 = 0.01;
+
+/// What grains meet at the structures.
+pub(crate) fn walls(
+    case: &Case,
+    grid: &Grid,
+    structures: &[Structure],
+    findings: &mut Findings,
+) -> Vec<Wall> {
+    let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    if !moving {
+        return Vec::new();
+    }
+    let extent = grid.size[..grid.dimension]
+        .iter()
+        .copied()
+        .fold(0.0, f64::max);
+    let smallest = grain_diameters(case).map_or(0.01 * extent, |(low, _)| low);
+    let mut walls = Vec::new();
+    for (n, structure) in structures.iter().enumerate() {
+        let Some(material) = structure.material.filter(|_| structure.stops.grains()) else {
+            continue;
+        };
+        let mut wall = Wall {
+            name: structure.name.clone(),
+            point: [0.0; 3],
+            normal: [0.0; 3],
+            surface: None,
+            velocity: [0.0; 3],
+            material,
+            temporary: false,
+            face: None,
+            structure: Some(n),
+        };
+        if let Some((point, normal)) = structure.solid.solid().plane() {
+            (wall.point, wall.normal) = (point, normal);
+            walls.push(wall);
+            continue;
+        }
+        if grid.periodic.contains(&true) {
+            findings.error(
+                &format!("structures[{n}].stops"),
+                "grains cannot meet a structure of facets in a domain with a periodic axis",
+                Remedy::from("write water, so that only the water meets it, use planes, or remove `domain.periodic`")
+                    .set(format!("structures[{n}].stops"), "water"),
+            );
+            continue;
+        }
+        // In 2-D the facets are strips across the plane.
+        let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
+        let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
+        match Surface::new(vertices.collect(), &facets.faces) {
+            Ok(surface) => wall.surface = Some(Arc::new(surface)),
+            Err(error) => findings.error(
+                &format!("structures[{n}].shape"),
+                error.to_string(),
+                "correct the shape",
+            ),
+        }
+        if wall.surface.is_some() {
+            walls.push(wall);
+        }
+    }
+    walls
+}
+
+/// Grains of a list that start in a structure, deeper than a twentieth of their radius.
+pub(crate) fn grains_inside(
+    structures: &[Structure],
+    grains: &[super::sample::Grain],
+    findings: &mut Findings,
+) {
+    const ALLOWED: f64 = 0.05;
+    for structure in structures.iter().filter(|s| s.stops.grains()) {
+        for (n, grain) in grains.iter().enumerate() {
+            let depth = grain.radius - structure.solid.distance(grain.position);
+            if depth > ALLOWED * grain.radius {
+                findings.error(
+                    &format!("grains.initial.list[{n}].position"),
+                    format!(
+                        "this reaches into the structure `{}` by {} m at the start",
+                        structure.name,
+                        number(depth)
+                    ),
+                    "move it away from the structure",
+                );
+            }
+        }
+    }
+}
+
+/// Openings that structures close completely.
+pub(crate) fn openings(
+    grid: &Grid,
+    structures: &[Structure],
+    flow: &Flow,
+    findings: &mut Findings,
+) {
+    let solid = |at: [f64; 3]| {
+        let mut water = structures.iter().filter(|s| s.stops.water());
+        water.any(|s| s.solid.distance(at) < 0.0)
+    };
+    for patch in flow.patches() {
+        let Some(n) = patch.index.filter(|_| !structures.is_empty()) else {
+            continue;
+        };
+        if !patch.condition.model().passes_water() {
+            continue;
+        }
+        let axis = patch.face.axis();
+        let across: Vec<usize> = (0..grid.dimension).filter(|&a| a != axis).collect();
+        let count: usize = across
+            .iter()
+            .map(|&a| patch.to[a] - patch.from[a])
+            .product();
+        let layer = if patch.face.is_max() {
+            grid.cells[axis] - 1
+        } else {
+            0
+        };
+        let closed = (0..count).all(|mut k| {
+            let mut cell = [0; 3];
+            cell[axis] = layer;
+            for &a in &across {
+                let cells = patch.to[a] - patch.from[a];
+                cell[a] = patch.from[a] + k % cells;
+                k /= cells;
+            }
+            solid(grid.centre(cell))
+        });
+        if closed && count > 0 {
+            findings.error(
+                &format!("fluid.lattice_boltzmann.boundaries[{n}]"),
+                format!("structures cover all of `{}`: no water passes", patch.name),
+                "move the opening or the structure",
+            );
+        }
+    }
+}
+
+/// A layer of water up to this many cells deep behind a wall is a joint under blocks.
+const JOINT: f64 = 3.0;
+/// Points along an axis at which it is looked for water behind a wall.
+const LOOKS: usize = 10;
+
+/// A half-space `normal . x <= offset` that the water fills, or a part of it \[m\].
+type Bound = ([f64; 3], f64);
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The faces that bound the water of a case.
+fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
+    let (mut low, mut high) = ([0.0; 3], grid.size);
+    let mut all = Vec::new();
+    if let Some(Fluid::Darcy(darcy)) = &case.fluid {
+        if let Some(own) = &darcy.grid {
+            (low, high) = (own.from.to_array(), own.to.to_array());
+        }
+        if let Enclosure::Planes(planes) = &darcy.enclosure {
+            for plane in planes {
+                let normal = plane.normal.to_array();
+                let length = dot(normal, normal).sqrt();
+                let outward = normal.map(|x| -x / length);
+                all.push((outward, dot(outward, plane.point.to_array())));
+            }
+        }
+    }
+    for a in 0..grid.dimension {
+        let mut up = [0.0; 3];
+        up[a] = 1.0;
+        all.push((up, high[a]));
+        all.push((up.map(|x: f64| -x), -low[a]));
+    }
+    all
+}
+
+/// Where water is present, walls are for grains only. Those with water on both sides are named.
+pub(crate) fn walls_in_water(
+    case: &Case,
+    grid: &Grid,
+    walls: &[Wall],
+    (structures, fixed): (&[Structure], &[&Solid]),
+    findings: &mut Findings,
+) {
+    if case.fluid.is_none() {
+        return;
+    }
+    let bounds = bounds(case, grid);
+    let near = 1e-6
+        * grid.size[..grid.dimension]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max);
+    // A surface that lies in a face of the water, or beyond it, bounds the water.
+    let outside = |surface: &Surface| {
+        bounds.iter().any(|(normal, offset)| {
+            (0..surface.len())
+                .flat_map(|facet| surface.corners(facet))
+                .all(|at| dot(*normal, at.into()) > offset - near)
+        })
+    };
+    let half_spaces: Vec<_> = fixed.iter().map(|solid| solid.half_spaces()).collect();
+    let solid = |at: [f64; 3]| {
+        let wet = structures.iter().filter(|s| s.stops.water());
+        wet.into_iter().any(|s| s.solid.distance(at) < 0.0)
+            || half_spaces.iter().any(|block| {
+                (block.iter()).all(|face| face.normal.dot(&Vector3::from(at)) <= face.offset)
+            })
+    };
+    let deep = JOINT * grid.spacing;
+    let behind = |wall: &Wall| {
+        let by = |a: usize| if a < grid.dimension { LOOKS } else { 1 };
+        (0..by(0) * by(1) * by(2)).any(|n| {
+            let place = [n % LOOKS, n / LOOKS % LOOKS, n / (LOOKS * LOOKS)];
+            let at: [f64; 3] = std::array::from_fn(|a| {
+                if a < grid.dimension {
+                    grid.size[a] * (real(place[a]) + 0.5) / real(LOOKS)
+                } else {
+                    0.0
+                }
+            });
+            let height = dot(wall.normal, at) - dot(wall.normal, wall.point);
+            let wet = bounds
+                .iter()
+                .all(|(normal, offset)| dot(*normal, at) < *offset);
+            height < -deep && wet && !solid(at)
+        })
+    };
+    for (n, written) in case.walls.iter().enumerate() {
+        let resolved = walls.iter().find(|wall| wall.name == written.name);
+        let in_water = |wall: &&Wall| {
+            !wall.temporary
+                && wall.structure.is_none()
+                && match &wall.surface {
+                    Some(surface) => !outside(surface),
+                    None => behind(wall),
+                }
+        };
+        let Some(wall) = resolved.filter(in_water) else {
+            continue;
+        };
+        findings.warn(
+            &format!("walls[{n}]"),
+            format!(
+                "the wall `{}` is for grains only: water passes through it",
+                wall.name
+            ),
+            "use `structures` for a solid that water meets too",
+        );
+    }
+}

@@ -1,0 +1,129 @@
+//! A solid with its images in a periodic domain.
+
+use super::solid::join;
+use super::{Facets, Frame, Point, Solid, minus, plus};
+use std::sync::Arc;
+
+/// A solid and those of its periodic images that reach into the domain.
+#[derive(Clone, Debug)]
+pub struct Images {
+    solid: Arc<dyn Solid>,
+    /// How far each image stands from the solid \[m\].
+    shifts: Vec<Point>,
+    frame: Frame,
+}
+
+impl Images {
+    /// The images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans the domain has no end.
+    #[must_use]
+    pub fn new(solid: Arc<dyn Solid>, frame: Frame, periodic: [bool; 3], margin: f64) -> Self {
+        let [low, high] = solid.extent();
+        let mut shifts = vec![[0.0; 3]];
+        for axis in (0..frame.dimension).filter(|&a| periodic[a]) {
+            let length = frame.size[axis];
+            // What has no end needs no image.
+            if !(low[axis].is_finite() && high[axis].is_finite()) {
+                continue;
+            }
+            let alone = std::mem::take(&mut shifts);
+            for one in alone {
+                for by in [-1.0, 0.0, 1.0] {
+                    let mut shift = one;
+                    shift[axis] += by * length;
+                    shifts.push(shift);
+                }
+            }
+        }
+        let reaches = |shift: &Point| {
+            (0..frame.dimension)
+                .all(|a| high[a] + shift[a] > -margin && low[a] + shift[a] < frame.size[a] + margin)
+        };
+        shifts.retain(reaches);
+        Self {
+            solid,
+            shifts,
+            frame,
+        }
+    }
+
+    /// Whether none of them comes near the domain.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.shifts.is_empty()
+    }
+
+    /// The solid itself.
+    #[must_use]
+    pub fn solid(&self) -> &dyn Solid {
+        &*self.solid
+    }
+
+    /// The domain.
+    #[must_use]
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// As [`Solid::distance`], of the nearest image.
+    #[must_use]
+    pub fn distance(&self, at: Point) -> f64 {
+        let images = self.shifts.iter();
+        images
+            .map(|shift| self.solid.distance(minus(at, *shift)))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// As [`Solid::chords`], of all images; `found` is emptied first.
+    pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
+        found.clear();
+        if let [shift] = self.shifts[..] {
+            self.solid.chords(minus(from, shift), along, found);
+            return;
+        }
+        let mut one = Vec::new();
+        for shift in &self.shifts {
+            one.clear();
+            self.solid.chords(minus(from, *shift), along, &mut one);
+            found.append(&mut one);
+        }
+        join(found);
+    }
+
+    /// The boxes that hold the images \[m\].
+    pub fn extents(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
+        let [low, high] = self.solid.extent();
+        self.shifts
+            .iter()
+            .map(move |shift| [plus(low, *shift), plus(high, *shift)])
+    }
+
+    /// The surfaces of all images. In 2-D they stand along z between -`depth` and `depth`, and have no ends.
+    #[must_use]
+    pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
+        let one = if self.frame.dimension == 2 {
+            Facets::along_z(&self.solid.outline(tolerance), depth)
+        } else {
+            self.solid.facets(tolerance)
+        };
+        self.everywhere(&one)
+    }
+
+    /// What is drawn: the surfaces of all images; in 2-D their areas.
+    #[must_use]
+    pub fn drawn(&self, tolerance: f64) -> Facets {
+        let one = if self.frame.dimension == 2 {
+            Facets::area(&self.solid.outline(tolerance))
+        } else {
+            self.solid.facets(tolerance)
+        };
+        self.everywhere(&one)
+    }
+
+    fn everywhere(&self, one: &Facets) -> Facets {
+        let mut all = Facets::default();
+        for shift in &self.shifts {
+            all.add(one, *shift);
+        }
+        all
+    }
+}

@@ -1,0 +1,426 @@
+//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains beside them, and the same
+//! bits on any number of ranks.
+
+use crate::ranks::{Study, beside_others};
+use serde_json::{Value, json};
+use solver::case::Document;
+use solver::error::{Problem, Severity};
+use solver::plan::Plan;
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// The values of a column of a table of a run.
+fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
+    let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let place = lines.next().unwrap().split(',').position(|n| n == name);
+    let place = place.unwrap_or_else(|| panic!("{table} has no {name}"));
+    lines
+        .map(|line| line.split(',').nth(place).unwrap().parse().unwrap())
+        .collect()
+}
+
+fn last(study: &Study, run: &str, table: &str, name: &str) -> f64 {
+    *column(study, run, table, name).last().unwrap()
+}
+
+/// A channel along x of 4 cells, driven by a force of 8 N/m3; water of 0.01 m2/s.
+fn channel(height: f64, structures: &Value) -> Value {
+    json!({
+        "domain": {"size": [0.04, height], "spacing": 0.01, "periodic": ["x"]},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 0.01, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "body_force": {"constant": [8, 0]}
+        }},
+        "structures": structures,
+        "time": {"end": 2},
+        "probes": (["flow"].iter().map(|name| json!({
+            "name": name, "every": 1, "at": {"plane": {"axis": "x", "position": 0.02}}
+        }))).chain((0..structures.as_array().unwrap().len()).map(|n| json!({
+            "name": format!("force{n}"), "every": 1, "at": {"structure": {"name": structures[n]["name"]}}
+        }))).collect::<Vec<_>>()
+    })
+}
+
+fn slab(name: &str, from: f64, to: f64) -> Value {
+    json!({"name": name, "shape": {"box": {"from": [-1, from], "to": [1, to]}}})
+}
+
+/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the force over the
+/// viscosity, and the boxes bear the force on all the water.
+#[test]
+fn a_channel_of_boxes_is_one_of_walls() {
+    let _beside = beside_others();
+    let flux = |height: f64, structures: &Value| {
+        let study = Study::new(&channel(height, structures).to_string());
+        study.run("run", 1, 1, &[]);
+        let forces = (0..structures.as_array().unwrap().len()).map(|n| {
+            last(
+                &study,
+                "run",
+                &format!("probe_force{n}.csv"),
+                "fluid_force_x",
+            )
+        });
+        let forces: Vec<f64> = forces.collect();
+        (last(&study, "run", "probe_flow.csv", "discharge"), forces)
+    };
+    let (walls, _) = flux(0.1, &json!([]));
+    let aligned = json!([slab("floor", -1.0, 0.02), slab("roof", 0.12, 1.0)]);
+    let (boxes, forces) = flux(0.14, &aligned);
+    assert!((boxes / walls - 1.0).abs() < 1e-10, "{boxes} {walls}");
+    // 1000 kg/m3 of water per metre of depth, half on each.
+    for force in forces {
+        assert!(
+            (force / (0.5 * 8.0 * 0.04 * 0.1) - 1.0).abs() < 1e-6,
+            "{force}"
+        );
+    }
+    let cut = json!([slab("floor", -1.0, 0.0234), slab("roof", 0.1171, 1.0)]);
+    let (boxes, forces) = flux(0.14, &cut);
+    let exact = 8.0 * (0.1171_f64 - 0.0234).powi(3) / (12.0 * 10.0);
+    // The discharge of a plane is that of the cells whose centres are water: of the order of a cell at the walls, where nothing flows.
+    println!("channel of boxes that cut cells: {boxes} for {exact}, forces {forces:?}");
+    assert!((boxes / exact - 1.0).abs() < 0.01, "{boxes} {exact}");
+}
+
+/// A channel that a sheet of a tenth of a cell closes, upright in the middle of a cell or oblique: nothing flows.
+#[test]
+fn a_sheet_thinner_than_a_cell_holds_water_back() {
+    let _beside = beside_others();
+    for sheet in [
+        json!({"box": {"from": [0.0152, -1], "to": [0.0156, 1]}}),
+        json!({"polygon": {"points": [[0.003, -0.01], [0.0035, -0.01], [0.0375, 0.11], [0.037, 0.11]]}}),
+    ] {
+        let case = channel(0.1, &json!([{"name": "sheet", "shape": sheet}]));
+        let study = Study::new(&case.to_string());
+        study.run("run", 1, 1, &[]);
+        let discharge = last(&study, "run", "probe_flow.csv", "discharge");
+        let free = 8.0 * 0.1_f64.powi(3) / 120.0;
+        assert!(discharge.abs() < 1e-9 * free, "{sheet}: {discharge}");
+        let force = last(&study, "run", "probe_force0.csv", "fluid_force_x");
+        println!("{sheet}: discharge {discharge}, force {force}");
+        assert!(
+            force > 0.5 * 8.0 * 0.04 * 0.1,
+            "the sheet bears the water: {force}"
+        );
+    }
+}
+
+/// A prism over a regular polygon as an STL file.
+fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
+    const N: u32 = 96;
+    let at = |k: u32, z: f64| {
+        let (s, c) = (2.0 * PI * f64::from(k % N) / f64::from(N)).sin_cos();
+        [centre[0] + radius * c, centre[1] + radius * s, z]
+    };
+    let mut text = String::from("solid cylinder\n");
+    let mut facet = |corners: [[f64; 3]; 3]| {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in corners {
+            writeln!(text, "vertex {x} {y} {z}").unwrap();
+        }
+        text += "endloop\nendfacet\n";
+    };
+    for k in 0..N {
+        let (a, b, c, d) = (at(k, low), at(k + 1, low), at(k + 1, high), at(k, high));
+        facet([a, b, c]);
+        facet([a, c, d]);
+        facet([[centre[0], centre[1], low], b, a]);
+        facet([[centre[0], centre[1], high], d, c]);
+    }
+    text + "endsolid\n"
+}
+
+/// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated surface.
+#[test]
+fn a_cylinder_bears_the_same_force_however_it_is_written() {
+    let _beside = beside_others();
+    let (centre, radius) = ([0.123, 0.098], 0.03);
+    let case = |space: bool| {
+        let size = if space {
+            json!([0.3, 0.2, 0.04])
+        } else {
+            json!([0.3, 0.2])
+        };
+        let periodic = if space {
+            json!(["x", "z"])
+        } else {
+            json!(["x"])
+        };
+        let force = if space {
+            json!([2, 0, 0])
+        } else {
+            json!([2, 0])
+        };
+        json!({
+            "domain": {"size": size, "spacing": 0.01, "periodic": periodic},
+            "materials": {"stone": {}},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 0.002, "collision": {"trt": {}}, "relaxation_time": 0.8,
+                "body_force": {"constant": force}
+            }},
+            "time": {"end": 6},
+            "probes": []
+        })
+    };
+    let run = |mut case: Value, what: &str, thing: Value, file: &str| {
+        let kind = if what == "bodies" {
+            "body"
+        } else {
+            "structure"
+        };
+        case[what] = json!([thing]);
+        if what == "bodies" {
+            case["coupling"] = json!({"bounce_back": {"scheme": "interpolated"}});
+        }
+        case["probes"] = json!([
+            {"name": "force", "every": 3, "at": {kind: {"name": "c"}}},
+            {"name": "flow", "every": 3, "at": {"plane": {"axis": "x", "position": 0.005}}}
+        ]);
+        let study = Study::new(&case.to_string());
+        if !file.is_empty() {
+            std::fs::write(study.path("").join("c.stl"), file).unwrap();
+        }
+        study.run("run", 1, 1, &[]);
+        let of = |table: &str, name: &str| last(&study, "run", table, name);
+        (
+            of("probe_force.csv", "fluid_force_x"),
+            of("probe_flow.csv", "discharge"),
+        )
+    };
+    let shaped = |shape: Value| json!({"name": "c", "shape": shape});
+    let body = json!({
+        "name": "c", "shape": {"disc": {"radius": radius}}, "position": centre, "motion": {"fixed": {}}, "material": "stone"
+    });
+    let [x, y] = centre;
+    let reference = run(case(false), "bodies", body, "");
+    let results = [
+        run(
+            case(false),
+            "structures",
+            shaped(json!({"disc": {"centre": centre, "radius": radius}})),
+            "",
+        ),
+        run(
+            case(true),
+            "structures",
+            shaped(
+                json!({"cylinder": {"from": [x, y, -0.1], "to": [x, y, 0.2], "radius": radius}}),
+            ),
+            "",
+        ),
+        run(
+            case(true),
+            "structures",
+            shaped(json!({"surface": {"mesh": {"path": "c.stl"}}})),
+            &stl(centre, radius, -0.1, 0.2),
+        ),
+    ];
+    let names = ["disc", "cylinder", "surface"];
+    for (n, (force, flow)) in results.into_iter().enumerate() {
+        // Of 0.04 m of the cylinder.
+        let depth = if n == 0 { 1.0 } else { 0.04 };
+        let (force, flow) = (force / depth / reference.0, flow / depth / reference.1);
+        println!(
+            "{}: force {force:.6}, discharge {flow:.6} of those of a disc body",
+            names[n]
+        );
+        assert!(
+            (force - 1.0).abs() < 0.01 && (flow - 1.0).abs() < 0.02,
+            "{}",
+            names[n]
+        );
+    }
+}
+
+/// Discs that fall onto a weir and past a sheet in water, in both couplings.
+fn weir(coupling: &Value) -> Value {
+    json!({
+        "domain": {"size": [0.02, 0.02], "spacing": 2.5e-4},
+        "gravity": [0, -9.81],
+        "materials": {"disc": {"density": 2500}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.3, "lattice_velocity": 0.06,
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"value": [0.05, 0]}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "structures": [
+            {"name": "weir", "shape": {"polygon": {"points": [[0.006, -0.001], [0.012, -0.001], [0.0101, 0.0063], [0.008, 0.006]]}}},
+            {"name": "sheet", "shape": {"box": {"from": [0.01551, 0.004], "to": [0.01556, 0.012]}}}
+        ],
+        "contact": {"linear": {"normal_stiffness": {"absolute": 50000}, "normal_damping_ratio": 0.3}},
+        "box_walls": ["y_min"],
+        "grains": {"material": "disc", "initial": {"list": [
+            {"position": [0.0091, 0.0085], "radius": 0.001}, {"position": [0.0142, 0.0081], "radius": 0.001},
+            {"position": [0.0116, 0.0052], "radius": 0.0009}, {"position": [0.0169, 0.0081], "radius": 0.001}
+        ]}},
+        "coupling": coupling,
+        "time": {"end": 0.03},
+        "probes": [
+            {"name": "weir", "every": 0.003, "at": {"structure": {"name": "weir"}}},
+            {"name": "sheet", "every": 0.003, "at": {"structure": {"name": "sheet"}}}
+        ],
+        "output": {"fluid": {"every": 0.015, "fields": ["velocity", "pressure", "solid"]}, "grains": {"every": 0.015}},
+        "checkpoint": {"every": 0.01}
+    })
+}
+
+#[test]
+fn grains_beside_structures_have_the_same_bits_on_any_ranks_and_after_a_restart() {
+    let _beside = beside_others();
+    for coupling in [
+        json!({"bounce_back": {"scheme": "interpolated"}}),
+        json!({"partially_saturated": {}}),
+    ] {
+        let study = Study::new(&weir(&coupling).to_string());
+        study.run("straight", 1, 1, &[]);
+        study.run("three", 3, 1, &["domain.split=x"]);
+        study.same("straight", "three");
+        study.run("parts", 1, 1, &["time.end=0.014"]);
+        study.restart("parts", 2, &["time.end=0.03"]).expect(0);
+        study.same("straight", "parts");
+        let force = column(&study, "straight", "probe_weir.csv", "fluid_force_x");
+        assert!(
+            force.iter().skip(1).all(|f| f.is_finite() && f.abs() > 0.0),
+            "{force:?}"
+        );
+        let warned = study.summary("straight")["warnings"].to_string();
+        assert!(!warned.contains("momentum balance"), "{warned}");
+    }
+}
+
+/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the polygon.
+#[test]
+fn a_disc_rests_in_the_corner_of_a_structure() {
+    let _beside = beside_others();
+    let case = json!({
+        "domain": {"size": [1, 1], "spacing": 0.05},
+        "gravity": [0, -10],
+        "materials": {"stone": {"density": 2000}},
+        "structures": [{
+            "name": "valley",
+            "shape": {"polygon": {"points": [[0, 0], [1, 0], [1, 0.8], [0.7, 0.2], [0.3, 0.2], [0, 0.5]]}}
+        }],
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e7}, "normal_damping_ratio": 0.5}},
+        "grains": {"material": "stone", "initial": {"list": [{"position": [0.6, 0.4], "radius": 0.1, "velocity": [0.2, 0]}]}},
+        "time": {"end": 3},
+        "output": {"grains": {"every": 3}},
+        "regions": [{"name": "all", "box": {"from": [0.4, 0.25], "to": [1, 1]}, "action": {"record": {}}}]
+    });
+    let study = Study::new(&case.to_string());
+    study.run("run", 1, 1, &[]);
+    let info = io::fields::read_column(
+        &std::fs::read_dir(study.path("run"))
+            .unwrap()
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.to_string_lossy().contains("grains_"))
+            .max()
+            .unwrap(),
+        "position",
+    )
+    .unwrap();
+    println!("at rest at {:?}", info.values);
+    // On the floor of the valley, pressed in by its weight.
+    let weight = 2000.0 * PI * 0.01 * 10.0;
+    assert!(
+        (info.values[1] - 0.3 + weight / 1e7).abs() < 2e-5,
+        "{:?}",
+        info.values
+    );
+    assert!(info.values[0] > 0.33 && info.values[0] < 0.66);
+    // Its surface is there for ParaView.
+    let surface = io::fields::read_column(
+        &study.path("run").join("structures_000000000.vtkhdf"),
+        "structure",
+    );
+    assert_eq!(surface.unwrap().values, [0.0; 4]);
+}
+
+fn problems(case: &Value) -> Vec<Problem> {
+    match Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[test]
+fn structures_that_cannot_be_are_refused_by_name() {
+    let changed = |pointer: &str, value: Value| {
+        let mut case = weir(&json!({"bounce_back": {}}));
+        *case.pointer_mut(pointer).unwrap() = value;
+        case
+    };
+    let shape = "/structures/0/shape";
+    for (case, path, part) in [
+        (
+            changed(
+                shape,
+                json!({"polygon": {"points": [[0.006, 0], [0.01, 0.005], [0.01, 0], [0.006, 0.005]]}}),
+            ),
+            "structures[0].shape.polygon.points",
+            "crosses or touches itself",
+        ),
+        (
+            changed(shape, json!({"box": {"from": [0.03, 0], "to": [0.04, 1]}})),
+            "structures[0].shape",
+            "outside the domain",
+        ),
+        (
+            changed(
+                shape,
+                json!({"plane": {"point": [0, 0.03], "normal": [0, -1]}}),
+            ),
+            "structures[0].shape",
+            "outside the domain",
+        ),
+        (
+            changed(shape, json!({"box": {"from": [-1, -1], "to": [0.001, 1]}})),
+            "fluid.lattice_boltzmann.boundaries[0]",
+            "structures cover all of `in`",
+        ),
+        (
+            changed(
+                shape,
+                json!({"disc": {"centre": [0.009, 0.0085], "radius": 0.002}}),
+            ),
+            "grains.initial.list[0].position",
+            "reaches into the structure `weir`",
+        ),
+        (
+            changed("/structures/1/name", json!("weir")),
+            "structures[1].name",
+            "used twice",
+        ),
+        (
+            changed("/probes/0/at/structure/name", json!("dam")),
+            "probes[0].at.structure.name",
+            "no structure of this name",
+        ),
+    ] {
+        let found = problems(&case);
+        assert!(
+            found.iter().any(|p| p.path == path
+                && p.reason.contains(part)
+                && p.severity == Severity::Error),
+            "{path}: {found:#?}"
+        );
+    }
+    // A wall in water is for grains only, and says so; one on the floor of the domain is not in the water.
+    let mut case = weir(&json!({"bounce_back": {}}));
+    case["walls"] = json!([
+        {"name": "gate", "shape": {"plane": {"point": [0.018, 0.01], "normal": [-1, 0]}}, "material": "disc"},
+        {"name": "floor", "shape": {"plane": {"point": [0, 0], "normal": [0, 1]}}, "material": "disc"}
+    ]);
+    let found = problems(&case);
+    let said: Vec<&Problem> = found
+        .iter()
+        .filter(|p| p.path.starts_with("walls"))
+        .collect();
+    assert_eq!(said.len(), 1, "{found:#?}");
+    assert_eq!(said[0].path, "walls[0]");
+    assert!(said[0].reason.contains("for grains only") && said[0].severity == Severity::Warning);
+}
