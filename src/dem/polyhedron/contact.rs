@@ -61,6 +61,7 @@
 mod facet;
 mod history;
 mod overlap;
+mod pressure;
 mod sphere;
 
 use nalgebra::{Matrix3, Vector3};
@@ -113,6 +114,8 @@ pub struct Geometry {
     pub area: f64,
     /// Second moments [m⁴] of the area about the contact point: the sum of `a a^T` over its arms `a` across the normal.
     pub second: Matrix3<f64>,
+    /// Moment about the normal on the second over the normal force \[m\].
+    pub couple: f64,
 }
 
 impl Geometry {
@@ -147,6 +150,9 @@ pub struct Narrow {
     cutting: Vec<(usize, usize)>,
     polygon: Vec<Vector3<f64>>,
     spare: Vec<Vector3<f64>>,
+    /// A polygon before it is cut into parts, and faces with their least depth over it.
+    whole: Vec<Vector3<f64>>,
+    nearest: Vec<(f64, HalfSpace)>,
     heights: Vec<f64>,
     /// Triangles of the first's surface inside the second.
     triangles: Vec<[Vector3<f64>; 3]>,
@@ -319,6 +325,7 @@ impl Narrow {
                     depth,
                     area,
                     second,
+                    couple: 0.0,
                 })
             }
         }
@@ -424,6 +431,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
         depth,
         area: 0.0,
         second: Matrix3::zeros(),
+        couple: 0.0,
     }
 }
 

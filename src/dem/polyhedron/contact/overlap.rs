@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::super::HalfSpace;
 use super::super::cut::across;
 use super::super::shape::Polyhedron;
+use super::pressure::Wrench;
 use super::{Geometry, Narrow, Other};
 
 /// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
@@ -25,6 +26,8 @@ pub(super) struct Overlap {
     pub(super) area: Vector3<f64>,
     /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
     pub(super) surfaces: [f64; 2],
+    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see [`super::pressure`].
+    pub(super) pressure: Wrench,
 }
 
 impl Narrow {
@@ -56,6 +59,7 @@ impl Narrow {
             Other::Plane(plane) => self.grown.push(*plane),
         }
         let mut sum = Overlap::default();
+        let presses = matches!(other, Other::Block { .. });
         self.triangles.clear();
         // The first's faces inside the second.
         cutters(&self.grown, first.vertices(), &mut self.cutting);
@@ -77,6 +81,16 @@ impl Narrow {
                 sum.surfaces[0] += part.norm();
                 self.triangles.push(triangle.map(|corner| corner + near));
             }
+            if presses {
+                let normal = first.half_spaces()[face].normal;
+                let planes = self.grown.len();
+                self.press(
+                    planes,
+                    |narrow, k| narrow.grown[k],
+                    &normal,
+                    &mut sum.pressure,
+                );
+            }
         }
         // The second's faces inside the first.
         match other {
@@ -88,6 +102,9 @@ impl Narrow {
                     self.polygon
                         .extend(corners.map(|&v| self.vertices[v as usize]));
                     self.rest(first, near, &mut sum);
+                    let normal = -self.grown[face].normal;
+                    let planes = first.half_spaces();
+                    self.press(planes.len(), |_, k| planes[k], &normal, &mut sum.pressure);
                 }
             }
             Other::Plane(plane) => {
@@ -161,12 +178,26 @@ impl Narrow {
         let sound = overlap.volume > 0.0
             && area > CANCELLED * one.min(two)
             && overlap.centroid.iter().all(|c| c.is_finite());
-        sound.then(|| Geometry {
+        if !sound {
+            return None;
+        }
+        if let Other::Block { .. } = other {
+            return overlap.pressure.at(&overlap.centroid).map(|push| Geometry {
+                arm: push.point,
+                normal: push.direction,
+                depth: push.size / area,
+                area,
+                second: self.second_moments(&push.point, &push.direction),
+                couple: push.couple,
+            });
+        }
+        Some(Geometry {
             arm: overlap.centroid,
             normal,
             depth: overlap.volume / area,
             area,
             second: self.second_moments(&overlap.centroid, &normal),
+            couple: 0.0,
         })
     }
 
