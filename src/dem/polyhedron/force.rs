@@ -151,7 +151,7 @@ impl Law {
             };
             moment = n * total + rocking;
         }
-        moment += n * (normal * touch.couple);
+        moment += touch.couple * normal;
         history.normal = n;
         history.shear = spring;
         history.twist = twist;

@@ -115,7 +115,7 @@ impl Hidden {
             depth: volume / self.area,
             area: self.area,
             second: block.rotation * second * block.rotation.transpose(),
-            couple: 0.0,
+            couple: Vector3::zeros(),
         })
     }
 }

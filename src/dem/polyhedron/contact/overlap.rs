@@ -9,7 +9,7 @@ use super::super::HalfSpace;
 use super::super::cut::across;
 use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
-use super::{Geometry, Narrow, Other};
+use super::{Geometry, Model, Narrow, Other};
 
 /// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
 /// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
@@ -37,6 +37,7 @@ impl Narrow {
         first: &Polyhedron,
         other: &Other,
         near: &Vector3<f64>,
+        model: &Model,
     ) -> Overlap {
         self.grown.clear();
         self.vertices.clear();
@@ -59,7 +60,7 @@ impl Narrow {
             Other::Plane(plane) => self.grown.push(*plane),
         }
         let mut sum = Overlap::default();
-        let presses = matches!(other, Other::Block { .. });
+        let presses = *model == Model::Pressure && matches!(other, Other::Block { .. });
         self.triangles.clear();
         // The first's faces inside the second.
         cutters(&self.grown, first.vertices(), &mut self.cutting);
@@ -102,9 +103,11 @@ impl Narrow {
                     self.polygon
                         .extend(corners.map(|&v| self.vertices[v as usize]));
                     self.rest(first, near, &mut sum);
-                    let normal = -self.grown[face].normal;
-                    let planes = first.half_spaces();
-                    self.press(planes.len(), |_, k| planes[k], &normal, &mut sum.pressure);
+                    if presses {
+                        let normal = -self.grown[face].normal;
+                        let planes = first.half_spaces();
+                        self.press(planes.len(), |_, k| planes[k], &normal, &mut sum.pressure);
+                    }
                 }
             }
             Other::Plane(plane) => {
@@ -178,26 +181,30 @@ impl Narrow {
         let sound = overlap.volume > 0.0
             && area > CANCELLED * one.min(two)
             && overlap.centroid.iter().all(|c| c.is_finite());
-        if !sound {
-            return None;
-        }
-        if let Other::Block { .. } = other {
-            return overlap.pressure.at(&overlap.centroid).map(|push| Geometry {
-                arm: push.point,
-                normal: push.direction,
-                depth: push.size / area,
-                area,
-                second: self.second_moments(&push.point, &push.direction),
-                couple: push.couple,
-            });
-        }
-        Some(Geometry {
+        sound.then(|| Geometry {
             arm: overlap.centroid,
             normal,
             depth: overlap.volume / area,
             area,
             second: self.second_moments(&overlap.centroid, &normal),
-            couple: 0.0,
+            couple: Vector3::zeros(),
+        })
+    }
+
+    /// The contact of two blocks that press on each other; none where rounding leaves nothing of the overlap.
+    pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
+        let push = overlap.pressure.at(&overlap.centroid)?;
+        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area that does not vanish.
+        let [one, two] = overlap.surfaces;
+        let area = overlap.area.norm().max(CANCELLED * one.min(two));
+        let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
+        sound.then(|| Geometry {
+            arm: push.point,
+            normal: push.direction,
+            depth: push.size / area,
+            area,
+            second: self.second_moments(&push.point, &push.direction),
+            couple: push.couple,
         })
     }
 

@@ -35,29 +35,26 @@ pub(super) struct Wrench {
     pub(super) moment: Vector3<f64>,
 }
 
-/// A force along a line, with a moment about it.
+/// A force at a point, with a moment.
 pub(super) struct Push {
-    /// Where the line passes nearest to a given point.
     pub(super) point: Vector3<f64>,
     /// Unit vector of the force.
     pub(super) direction: Vector3<f64>,
     /// The force [m³].
     pub(super) size: f64,
-    /// The moment about the line over the force \[m\].
-    pub(super) couple: f64,
+    /// The moment about the point over the force \[m\].
+    pub(super) couple: Vector3<f64>,
 }
 
 impl Wrench {
-    /// The line on which it acts, seen from a point; none without a force.
-    pub(super) fn at(&self, near: &Vector3<f64>) -> Option<Push> {
+    /// It as a force at a point; none without a force.
+    pub(super) fn at(&self, point: &Vector3<f64>) -> Option<Push> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;
-        let foot = direction.cross(&self.moment) / size;
-        let point = foot + direction * direction.dot(near);
-        let couple = direction.dot(&self.moment) / size;
-        let sound = size.is_finite() && couple.is_finite() && point.iter().all(|p| p.is_finite());
+        let couple = (self.moment - point.cross(&self.force)) / size;
+        let sound = size.is_finite() && couple.iter().all(|part| part.is_finite());
         sound.then_some(Push {
-            point,
+            point: *point,
             direction,
             size,
             couple,

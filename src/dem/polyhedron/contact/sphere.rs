@@ -37,7 +37,7 @@ impl Narrow {
             depth,
             area,
             second: (Matrix3::identity() - normal * normal.transpose()) * moment,
-            couple: 0.0,
+            couple: Vector3::zeros(),
         })
     }
 }

@@ -51,6 +51,11 @@ fn drift(model: Model, stiffness: Stiffness, time_step: f64, impacts: u32) -> f6
     law.stiffness = stiffness;
     let mut world = World::new(crowd(1), law, model, time_step).closed(SIZE);
     let energy = |world: &World| world.blocks.iter().map(Block::energy).sum::<f64>();
+    // Some overlap at the start: the energy is that of motion once they have parted.
+    world.run(1);
+    while world.touching() {
+        world.run(1);
+    }
     let before = energy(&world);
     let (mut worst, mut looks) = (0.0_f64, 0);
     while world.impacts < impacts {
@@ -60,8 +65,7 @@ fn drift(model: Model, stiffness: Stiffness, time_step: f64, impacts: u32) -> f6
             worst = worst.max((energy(&world) / before - 1.0).abs());
         }
     }
-    let end = energy(&world) / before - 1.0;
-    println!("{model:?} {stiffness:?} {time_step}: worst {worst:e} of {looks}, end {end:e}");
+    println!("{model:?} {stiffness:?} {time_step}: worst {worst:e} of {looks}",);
     assert!(looks > 10);
     worst
 }
@@ -76,7 +80,7 @@ fn per_area(normal: f64) -> Stiffness {
 fn a_thousand_impacts_keep_the_energy() {
     for stiffness in [1e8_f64, 1e9] {
         let time_step = 0.1 * (2600.0 * 0.03 / (stiffness * 0.24)).sqrt();
-        assert!(drift(Model::Patch, per_area(stiffness), time_step, 1000) < 1e-2);
+        assert!(drift(Model::Pressure, per_area(stiffness), time_step, 1000) < 1e-5);
     }
 }
 
@@ -89,4 +93,17 @@ fn points_of_contact_do_not_keep_it() {
     };
     let point = Model::Point { rounding: 2e-3 };
     assert!(drift(point, per_contact, 8e-5, 200) > 1e-2);
+}
+
+#[test]
+fn scan() {
+    for stiffness in [1e8_f64, 1e9, 1e10] {
+        let time_step = 0.1 * (2600.0 * 0.03 / (stiffness * 0.24)).sqrt();
+        for part in [1.0, 0.5, 0.25] {
+            if stiffness > 5e9 && part < 0.4 {
+                continue;
+            }
+            drift(Model::Pressure, per_area(stiffness), time_step * part, 1000);
+        }
+    }
 }

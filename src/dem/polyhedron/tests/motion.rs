@@ -250,7 +250,7 @@ pub(super) fn law(normal: f64, friction: f64, damping: f64) -> Law {
 #[test]
 fn a_block_slides_and_sticks_on_a_slope() {
     // block_incline.csv: slope, friction angle, acceleration.
-    for model in [Model::Patch, BOON] {
+    for model in [Model::Pressure, Model::Patch, BOON] {
         for (slope, friction, rate) in [
             (15.0_f64, 20.0_f64, 0.0),
             (25.0, 20.0, 0.90987),
@@ -325,7 +325,8 @@ fn a_tilted_block_topples_at_its_angle() {
         for (off, topples) in [(-0.15_f64, false), (0.15, true)] {
             let angle = limit + off.to_radians();
             let block = Block::cuboid(width, 1.0, 1.0, Vector3::new(0.0, 0.0, 0.5));
-            let mut world = World::new(vec![block], law(stiffness, 1.0, 0.3), Model::Patch, 1e-4);
+            let mut world =
+                World::new(vec![block], law(stiffness, 1.0, 0.3), Model::Pressure, 1e-4);
             world.damping = 4.0;
             // Tilted slowly to half a degree below, then to the angle.
             for k in 0..20 {
@@ -351,17 +352,25 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// A patch has a potential where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
+/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
 /// momenta, and energy to some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
     for (name, orientation, offset, tolerances) in [
-        ("face on face", turn(0.0, 0.0, 0.0), 0.0, [1e-6, 1e-2]),
-        ("corner on face", turn(0.6, 0.5, 0.3), 0.1, [1e-6, 1e-1]),
-        ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-3, 1e-1]),
+        ("face on face", turn(0.0, 0.0, 0.0), 0.0, [1e-6, 1e-6, 1e-2]),
+        (
+            "corner on face",
+            turn(0.6, 0.5, 0.3),
+            0.1,
+            [1e-6, 1e-6, 1e-1],
+        ),
+        ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-6, 1e-3, 1e-1]),
     ] {
-        for (model, tolerance) in [Model::Patch, BOON].into_iter().zip(tolerances) {
+        for (model, tolerance) in [Model::Pressure, Model::Patch, BOON]
+            .into_iter()
+            .zip(tolerances)
+        {
             let mut one = Block::cuboid(1.0, 1.0, 1.0, Vector3::zeros());
             one.velocity.x = 1.0;
             let mut two = Block::cuboid(1.2, 0.8, 0.9, Vector3::new(1.9, offset, 0.3 * offset));
@@ -449,6 +458,6 @@ fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
 /// Over a million steps too: the module's figures were measured with more steps.
 #[test]
 fn ten_blocks_stand() {
-    let [speed, moved, lean] = stack(Model::Patch, 100.0, 8000);
+    let [speed, moved, lean] = stack(Model::Pressure, 100.0, 8000);
     assert!(speed < 1e-3 && moved < 1e-3 && lean < 1e-3);
 }
