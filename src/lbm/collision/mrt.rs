@@ -94,7 +94,7 @@ pub struct Parameters {
     pub xyz: Option<f64>,
 }
 
-/// Of the published matrix (`benches/stability/cavity-3d-20`), whose waves grow from lower velocities on: a bound on the safe side.
+/// Measured with the published matrix (`benches/stability/cavity-3d-20`), whose waves grow from lower velocities on; not yet with this one.
 const CUBE: &[Bounds] = &[
     Bounds::up_to(0.1, 30.0, 90.0),
     Bounds::up_to(f64::INFINITY, 10.0, 20.0),
