@@ -198,7 +198,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     };
     let law = Law::Blocks(Blocks {
         parameters: PairTable::uniform(1, law),
-        model: Model::Patch,
+        model: Model::Pressure,
         mass_damping: 0.0,
     });
     let upper = Vector3::new(BOX, BOX, 0.1 * f64::from(count.div_ceil(36)));
@@ -338,6 +338,7 @@ fn pairs() -> Result<(), ShapeError> {
         ("boxes any way", &boxes),
         ("20 faces any way", &hulls),
     ] {
+        row(&format!("{name}, pressure"), pairs, &Model::Pressure);
         row(&format!("{name}, patch"), pairs, &Model::Patch);
         row(&format!("{name}, point"), pairs, &published);
     }

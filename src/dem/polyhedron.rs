@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! each step and block  rotation: kick by force and moment, drift of centre and orientation
-//! each pair            contact:  cached axis -> linear program -> point | patch     (Narrow, History)
+//! each pair            contact:  cached axis -> linear program -> pressure | patch | point     (Narrow, History)
 //!                      force:    springs, history, Coulomb limit, dashpots          (Law, History)
 //! ```
 //!

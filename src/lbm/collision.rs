@@ -75,6 +75,7 @@ operators! {
     bgk Bgk,
     trt Trt,
     mrt Mrt,
+    suga Suga,
     cumulant Cumulant,
 }
 

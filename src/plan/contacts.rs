@@ -120,7 +120,10 @@ pub(super) fn check(
     let (law, dt) = (contact.model(), clock.solid_time_step);
     openings(scene, law, findings);
     let limits = match law.blocks() {
-        Some(law) => blocks::limits(scene, law),
+        Some(law) => {
+            blocks::energy(scene, law, findings);
+            blocks::limits(scene, law)
+        }
         None => of_spheres(scene, law, dt),
     };
     let (sure, worst) = (limits.slipping, limits.sticking.min(limits.packing));

@@ -63,11 +63,11 @@ const MORE: &[(&str, &str, &[&str])] = &[
         &["fluid.lattice_boltzmann.initial.taylor_green.velocity=0.02"],
     ),
     (
-        "the rates of Suga with a large relaxation time",
+        "the matrix of Suga with a large relaxation time",
         "taylor-green",
         &[
             "domain={\"size\": [0.0024, 0.002, 0.0018], \"spacing\": 1e-4, \"periodic\": [\"x\", \"y\"]}",
-            "fluid.lattice_boltzmann.collision={\"mrt\": {}}",
+            "fluid.lattice_boltzmann.collision={\"suga\": {}}",
             "probes=[]",
         ],
     ),

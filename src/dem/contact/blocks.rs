@@ -256,6 +256,7 @@ pub(crate) fn springs(pair: &polyhedron::Law, area: f64, mass: f64) -> Springs {
 impl ContactModel for Blocks {
     fn describe(&self) -> String {
         match self.model {
+            Model::Pressure => "blocks with friction, pressed by depth",
             Model::Patch => "blocks with friction, patches of contact",
             Model::Point { .. } => "blocks with friction, points of contact",
         }

@@ -151,6 +151,7 @@ impl Law {
             };
             moment = n * total + rocking;
         }
+        moment += touch.couple * normal;
         history.normal = n;
         history.shear = spring;
         history.twist = twist;

@@ -1,5 +1,6 @@
 //! Tests that need more than one file of the room.
 
+mod energy;
 mod motion;
 mod pairs;
 mod shapes;

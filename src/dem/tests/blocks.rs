@@ -29,7 +29,7 @@ fn law(normal: f64, friction: f64, damping: f64, mass_damping: f64) -> Law {
     };
     Law::Blocks(Blocks {
         parameters: PairTable::uniform(1, law),
-        model: Model::Patch,
+        model: Model::Pressure,
         mass_damping,
     })
 }

@@ -1,18 +1,21 @@
 //! The kernel of multiple relaxation times if only the second moments have rates of their own: the operator of [`super::mrt`] with
-//! all higher rates 1, the default of `lbmpy` and others.
+//! all higher rates 1, the default of `lbmpy` and others, also called regularised (J. Latt, B. Chopard, Math. Comput. Simul. 72 (2006)
+//! 165).
 //!
 //! A rate of 1 sets a moment to its equilibrium, independently of its incoming value, so that only ten sums of the populations are needed.
-//! With J = Σ c g + F, Q_ab = m_a u_b + (F_a u_b + F_b u_a)/2 (the remainder of Guo's source at a rate of 1) and the difference of the
-//! second moments from that,
+//! With J = Σ c g + F, Q_ab = m_a u_b - (F_a u_b + F_b u_a)/2, the difference from it of the second moments
 //!
-//! D_a = (1 - s4) e + (1 - ω) [(P_a - P_a^eq) - e],   e = Σ_a (P_a - P_a^eq)/3,   E_ab = (1 - ω) (c_a c_b - m_a u_b),
+//! N_ab = Σ c_a c_b g - (δρ/3 δ_ab + Q_ab),   e = Σ_a N_aa/3,
 //!
-//! the outgoing populations are, in the basis of Suga with P_a = 3 c_a² - 2,
+//! and the second moments that leave, relaxed and with the source of Guo, without those at rest,
 //!
-//! g_i = w_i [δρ + 3 c·J + 9/2 Σ Q_ab c_a c_b - 3/2 tr Q] + Σ_a D_a P_a(c)/54 + Σ_{a<b} E_ab c_a c_b/12,
+//! B_ab = (1 - ω) N_ab + (ω - s4) e δ_ab + Q_ab + F_a u_b + F_b u_a,
 //!
-//! which is even in c except for 3 w c·J: opposite populations are a sum and a difference. Compiled for AVX-512 this takes 221 operations
-//! instead of 328.
+//! the outgoing populations are
+//!
+//! g_i = w_i [δρ - 3/2 Σ_a B_aa + 3 c·J + 9/2 Σ_a B_aa c_a² + 9 Σ_{a<b} B_ab c_a c_b],
+//!
+//! which is even in c except for 3 w c·J: opposite populations are a sum and a difference.
 
 use super::products::{POPULATION, n};
 use super::{Collision, Site};
@@ -56,7 +59,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
         g: &mut G,
         &omega: &N,
     ) -> [N; 3] {
-        const { assert!(Q == 27, "the moments of Suga are those of D3Q27") };
+        const { assert!(Q == 27, "these moments are those of D3Q27") };
         // Of each plane of c_z: 1, c_x, c_y, c_x², c_y², c_x c_y.
         let mut planes = [[n::<N>(0.0); 3]; 6];
         unroll!(axes z < 3 => {
@@ -99,115 +102,107 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
         }
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
-        // Equilibrium that the second moments relax to, and that which the others take: they differ by the source.
+        // What the second moments relax to, and the source that is added to them.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
-        let (mut high_square, mut high_cross) = (square, cross);
+        let mut square_source = [n::<N>(0.0); 3];
+        let mut cross_source = [n::<N>(0.0); 3];
         if FORCED {
             unroll!(axes a < 3 => {
                 let b = (a + 1) % 3;
                 let (fa, fb) = (n::<N>(self.force[a]), n::<N>(self.force[b]));
-                let source = fa * u[a];
-                square[a] = square[a] - source;
-                high_square[a] = high_square[a] + source;
-                let source = fa.mul_add(u[b], fb * u[a]) * n::<N>(0.5);
-                cross[a] = cross[a] - source;
-                high_cross[a] = high_cross[a] + source;
+                square_source[a] = fa * u[a];
+                square[a] = square[a] - square_source[a];
+                cross_source[a] = fa.mul_add(u[b], fb * u[a]);
+                cross[a] = cross_source[a].neg_mul_add(n::<N>(0.5), cross[a]);
             });
         }
 
-        // P_a of what came in less that of equilibrium, over 3: Σ c_a² g - (2/3 δρ - δρ/3 + Q_aa).
+        // N_aa and B_aa.
         let mut off_balance = [n::<N>(0.0); 3];
         let third = drho * n::<N>(1.0 / 3.0);
         unroll!(axes a < 3 => {
             off_balance[a] = diagonal[a] - (third + square[a]);
         });
         let keep = n::<N>(1.0) - omega;
-        let sum = off_balance[0] + off_balance[1] + off_balance[2];
-        // D_a/3: the trace at a rate of its own.
-        let mean = sum * ((omega - n::<N>(self.bulk)) * n::<N>(1.0 / 3.0));
-        let trace = high_square[0] + high_square[1] + high_square[2];
+        let mean = (off_balance[0] + off_balance[1] + off_balance[2])
+            * ((omega - n::<N>(self.bulk)) * n::<N>(1.0 / 3.0));
+        let mut second = square;
+        unroll!(axes a < 3 => {
+            second[a] = off_balance[a].mul_add(keep, mean + square[a]);
+            if FORCED {
+                second[a] = square_source[a].mul_add(n::<N>(2.0), second[a]);
+            }
+        });
+        let mut mixed = cross;
+        unroll!(axes a < 3 => {
+            mixed[a] = (off[a] - cross[a]).mul_add(keep, cross[a]);
+            if FORCED {
+                mixed[a] = mixed[a] + cross_source[a];
+            }
+        });
+        let trace = second[0] + second[1] + second[2];
         let common = trace.neg_mul_add(n::<N>(1.5), drho);
-        // Σ D_a/27.
-        let all = sum * n::<N>((1.0 - self.bulk) / 9.0);
 
-        let mut axis = [n::<N>(0.0); 3];
-        let mut edge = [n::<N>(0.0); 3];
-        let first = common.mul_add(n::<N>(2.0 / 27.0), n::<N>(0.0) - all);
-        unroll!(axes a < 3 => {
-            // D_a/18.
-            let part = off_balance[a].mul_add(keep, mean) * n::<N>(1.0 / 6.0);
-            axis[a] = high_square[a].mul_add(n::<N>(1.0 / 3.0), part) + first;
-            edge[a] = high_square[a].mul_add(n::<N>(1.0 / 12.0), part);
-        });
-        let mut between = [n::<N>(0.0); 3];
-        let mut corner = [n::<N>(0.0); 3];
-        unroll!(axes a < 3 => {
-            let part = (off[a] - cross[a]) * (keep * n::<N>(1.0 / 12.0));
-            between[a] = high_cross[a].mul_add(n::<N>(1.0 / 6.0), part);
-            corner[a] = high_cross[a].mul_add(n::<N>(1.0 / 24.0), part);
-        });
         let at = |x: usize, y: usize, z: usize| POPULATION[x][y][z];
-        g.leave(
-            at(0, 0, 0),
-            common.mul_add(n::<N>(8.0 / 27.0), n::<N>(0.0) - all),
-        );
+        g.leave(at(0, 0, 0), common * n::<N>(8.0 / 27.0));
+        let first = common * n::<N>(2.0 / 27.0);
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 0, 0][a], [0, 1, 0][a], [0, 0, 1][a]);
-            let odd = after[a] * n::<N>(2.0 / 9.0);
-            g.leave(at(x, y, z), axis[a] + odd);
-            g.leave(at(2 * x, 2 * y, 2 * z), axis[a] - odd);
+            let even = second[a].mul_add(n::<N>(1.0 / 3.0), first);
+            g.leave(at(x, y, z), after[a].mul_add(n::<N>(2.0 / 9.0), even));
+            g.leave(
+                at(2 * x, 2 * y, 2 * z),
+                after[a].neg_mul_add(n::<N>(2.0 / 9.0), even),
+            );
         });
-        let second = common.mul_add(n::<N>(1.0 / 54.0), n::<N>(0.0) - all);
-        let j = [
-            after[0] * n::<N>(1.0 / 18.0),
-            after[1] * n::<N>(1.0 / 18.0),
-            after[2] * n::<N>(1.0 / 18.0),
-        ];
+        let edge = common * n::<N>(1.0 / 54.0);
         unroll!(axes a < 3 => {
             let b = (a + 1) % 3;
             // 1 along a and `sign` along b.
             let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
-            let even = second + (edge[a] + edge[b]);
-            let (same, other) = (even + between[a], even - between[a]);
-            let (sum, difference) = (j[a] + j[b], j[a] - j[b]);
-            g.leave(at(x, y, z), same + sum);
-            g.leave(at(2 * x, 2 * y, 2 * z), same - sum);
+            let even = (second[a] + second[b]).mul_add(n::<N>(1.0 / 12.0), edge);
+            let same = mixed[a].mul_add(n::<N>(1.0 / 6.0), even);
+            let other = mixed[a].neg_mul_add(n::<N>(1.0 / 6.0), even);
+            let (sum, difference) = (after[a] + after[b], after[a] - after[b]);
+            g.leave(at(x, y, z), sum.mul_add(n::<N>(1.0 / 18.0), same));
+            g.leave(
+                at(2 * x, 2 * y, 2 * z),
+                sum.neg_mul_add(n::<N>(1.0 / 18.0), same),
+            );
             let (x, y, z) = ([1, 0, 2][a], [2, 1, 0][a], [0, 2, 1][a]);
-            g.leave(at(x, y, z), other + difference);
+            g.leave(at(x, y, z), difference.mul_add(n::<N>(1.0 / 18.0), other));
             let opposite = [0, 2, 1];
-            g.leave(at(opposite[x], opposite[y], opposite[z]), other - difference);
+            g.leave(
+                at(opposite[x], opposite[y], opposite[z]),
+                difference.neg_mul_add(n::<N>(1.0 / 18.0), other),
+            );
         });
-        // Σ D_a P_a/54 is Σ D_a/54 here.
-        let third = trace.mul_add(
-            n::<N>(1.0 / 48.0),
-            common.mul_add(n::<N>(1.0 / 216.0), all * n::<N>(0.5)),
-        );
-        let j = [
-            after[0] * n::<N>(1.0 / 72.0),
-            after[1] * n::<N>(1.0 / 72.0),
-            after[2] * n::<N>(1.0 / 72.0),
-        ];
-        let (same, other) = (third + corner[0], third - corner[0]);
-        let (sum, difference) = (corner[1] + corner[2], corner[1] - corner[2]);
-        let (jsum, jdifference) = (j[0] + j[1], j[0] - j[1]);
+        let corner = trace.mul_add(n::<N>(1.0 / 48.0), common * n::<N>(1.0 / 216.0));
+        let same = mixed[0].mul_add(n::<N>(1.0 / 24.0), corner);
+        let other = mixed[0].neg_mul_add(n::<N>(1.0 / 24.0), corner);
+        let (sum, difference) = (mixed[1] + mixed[2], mixed[1] - mixed[2]);
+        let (jsum, jdifference) = (after[0] + after[1], after[0] - after[1]);
         let even = [
-            same + sum,
-            same - sum,
-            other - difference,
-            other + difference,
+            sum.mul_add(n::<N>(1.0 / 24.0), same),
+            sum.neg_mul_add(n::<N>(1.0 / 24.0), same),
+            difference.neg_mul_add(n::<N>(1.0 / 24.0), other),
+            difference.mul_add(n::<N>(1.0 / 24.0), other),
         ];
         let odd = [
-            jsum + j[2],
-            jsum - j[2],
-            jdifference + j[2],
-            jdifference - j[2],
+            jsum + after[2],
+            jsum - after[2],
+            jdifference + after[2],
+            jdifference - after[2],
         ];
         unroll!(four k < 4 => {
             let (x, y, z) = ([1, 1, 1, 1][k], [1, 1, 2, 2][k], [1, 2, 1, 2][k]);
-            g.leave(at(x, y, z), even[k] + odd[k]);
+            g.leave(at(x, y, z), odd[k].mul_add(n::<N>(1.0 / 72.0), even[k]));
             let opposite = [0, 2, 1];
-            g.leave(at(opposite[x], opposite[y], opposite[z]), even[k] - odd[k]);
+            g.leave(
+                at(opposite[x], opposite[y], opposite[z]),
+                odd[k].neg_mul_add(n::<N>(1.0 / 72.0), even[k]),
+            );
         });
         u
     }
@@ -224,7 +219,7 @@ mod tests {
         (g, u)
     }
 
-    /// The operator of Suga, which is tested against the published matrix, with these rates.
+    /// The general operator, which is tested against the matrix, with these rates.
     #[test]
     fn it_is_the_general_operator_with_the_higher_rates_at_one() {
         let force = [0.011, -0.007, 0.003];

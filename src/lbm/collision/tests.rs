@@ -67,6 +67,7 @@ fn the_names_in_a_case_are_those_of_the_modules() {
         (r#"{"bgk": {}}"#, "bgk", true),
         (r#"{"trt": {}}"#, "trt", true),
         (r#"{"mrt": {"higher": 1}}"#, "mrt", false),
+        (r#"{"suga": {"q": 1.2}}"#, "suga", false),
         (r#"{"cumulant": {}}"#, "cumulant", false),
     ] {
         let operator: Operator = serde_json::from_str(text).unwrap();

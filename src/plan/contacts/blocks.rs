@@ -1,11 +1,13 @@
-//! Limits of blocks: springs on all faces, and on the smallest face alone.
+//! Limits of blocks: springs on all faces, and on the smallest face alone; contacts without an energy.
 
 use super::{Limits, limit};
 use crate::dem::contact::Springs;
 use crate::dem::contact::blocks::{self, Blocks};
-use crate::dem::polyhedron::{Law, Polyhedron, Stiffness};
+use crate::dem::polyhedron::{Law, Model, Polyhedron, Stiffness};
+use crate::error::Remedy;
 use crate::number::to_u32;
 use crate::scene::Scene;
+use crate::scene::findings::Findings;
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
 /// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that
@@ -142,5 +144,48 @@ impl Block<'_> {
         let total: f64 = points.iter().map(|(_, w)| w).sum();
         let centre: Vector3<f64> = points.iter().map(|(p, w)| *p * (*w / total)).sum();
         vec![(centre, 1.0)]
+    }
+}
+
+/// At this damping ratio dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that a point of contact was
+/// seen to add.
+const DAMPS: f64 = 0.05;
+
+/// Says where contacts of free blocks without damping have no energy.
+///
+/// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the energy of motion by less than
+/// 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at 1e8, 1e9 and 1e10 Pa/m, a stiffness per contact by half, and 200
+/// impacts multiply it with points (`dem::polyhedron::tests::energy`).
+pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
+    let bare = |pair: &&Law| pair.normal_damping < DAMPS;
+    let Some(pair) = law.parameters.rows().find(bare) else {
+        return;
+    };
+    if law.mass_damping > 0.0 || scene.polyhedra().all(|(.., free)| !free) {
+        return;
+    }
+    let remedy = || {
+        Remedy::from(
+            "use `pressure` with a stiffness per area, or a normal damping ratio of 0.05 or more",
+        )
+        .set("contact.blocks.model", "pressure")
+    };
+    match (law.model, pair.stiffness) {
+        (Model::Point { .. }, _) => findings.unstable(
+            "contact.blocks.model",
+            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an impact of edges or corners",
+            remedy(),
+        ),
+        (Model::Patch, _) => findings.warn(
+            "contact.blocks.model",
+            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % of it over a thousand impacts",
+            remedy(),
+        ),
+        (Model::Pressure, Stiffness::PerContact { .. }) => findings.warn(
+            "contact.blocks.normal_stiffness",
+            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs by half over a thousand impacts",
+            Remedy::from("use a stiffness `per_area`, or a normal damping ratio of 0.05 or more"),
+        ),
+        (Model::Pressure, Stiffness::PerArea { .. }) => {}
     }
 }

@@ -224,3 +224,32 @@ fn strong_dashpots_shorten_the_step_of_a_packing() {
         ratio(0.8)
     );
 }
+
+/// Points of contact of free blocks without dashpots are unstable; pressures, damped points and fixed blocks are not.
+#[test]
+fn points_of_contact_want_damping() {
+    let said = |model: Value, damping: f64, motion: &str| {
+        let case = json!({
+            "domain": {"size": [2, 2, 2], "spacing": 0.1},
+            "materials": {"rock": {"density": 2600}},
+            "bodies": [{
+                "name": "block", "shape": {"cuboid": {"edges": [0.5, 0.5, 0.5]}}, "position": [1, 1, 1],
+                "motion": {motion: {}}, "material": "rock"
+            }],
+            "box_walls": ["z_min"],
+            "box_wall_material": "rock",
+            "contact": {"blocks": {
+                "normal_stiffness": {"per_area": 1e9}, "normal_damping_ratio": damping, "model": model
+            }},
+            "time": {"end": 0.1}
+        });
+        let warnings = plan(&case).unwrap().warnings;
+        warnings.iter().any(|w| w.path == "contact.blocks.model")
+    };
+    let point = json!({"point": {"rounding": 1e-3}});
+    assert!(said(point.clone(), 0.0, "free"));
+    assert!(!said(point.clone(), 0.1, "free"));
+    assert!(!said(point, 0.0, "fixed"));
+    assert!(said(json!("patch"), 0.0, "free"));
+    assert!(!said(json!("pressure"), 0.0, "free"));
+}

@@ -115,6 +115,7 @@ impl Hidden {
             depth: volume / self.area,
             area: self.area,
             second: block.rotation * second * block.rotation.transpose(),
+            couple: Vector3::zeros(),
         })
     }
 }

@@ -8,7 +8,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::super::HalfSpace;
 use super::super::cut::across;
 use super::super::shape::Polyhedron;
-use super::{Geometry, Narrow, Other};
+use super::pressure::Wrench;
+use super::{Geometry, Model, Narrow, Other};
 
 /// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
 /// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
@@ -25,6 +26,8 @@ pub(super) struct Overlap {
     pub(super) area: Vector3<f64>,
     /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
     pub(super) surfaces: [f64; 2],
+    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see [`super::pressure`].
+    pub(super) pressure: Wrench,
 }
 
 impl Narrow {
@@ -34,6 +37,7 @@ impl Narrow {
         first: &Polyhedron,
         other: &Other,
         near: &Vector3<f64>,
+        model: &Model,
     ) -> Overlap {
         self.grown.clear();
         self.vertices.clear();
@@ -56,6 +60,7 @@ impl Narrow {
             Other::Plane(plane) => self.grown.push(*plane),
         }
         let mut sum = Overlap::default();
+        let presses = *model == Model::Pressure && matches!(other, Other::Block { .. });
         self.triangles.clear();
         // The first's faces inside the second.
         cutters(&self.grown, first.vertices(), &mut self.cutting);
@@ -77,6 +82,16 @@ impl Narrow {
                 sum.surfaces[0] += part.norm();
                 self.triangles.push(triangle.map(|corner| corner + near));
             }
+            if presses {
+                let normal = first.half_spaces()[face].normal;
+                let planes = self.grown.len();
+                self.press(
+                    planes,
+                    |narrow, k| narrow.grown[k],
+                    &normal,
+                    &mut sum.pressure,
+                );
+            }
         }
         // The second's faces inside the first.
         match other {
@@ -88,6 +103,11 @@ impl Narrow {
                     self.polygon
                         .extend(corners.map(|&v| self.vertices[v as usize]));
                     self.rest(first, near, &mut sum);
+                    if presses {
+                        let normal = -self.grown[face].normal;
+                        let planes = first.half_spaces();
+                        self.press(planes.len(), |_, k| planes[k], &normal, &mut sum.pressure);
+                    }
                 }
             }
             Other::Plane(plane) => {
@@ -167,6 +187,24 @@ impl Narrow {
             depth: overlap.volume / area,
             area,
             second: self.second_moments(&overlap.centroid, &normal),
+            couple: Vector3::zeros(),
+        })
+    }
+
+    /// The contact of two blocks that press on each other; none where rounding leaves nothing of the overlap.
+    pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
+        let push = overlap.pressure.at(&overlap.centroid)?;
+        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area that does not vanish.
+        let [one, two] = overlap.surfaces;
+        let area = overlap.area.norm().max(CANCELLED * one.min(two));
+        let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
+        sound.then(|| Geometry {
+            arm: push.point,
+            normal: push.direction,
+            depth: push.size / area,
+            area,
+            second: self.second_moments(&push.point, &push.direction),
+            couple: push.couple,
         })
     }
 

@@ -37,6 +37,7 @@ impl Narrow {
             depth,
             area,
             second: (Matrix3::identity() - normal * normal.transpose()) * moment,
+            couple: Vector3::zeros(),
         })
     }
 }

@@ -9,18 +9,19 @@ use super::super::{Action, Damping, History, Model, Narrow, Placed, Polyhedron, 
 const GRAVITY: f64 = 9.81;
 const BOON: Model = Model::Point { rounding: 2e-3 };
 
-struct Block {
+pub(super) struct Block {
     shape: Polyhedron,
     mass: f64,
-    inertia: Vector3<f64>,
+    pub(super) inertia: Vector3<f64>,
     position: Vector3<f64>,
-    velocity: Vector3<f64>,
-    rotation: RotationState,
+    pub(super) velocity: Vector3<f64>,
+    pub(super) rotation: RotationState,
     floor: History,
+    walls: Vec<History>,
 }
 
 impl Block {
-    fn new(shape: Polyhedron, position: Vector3<f64>) -> Self {
+    pub(super) fn new(shape: Polyhedron, position: Vector3<f64>) -> Self {
         let density = 2600.0;
         Self {
             mass: density * shape.volume(),
@@ -30,6 +31,7 @@ impl Block {
             velocity: Vector3::zeros(),
             rotation: RotationState::default(),
             floor: History::default(),
+            walls: Vec::new(),
         }
     }
 
@@ -41,7 +43,7 @@ impl Block {
         self.rotation.spin(&self.inertia)
     }
 
-    fn energy(&self) -> f64 {
+    pub(super) fn energy(&self) -> f64 {
         0.5 * self.mass * self.velocity.norm_squared() + self.rotation.energy(&self.inertia)
     }
 
@@ -52,11 +54,15 @@ impl Block {
     }
 }
 
-/// Blocks above the plane z = 0, where there is one.
-struct World {
-    blocks: Vec<Block>,
-    pairs: Vec<(usize, usize, History)>,
+/// Blocks above the plane z = 0, where there is one, or within walls.
+pub(super) struct World {
+    pub(super) blocks: Vec<Block>,
+    pub(super) pairs: Vec<(usize, usize, History)>,
     floor: bool,
+    /// Normals into the space of the blocks, and their distances \[m\] from the origin.
+    walls: Vec<(Vector3<f64>, f64)>,
+    /// How often blocks met blocks or walls.
+    pub(super) impacts: u32,
     law: Law,
     model: Model,
     gravity: Vector3<f64>,
@@ -67,7 +73,7 @@ struct World {
 }
 
 impl World {
-    fn new(blocks: Vec<Block>, law: Law, model: Model, time_step: f64) -> Self {
+    pub(super) fn new(blocks: Vec<Block>, law: Law, model: Model, time_step: f64) -> Self {
         let count = blocks.len();
         let pairs = (0..count)
             .flat_map(|a| (a + 1..count).map(move |b| (a, b, History::default())))
@@ -77,6 +83,8 @@ impl World {
             blocks,
             pairs,
             floor: false,
+            walls: Vec::new(),
+            impacts: 0,
             law,
             model,
             gravity: Vector3::zeros(),
@@ -84,6 +92,18 @@ impl World {
             damping: 0.0,
             narrow: Narrow::default(),
         }
+    }
+
+    /// A closed box of this size \[m\] with a corner at the origin.
+    pub(super) fn closed(mut self, size: f64) -> Self {
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            self.walls.push((axis, 0.0));
+            self.walls.push((-axis, -size));
+        }
+        for block in &mut self.blocks {
+            block.walls = vec![History::default(); self.walls.len()];
+        }
+        self
     }
 
     fn slope(mut self, angle: f64) -> Self {
@@ -97,35 +117,50 @@ impl World {
             *load = (self.gravity * block.mass, Vector3::zeros());
         }
         let placed = |block: &Block| block.rotation.matrix();
-        if self.floor {
-            for (block, load) in self.blocks.iter_mut().zip(&mut self.loads) {
+        let mut wall =
+            |block: &Block, normal: &Vector3<f64>, height: f64, history: &mut History| {
                 let rotation = placed(block);
+                let shape = &block.shape;
                 let touch = self.narrow.plane(
-                    &Placed {
-                        shape: &block.shape,
-                        rotation,
-                    },
-                    &Vector3::z(),
-                    block.position.z,
+                    &Placed { shape, rotation },
+                    normal,
+                    height,
                     &self.model,
-                    &mut block.floor,
-                );
-                if let Some(touch) = touch {
-                    let approach = Approach {
-                        velocity: -block.velocity,
-                        spins: [block.rotation.spin(&block.inertia), Vector3::zeros()],
-                        separation: Vector3::zeros(),
-                        mass: block.mass,
-                        time_step: self.time_step,
-                    };
-                    let action = self.law.act(&touch, &mut block.floor, &approach);
+                    history,
+                )?;
+                let approach = Approach {
+                    velocity: -block.velocity,
+                    spins: [block.rotation.spin(&block.inertia), Vector3::zeros()],
+                    separation: Vector3::zeros(),
+                    mass: block.mass,
+                    time_step: self.time_step,
+                };
+                Some(self.law.act(&touch, history, &approach))
+            };
+        for (block, load) in self.blocks.iter_mut().zip(&mut self.loads) {
+            if self.floor {
+                let mut history = block.floor;
+                if let Some(action) = wall(block, &Vector3::z(), block.position.z, &mut history) {
                     load.0 -= action.force;
                     load.1 += action.on_first;
                 }
+                block.floor = history;
+            }
+            for (k, (normal, offset)) in self.walls.iter().enumerate() {
+                let mut history = block.walls[k];
+                let touched = history.touching();
+                let height = normal.dot(&block.position) - offset;
+                if let Some(action) = wall(block, normal, height, &mut history) {
+                    load.0 -= action.force;
+                    load.1 += action.on_first;
+                }
+                self.impacts += u32::from(history.touching() && !touched);
+                block.walls[k] = history;
             }
         }
         for (a, b, history) in &mut self.pairs {
             let (one, two) = (&self.blocks[*a], &self.blocks[*b]);
+            let touched = history.touching();
             let separation = two.position - one.position;
             let touch = self.narrow.blocks(
                 &Placed {
@@ -158,6 +193,7 @@ impl World {
                 self.loads[*b].0 += force;
                 self.loads[*b].1 += on_second;
             }
+            self.impacts += u32::from(history.touching() && !touched);
         }
     }
 
@@ -169,7 +205,14 @@ impl World {
         }
     }
 
-    fn run(&mut self, steps: u64) {
+    /// Whether anything touches.
+    pub(super) fn touching(&self) -> bool {
+        let walls = self.blocks.iter().flat_map(|block| &block.walls);
+        let mut all = walls.chain(self.pairs.iter().map(|(_, _, history)| history));
+        all.any(History::touching)
+    }
+
+    pub(super) fn run(&mut self, steps: u64) {
         for _ in 0..steps {
             self.kick();
             for block in &mut self.blocks {
@@ -192,7 +235,7 @@ impl World {
     }
 }
 
-fn law(normal: f64, friction: f64, damping: f64) -> Law {
+pub(super) fn law(normal: f64, friction: f64, damping: f64) -> Law {
     Law {
         stiffness: Stiffness::PerArea {
             normal,
@@ -207,7 +250,7 @@ fn law(normal: f64, friction: f64, damping: f64) -> Law {
 #[test]
 fn a_block_slides_and_sticks_on_a_slope() {
     // block_incline.csv: slope, friction angle, acceleration.
-    for model in [Model::Patch, BOON] {
+    for model in [Model::Pressure, Model::Patch, BOON] {
         for (slope, friction, rate) in [
             (15.0_f64, 20.0_f64, 0.0),
             (25.0, 20.0, 0.90987),
@@ -282,7 +325,8 @@ fn a_tilted_block_topples_at_its_angle() {
         for (off, topples) in [(-0.15_f64, false), (0.15, true)] {
             let angle = limit + off.to_radians();
             let block = Block::cuboid(width, 1.0, 1.0, Vector3::new(0.0, 0.0, 0.5));
-            let mut world = World::new(vec![block], law(stiffness, 1.0, 0.3), Model::Patch, 1e-4);
+            let mut world =
+                World::new(vec![block], law(stiffness, 1.0, 0.3), Model::Pressure, 1e-4);
             world.damping = 4.0;
             // Tilted slowly to half a degree below, then to the angle.
             for k in 0..20 {
@@ -308,17 +352,25 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// A patch has a potential where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
+/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
 /// momenta, and energy to some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
     for (name, orientation, offset, tolerances) in [
-        ("face on face", turn(0.0, 0.0, 0.0), 0.0, [1e-6, 1e-2]),
-        ("corner on face", turn(0.6, 0.5, 0.3), 0.1, [1e-6, 1e-1]),
-        ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-3, 1e-1]),
+        ("face on face", turn(0.0, 0.0, 0.0), 0.0, [1e-6, 1e-6, 1e-2]),
+        (
+            "corner on face",
+            turn(0.6, 0.5, 0.3),
+            0.1,
+            [1e-6, 1e-6, 1e-1],
+        ),
+        ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-6, 1e-3, 1e-1]),
     ] {
-        for (model, tolerance) in [Model::Patch, BOON].into_iter().zip(tolerances) {
+        for (model, tolerance) in [Model::Pressure, Model::Patch, BOON]
+            .into_iter()
+            .zip(tolerances)
+        {
             let mut one = Block::cuboid(1.0, 1.0, 1.0, Vector3::zeros());
             one.velocity.x = 1.0;
             let mut two = Block::cuboid(1.2, 0.8, 0.9, Vector3::new(1.9, offset, 0.3 * offset));
@@ -406,6 +458,6 @@ fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
 /// Over a million steps too: the module's figures were measured with more steps.
 #[test]
 fn ten_blocks_stand() {
-    let [speed, moved, lean] = stack(Model::Patch, 100.0, 8000);
+    let [speed, moved, lean] = stack(Model::Pressure, 100.0, 8000);
     assert!(speed < 1e-3 && moved < 1e-3 && lean < 1e-3);
 }

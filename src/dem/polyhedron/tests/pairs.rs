@@ -152,8 +152,12 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
     for id in 0..10_000 {
         let pair = pair(&shapes, id);
         let (_, gap) = pair.oracle();
-        let models = [Model::Patch, Model::Point { rounding: 1e-3 }];
-        let model = models[usize::from(id % 2 == 1)];
+        let models = [
+            Model::Pressure,
+            Model::Patch,
+            Model::Point { rounding: 1e-3 },
+        ];
+        let model = models[usize::try_from(id % 3).unwrap()];
         let mut history = History::default();
         let touch = pair.look(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
@@ -293,7 +297,7 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
     let rounding = Model::Point { rounding: 1e-2 };
     for id in 0..1500 {
         let pair = pair(&shapes, id);
-        for model in [Model::Patch, rounding] {
+        for model in [Model::Pressure, Model::Patch, rounding] {
             let Some(touch) = pair.look(&mut narrow, &model, &mut History::default()) else {
                 continue;
             };
@@ -375,7 +379,11 @@ fn a_pebble_on_a_mountain() {
         let wanted = if id % 3 == 0 { size } else { -size };
         pair.separation += axis * (wanted - gap);
         let (_, gap) = pair.oracle();
-        for model in [Model::Patch, Model::Point { rounding: 2e-3 }] {
+        for model in [
+            Model::Pressure,
+            Model::Patch,
+            Model::Point { rounding: 2e-3 },
+        ] {
             let touch = pair.look(&mut narrow, &model, &mut History::default());
             assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
             if let Some(touch) = touch {
