@@ -15,6 +15,7 @@ pub(crate) mod features;
 pub mod measured;
 mod seepage;
 pub(crate) mod solids;
+pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
 

@@ -18,8 +18,8 @@
 
 use super::sound::{Forecast, PlaneWave};
 use super::{
-    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening, Place,
-    Ramp, Rule, Sound, Strength, Sums, Surface,
+    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
+    Place, Ramp, Rule, Sound, Strength, Sums, Surface, quanta,
 };
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
@@ -73,10 +73,8 @@ impl Pressure {
                 let alike = openings.iter().filter(|o| o.strength == strength);
                 alike.count()
             };
-            let (pressures, velocities) = (
-                imposing(Strength::Pressure),
-                imposing(Strength::Velocity),
-            );
+            let (pressures, velocities) =
+                (imposing(Strength::Pressure), imposing(Strength::Velocity));
             if pressures == 1 && velocities > 0 && openings.len() == pressures + velocities {
                 Sound::Absorb
             } else {
@@ -195,6 +193,18 @@ impl Links {
         }
     }
 
+    /// Velocity of a cell along the normal.
+    fn normal<S: Stored>(
+        &self,
+        cell: &PressureCell,
+        populations: &Populations<S>,
+        moment: &Moment,
+    ) -> f64 {
+        // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
+        let (drho, momentum) = populations.outgoing_moments(cell.cell);
+        (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
+    }
+
     /// The same with the plane wave let out.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
@@ -233,11 +243,18 @@ impl<S: Stored> Rule<S> for Links {
         self.sound.is_some()
     }
 
-    fn measure(&self, populations: &Populations<S>, _: &Moment) -> Sums {
-        match &self.sound {
-            Some((wave, _)) => wave.measure(&self.links, &[], 0.0, populations),
-            None => Sums::default(),
+    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+        let Some((wave, _)) = &self.sound else {
+            return Sums::default();
+        };
+        let mut squares = 0;
+        for cell in &self.cells {
+            let normal = self.normal(cell, populations, moment);
+            let returned = &self.returned[cell.first..][..cell.count];
+            let area: f64 = returned.iter().map(|returned| 6.0 * returned.weight).sum();
+            squares += i128::from(quanta(area * normal * normal));
         }
+        wave.measure(&self.links, squares, populations)
     }
 
     fn hear(&mut self, sums: Sums, moment: &Moment) {
@@ -259,15 +276,12 @@ impl<S: Stored> Rule<S> for Links {
 
     fn apply(&mut self, populations: &mut Populations<S>, moment: &Moment) {
         let parity = populations.parity();
-        let a = self.axis;
         let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
         let wanted = self.density.at(moment.step) + excess;
         for cell in &self.cells {
-            // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
-            let (drho, momentum) = populations.outgoing_moments(cell.cell);
+            let normal = self.normal(cell, populations, moment);
             let links = cell.first..cell.first + cell.count;
             for (link, returned) in self.links[links.clone()].iter().zip(&self.returned[links]) {
-                let normal = (momentum[a] - moment.half_force[a]) / (1.0 + drho);
                 let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
                 let (from, _) = returned.mirror.ends(parity);
                 let numbers = populations.numbers_mut();

@@ -10,7 +10,7 @@ use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
     Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
-    Site, Sound, Strength, Sums, Surface, wall,
+    Site, Sound, Strength, Sums, Surface, quanta, wall,
 };
 use crate::error::{Error, Problem, Report, Severity};
 use crate::lbm::lanes::Stored;
@@ -288,7 +288,11 @@ impl<S: Stored> Rule<S> for Links {
     fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
         let factor = self.ramp.at(moment.step);
         self.sound.as_ref().map_or_else(Sums::default, |sound| {
-            (sound.wave).measure(&sound.links, &sound.terms, factor, populations)
+            let into = sound
+                .terms
+                .iter()
+                .map(|term| -i128::from(quanta(term * factor)));
+            (sound.wave).measure(&sound.links, into.sum(), populations)
         })
     }
 
