@@ -281,7 +281,7 @@ mod tests {
     /// Measures the table again.
     #[test]
     fn sound_leaves_through_openings_that_absorb() {
-        let mut text = TABLE.lines().next().unwrap().to_owned();
+        let (mut text, mut others) = (TABLE.lines().next().unwrap().to_owned(), Vec::new());
         for row in TABLE.lines().skip(1) {
             let cells: Vec<&str> = row.split(',').collect();
             let number = |n: usize| cells[n].parse::<f64>().unwrap();
@@ -298,7 +298,9 @@ mod tests {
             text += &format!("\n{}", cells[..3].join(","));
             for (n, found) in found.into_iter().enumerate() {
                 text += &format!(",{found:.4}");
-                assert!((found - number(3 + n)).abs() < 1e-4, "{row}: {found:?}");
+                if (found - number(3 + n)).abs() > 1e-4 {
+                    others.push(row);
+                }
             }
             // Water of little viscosity, waves no longer than a fifth of the domain.
             if tau < 1.0 && wavelength <= 0.2 * length() {
@@ -306,6 +308,7 @@ mod tests {
             }
         }
         println!("{text}");
+        assert_eq!(others, Vec::<&str>::new());
     }
 
     /// Largest deviation from the steady flow after each passage of sound, of a start from rest.
