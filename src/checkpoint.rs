@@ -132,6 +132,7 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub earlier: Option<&'a [f64]>,
 }
 
+const OPENINGS: &str = "openings";
 const EARLIER: &str = "earlier_velocities";
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
 
@@ -275,6 +276,11 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         }
         if let Some(fluid) = self.fluid {
             attributes["fluid_steps"] = json!(fluid.steps());
+            // Bits, so that nothing is rounded.
+            attributes[OPENINGS] = fluid
+                .memories()
+                .map(|memory| memory.map(f64::to_bits))
+                .collect();
         }
         io::checkpoint::write(
             folder,
@@ -308,6 +314,14 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 let bits = number.to_f64().to_bits();
                 hash.add(key, (cell * shape[3] + i) as u64, bits);
             });
+            if communicator.rank() == 0 {
+                let key = field_key(OPENINGS);
+                for (patch, memory) in (0..).zip(fluid.memories()) {
+                    if let Some(memory) = memory {
+                        hash.add(key, patch, memory.to_bits());
+                    }
+                }
+            }
             if let Some(field) = fluid.velocities() {
                 let key = field_key("velocities");
                 for ([x, y, z], at) in cells_of(fluid) {
@@ -460,6 +474,14 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     finite("populations", values.iter().map(|x| x.to_f64()))?;
     let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
     scatter(fluid, &values, step);
+    let saved = reader.attributes()[OPENINGS].as_array();
+    let memories: Vec<Option<f64>> = saved
+        .into_iter()
+        .flatten()
+        .map(|bits| bits.as_u64().map(f64::from_bits))
+        .collect();
+    finite(OPENINGS, memories.iter().flatten().copied())?;
+    fluid.recall(memories.into_iter());
     if reader.attributes()["velocities"] != json!(true) {
         // The turbulence was added at this restart.
         fluid.renew_velocities();

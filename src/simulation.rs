@@ -18,6 +18,7 @@ mod recorders;
 pub mod removal;
 mod resume;
 pub mod run;
+mod settled;
 pub mod setup;
 mod table;
 pub mod versions;

@@ -24,6 +24,7 @@
 //! | `wall` | half-way bounce-back at walls and imposed velocities, also while the pass goes on |
 //! | `profile` | a velocity over a face |
 //! | `turbulent` | turbulence over an imposed velocity |
+//! | `sound` | the plane wave that leaves through an opening |
 //! | `covered` | openings where solids cover their cells |
 //! | `flux` | what crosses each patch |
 
@@ -35,6 +36,7 @@ mod nature;
 pub mod profile;
 mod rule;
 mod site;
+mod sound;
 pub mod turbulent;
 pub mod wall;
 
@@ -44,13 +46,15 @@ pub use links::{Crossing, FaceLink, Mirror};
 pub use model::{ImposedPressure, ImposedSpeed, Inflow, Model};
 pub use nature::{Nature, Strength, Surface};
 pub use rule::{Giver, Moment, Rule};
-pub use site::{Place, Site};
+pub use site::{Opening, Place, Site};
+pub use sound::{Sound, Sums};
 
 use super::family;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};
 use crate::units::LatticeUnits;
+use decomposition::Communicator;
 use profile::ReadTable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -221,6 +225,9 @@ pub struct Boundaries<S: Stored> {
     order: Vec<usize>,
     walls: wall::Walls,
     open: covered::OpenCells,
+    /// The patches whose rules need sums over all ranks, and room for these.
+    summed: Vec<usize>,
+    sums: Vec<u128>,
 }
 
 /// Where a cell lies relative to the whole domain.
@@ -328,7 +335,12 @@ impl<S: Stored> Boundaries<S> {
         }
         let mut order: Vec<usize> = (0..patches.len()).collect();
         order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.nature().strength));
+        let summed: Vec<usize> = (0..patches.len())
+            .filter(|&p| patches[p].rule.sums())
+            .collect();
         Self {
+            sums: vec![0; summed.len() * Sums::default().len()],
+            summed,
             patches,
             order,
             walls: wall::Walls::new(walls, populations.cells()[slow]),
@@ -392,7 +404,45 @@ impl<S: Stored> Boundaries<S> {
         unsafe { self.walls.give(planes, speed, parity, numbers) };
     }
 
-    /// Gives every population that enters through a face its value. `half_force` is F/2 of the body force; the walls of the planes
+    /// What the rules remember from step to step, by patch.
+    pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        self.patches.iter().map(|patch| patch.rule.memory())
+    }
+
+    /// Sets what the rules remember.
+    pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
+        for (patch, memory) in self.patches.iter_mut().zip(memories) {
+            patch.rule.recall(memory);
+        }
+    }
+
+    /// Sums over all ranks for the rules that need them. Collective.
+    pub fn measure(
+        &mut self,
+        populations: &Populations<S>,
+        step: f64,
+        half_force: [f64; 3],
+        communicator: &Communicator,
+    ) {
+        if self.summed.is_empty() {
+            return;
+        }
+        let moment = Moment { step, half_force };
+        let count = Sums::default().len();
+        for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact_mut(count)) {
+            let measured = self.patches[patch].rule.measure(populations, &moment);
+            for (sum, measured) in sums.iter_mut().zip(measured) {
+                *sum = measured.cast_unsigned();
+            }
+        }
+        communicator.all_reduce_sum_u128s(&mut self.sums);
+        for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact(count)) {
+            let sums = std::array::from_fn(|n| sums[n].cast_signed());
+            self.patches[patch].rule.hear(sums, &moment);
+        }
+    }
+
+    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls of the planes
     /// `given` have been given theirs.
     pub fn apply(
         &mut self,

@@ -22,7 +22,7 @@ use super::saturation::{Cover, Method};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use crate::thread_pool;
-use decomposition::Domain;
+use decomposition::{Communicator, Domain};
 use dispatch::{Choice, Step};
 use std::ops::Range;
 
@@ -85,6 +85,7 @@ pub struct Fluid<S: Stored> {
     start: [usize; 3],
     periodic: [bool; 3],
     periodic_within: [bool; 3],
+    communicator: Communicator,
     threads: usize,
     step: u64,
 }
@@ -177,6 +178,7 @@ impl<S: Stored> Fluid<S> {
             start,
             periodic: setup.periodic,
             periodic_within,
+            communicator: domain.communicator().clone(),
             threads,
             step: 0,
         })
@@ -209,16 +211,32 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
+    /// What the openings remember from step to step, by patch.
+    pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        self.boundaries.memories()
+    }
+
+    /// Sets what the openings remember, on a restart.
+    pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
+        self.boundaries.recall(memories);
+    }
+
     /// One step: collide and stream every cell, exchange, apply the faces. Afterwards every incoming population of the
     /// slab is in place, except those at moving bodies, which the coupling sets.
     pub fn advance(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
+        let force = self.half_force().map(|f| 2.0 * f);
+        let half = force.map(|f| 0.5 * f);
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = (self.step + 1) as f64;
         if planes == 0 {
+            // The other ranks wait for its part of the sums.
+            let populations = &self.populations;
+            self.boundaries
+                .measure(populations, time, half, &self.communicator);
             self.step += 1;
             return;
         }
-        let force = self.half_force().map(|f| 2.0 * f);
-        let half = force.map(|f| 0.5 * f);
         self.boundaries.remember(&self.populations, half);
         // Faces first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
@@ -240,8 +258,6 @@ impl<S: Stored> Fluid<S> {
             wrap(&mut self.populations, within, last..last + 1);
         }
         self.halo.start(&self.populations);
-        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
-        let time = (self.step + 1) as f64;
         let early = !self.periodic_within.contains(&true) && self.boundaries.walls_stand_alone();
         let interior = 1..planes.max(2) - 1;
         if planes > 2 && early {
@@ -259,6 +275,8 @@ impl<S: Stored> Fluid<S> {
         self.step += 1;
         let threads = if early { self.workers(&interior) } else { 0 };
         let given = (0..threads).map(|t| inner(&share(&interior, threads, t)));
+        self.boundaries
+            .measure(&self.populations, time, half, &self.communicator);
         self.boundaries
             .apply(&mut self.populations, time, half, given);
         if let Some(cover) = &self.cover {

@@ -18,6 +18,7 @@ pub mod measured;
 pub(crate) mod promise;
 mod seepage;
 pub(crate) mod solids;
+pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
 

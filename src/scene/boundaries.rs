@@ -8,7 +8,7 @@ use super::profile;
 use crate::case::fluid::LatticeBoltzmann;
 use crate::case::geometry::Face;
 use crate::lbm::boundary::no_slip::NoSlip;
-use crate::lbm::boundary::{Condition, Inflow, Place, Site};
+use crate::lbm::boundary::{Condition, Inflow, Opening, Place, Site};
 use crate::number::{real, whole};
 use serde::Serialize;
 use std::path::Path;
@@ -46,8 +46,24 @@ impl Patch {
             site: site(grid, self.face, path),
             from: self.from,
             to: self.to,
+            openings: &[],
         }
     }
+}
+
+/// The openings among some patches.
+pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Vec<Opening> {
+    let open = patches.filter(|patch| patch.condition.model().passes_water());
+    let opening = |patch: &Patch| {
+        let (model, place) = (patch.condition.model(), patch.place(grid, PATH));
+        Opening {
+            strength: model.nature().strength,
+            cells: place.count(),
+            inflow: model.inflow(&place),
+            ramp_time: model.ramp_time(),
+        }
+    };
+    open.map(opening).collect()
 }
 
 fn site<'a>(grid: &Grid, face: Face, path: &'a str) -> Site<'a> {

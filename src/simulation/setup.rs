@@ -11,7 +11,7 @@ pub use crate::dem::space::vector;
 use crate::dem::space::{Components, Space};
 use crate::dem::{Dem, Region, Settings, Wall};
 use crate::error::Error;
-use crate::lbm::boundary::Patch;
+use crate::lbm::boundary::{Opening, Patch};
 use crate::lbm::fluid::{Force, Setup};
 use crate::lbm::initial::Field;
 use crate::lbm::lanes::Stored;
@@ -38,9 +38,10 @@ pub fn axis(n: usize) -> Axis {
 /// When a profile cannot be read.
 pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup<S>, Error> {
     let grid = &plan.scene.grid;
+    let openings = boundaries::openings(flow.patches(), grid);
     let mut patches = Vec::new();
     for patch in flow.patches() {
-        patches.push(self::patch(plan, patch, units)?);
+        patches.push(self::patch(plan, patch, &openings, units)?);
     }
     Ok(Setup {
         set: flow.lattice,
@@ -94,6 +95,7 @@ fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
 fn patch<S: Stored>(
     plan: &Plan,
     patch: &boundaries::Patch,
+    openings: &[Opening],
     units: &LatticeUnits,
 ) -> Result<Patch<S>, Error> {
     let cells = plan.scene.grid.cells;
@@ -114,7 +116,8 @@ fn patch<S: Stored>(
         [low, high]
     });
     let path = format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name);
-    let place = patch.place(&plan.scene.grid, &path);
+    let mut place = patch.place(&plan.scene.grid, &path);
+    place.openings = openings;
     Ok(Patch {
         name: patch.name.clone(),
         axis,

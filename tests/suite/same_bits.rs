@@ -242,6 +242,47 @@ fn averages_of_a_gusty_stream() {
     study.same("straight", "parts");
 }
 
+/// Openings that absorb sound sum over their faces, and what they remember is part of the state.
+#[test]
+fn sound_leaves_on_any_ranks_and_over_a_restart() {
+    let _beside = beside_others();
+    let boundaries = r#"[
+        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.1}}, "sound": "absorb"}}},
+        {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+    ]"#;
+    let study = Study::of(
+        "taylor-green",
+        &[
+            ("domain", r#"{"size": [0.0024, 0.002], "spacing": 1e-4}"#),
+            ("fluid.lattice_boltzmann.relaxation_time", "0.7"),
+            ("fluid.lattice_boltzmann.initial", r#"{"rest": {}}"#),
+            ("fluid.lattice_boltzmann.boundaries", boundaries),
+            (
+                "probes",
+                r#"[{"name": "out", "every": 1e-4, "at": {"wall": {"face": "x_max"}}}]"#,
+            ),
+            ("checkpoint.every", "0.0008"),
+            ("time.end", "0.006"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, set) in [
+        ("across", 3, "domain.split=y"),
+        ("along", 2, "domain.split=x"),
+        ("empty slab", 3, "domain.slab_bounds=[12, 12]"),
+    ] {
+        study.run(name, ranks, 1, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 1, 1, &["time.end=0.003", "domain.split=y"]);
+    study.restart("parts", 3, &["time.end=0.006"]).expect(0);
+    study.same("straight", "parts");
+    let settled = study.summary("straight")["settled"].clone();
+    assert_eq!(settled[0]["quantity"], "force");
+    assert_eq!(settled, study.summary("parts")["settled"]);
+    assert_eq!(settled, study.summary("across")["settled"]);
+}
+
 #[test]
 fn grains_without_fluid() {
     let _beside = beside_others();

@@ -93,6 +93,11 @@ pub trait Model {
         Inflow::None
     }
 
+    /// Time over which the inflow grows from nothing [s]; 0 for at once.
+    fn ramp_time(&self) -> f64 {
+        0.0
+    }
+
     /// Whether water passes through it, or is driven through it.
     fn passes_water(&self) -> bool {
         self.nature().surface == Surface::Opening

@@ -16,13 +16,15 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
+use super::sound::{Forecast, PlaneWave};
 use super::{
-    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Place, Ramp,
-    Rule, Strength, Surface,
+    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
+    Place, Ramp, Rule, Sound, Strength, Sums, Surface, quanta,
 };
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
+use crate::number::real;
 use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,11 @@ pub struct Pressure {
     /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
+    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several times that sound takes
+    /// through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every step. Default: `absorb` where this is the
+    /// only opening besides imposed velocities, else `reflect`.
+    #[serde(default)]
+    pub sound: Option<Sound>,
 }
 
 /// A linear change in time.
@@ -58,6 +65,24 @@ const NATURE: Nature = Nature {
 };
 
 impl Pressure {
+    /// What it does with sound among the openings of the domain. Between two imposed pressures an opening that absorbs would add to the
+    /// inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel that.
+    fn sound(&self, openings: &[Opening]) -> Sound {
+        self.sound.unwrap_or_else(|| {
+            let imposing = |strength| {
+                let alike = openings.iter().filter(|o| o.strength == strength);
+                alike.count()
+            };
+            let (pressures, velocities) =
+                (imposing(Strength::Pressure), imposing(Strength::Velocity));
+            if pressures == 1 && velocities > 0 && openings.len() == pressures + velocities {
+                Sound::Absorb
+            } else {
+                Sound::Reflect
+            }
+        })
+    }
+
     fn imposed(&self) -> ImposedPressure {
         ImposedPressure {
             field: "value",
@@ -92,8 +117,37 @@ impl Model for Pressure {
             end: units.pressure_to_density_deviation(imposed.end),
             steps: units.time_to_lattice(imposed.ramp_time),
         };
-        Ok(Box::new(Links::new(place.site.face.axis(), ramp)))
+        let axis = place.site.face.axis();
+        let mut links = Links::new(axis, ramp);
+        if self.sound(place.openings) == Sound::Absorb {
+            let wave = PlaneWave::at_pressure(real(place.site.cells[axis]));
+            links = links.absorbing(wave, forecast(place, units));
+        }
+        Ok(Box::new(links))
     }
+}
+
+/// The mean velocity out of the domain that imposed velocities bring about; none where other openings let through what they will.
+fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
+    let mut inflows = Vec::new();
+    let mut free = 0;
+    for opening in place.openings {
+        match opening.inflow {
+            Inflow::None => {}
+            Inflow::Any => free += 1,
+            Inflow::Mean(speed) => {
+                let share = real(opening.cells) / real(place.count());
+                inflows.push(Ramp {
+                    start: 0.0,
+                    end: units.velocity_to_lattice(speed) * share,
+                    steps: units.time_to_lattice(opening.ramp_time),
+                });
+            }
+        }
+    }
+    (free == 1).then(|| -> Forecast {
+        Box::new(move |step| inflows.iter().map(|inflow| inflow.at(step)).sum())
+    })
 }
 
 /// A cell at the face with its links.
@@ -121,6 +175,8 @@ pub struct Links {
     links: Vec<FaceLink>,
     /// For each link.
     returned: Vec<Returned>,
+    /// What lets sound out, with the velocity that is foreseen.
+    sound: Option<(PlaneWave, Option<Forecast>)>,
 }
 
 impl Links {
@@ -133,7 +189,27 @@ impl Links {
             cells: Vec::new(),
             links: Vec::new(),
             returned: Vec::new(),
+            sound: None,
         }
+    }
+
+    /// Velocity of a cell along the normal.
+    fn normal<S: Stored>(
+        &self,
+        cell: &PressureCell,
+        populations: &Populations<S>,
+        moment: &Moment,
+    ) -> f64 {
+        // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
+        let (drho, momentum) = populations.outgoing_moments(cell.cell);
+        (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
+    }
+
+    /// The same with the plane wave let out.
+    #[must_use]
+    pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
+        self.sound = Some((wave, forecast));
+        self
     }
 }
 
@@ -163,16 +239,49 @@ impl<S: Stored> Rule<S> for Links {
         self.density.steps
     }
 
+    fn sums(&self) -> bool {
+        self.sound.is_some()
+    }
+
+    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+        let Some((wave, _)) = &self.sound else {
+            return Sums::default();
+        };
+        let mut squares = 0;
+        for cell in &self.cells {
+            let normal = self.normal(cell, populations, moment);
+            let returned = &self.returned[cell.first..][..cell.count];
+            let area: f64 = returned.iter().map(|returned| 6.0 * returned.weight).sum();
+            squares += i128::from(quanta(area * normal * normal));
+        }
+        wave.measure(&self.links, squares, populations)
+    }
+
+    fn hear(&mut self, sums: Sums, moment: &Moment) {
+        if let Some((wave, forecast)) = &mut self.sound {
+            let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
+            wave.hear_pressure(sums, self.density.at(moment.step), forecast);
+        }
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.sound.as_ref().and_then(|(wave, _)| wave.memory())
+    }
+
+    fn recall(&mut self, memory: Option<f64>) {
+        if let Some((wave, _)) = &mut self.sound {
+            wave.recall(memory);
+        }
+    }
+
     fn apply(&mut self, populations: &mut Populations<S>, moment: &Moment) {
         let parity = populations.parity();
-        let a = self.axis;
-        let wanted = self.density.at(moment.step);
+        let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
+        let wanted = self.density.at(moment.step) + excess;
         for cell in &self.cells {
-            // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
-            let (drho, momentum) = populations.outgoing_moments(cell.cell);
+            let normal = self.normal(cell, populations, moment);
             let links = cell.first..cell.first + cell.count;
             for (link, returned) in self.links[links.clone()].iter().zip(&self.returned[links]) {
-                let normal = (momentum[a] - moment.half_force[a]) / (1.0 + drho);
                 let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
                 let (from, _) = returned.mirror.ends(parity);
                 let numbers = populations.numbers_mut();

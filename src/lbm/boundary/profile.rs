@@ -132,7 +132,7 @@ impl VelocityProfile {
 const MOST_LOOKS: usize = 20_000_000;
 
 fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
-    let Place { site, from, to } = place;
+    let Place { site, from, to, .. } = place;
     let (axis, inward) = (site.face.axis(), site.face.inward());
     let cells = (0..3).map(|a| to[a].saturating_sub(from[a]));
     let cells = cells.fold(1, usize::saturating_mul);
@@ -159,7 +159,7 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
 
 /// The axes of the face along which the flow through a patch has ends: not a periodic axis that the patch spans.
 fn bounded(place: &Place<'_>) -> [bool; 3] {
-    let Place { site, from, to } = place;
+    let Place { site, from, to, .. } = place;
     std::array::from_fn(|a| {
         let spans = from[a] == 0 && to[a] == site.cells[a];
         a != site.face.axis() && a < site.dimension && !(site.periodic[a] && spans)
@@ -294,7 +294,12 @@ mod tests {
             cells: [20, 10, 30],
             periodic,
         };
-        let place = Place { site, from, to };
+        let place = Place {
+            site,
+            from,
+            to,
+            openings: &[],
+        };
         let units = LatticeUnits {
             spacing: 1.0,
             time_step: 1.0,

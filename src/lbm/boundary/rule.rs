@@ -2,6 +2,7 @@
 
 use super::links::{Crossing, FaceLink, Mirror};
 use super::nature::Nature;
+use super::sound::Sums;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 
@@ -58,6 +59,27 @@ pub trait Rule<S: Stored>: Send + Sync {
 
     /// Notes what the rule needs of the state before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
+
+    /// Whether the rule needs sums over all ranks before it acts; the same on every rank and at every step.
+    fn sums(&self) -> bool {
+        false
+    }
+
+    /// The sums of this rank, where it needs any.
+    fn measure(&self, _populations: &Populations<S>, _moment: &Moment) -> Sums {
+        Sums::default()
+    }
+
+    /// Takes the sums of all ranks.
+    fn hear(&mut self, _sums: Sums, _moment: &Moment) {}
+
+    /// What the rule remembers from step to step; none where nothing, or nothing yet.
+    fn memory(&self) -> Option<f64> {
+        None
+    }
+
+    /// Sets what the rule remembers.
+    fn recall(&mut self, _memory: Option<f64>) {}
 
     /// Gives the links that the rule keeps what enters, before the walls are given theirs.
     fn apply(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}

@@ -1,5 +1,7 @@
 //! Where a boundary is imposed.
 
+use super::model::Inflow;
+use super::nature::Strength;
 use crate::geometry::Face;
 
 /// The face of a boundary and the grid of the domain.
@@ -28,4 +30,28 @@ pub struct Place<'a> {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
+    /// All openings of the domain, this one included; none where they are not known yet.
+    pub openings: &'a [Opening],
+}
+
+impl Place<'_> {
+    /// Its cells.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        let cells = (0..3).map(|a| self.to[a].saturating_sub(self.from[a]));
+        cells.product()
+    }
+}
+
+/// An opening of the domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Opening {
+    /// What it imposes.
+    pub strength: Strength,
+    /// Its cells.
+    pub cells: usize,
+    /// What flows in.
+    pub inflow: Inflow,
+    /// Time over which the inflow grows \[s\].
+    pub ramp_time: f64,
 }

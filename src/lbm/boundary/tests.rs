@@ -94,6 +94,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         site: site("boundaries[0].condition.toy"),
         from: [0, 1, 0],
         to: [1, 4, 1],
+        openings: &[],
     };
     let units = LatticeUnits {
         spacing: 1.0,

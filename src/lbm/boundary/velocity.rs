@@ -6,10 +6,11 @@
 )]
 
 use super::profile::{Profile, ReadTable, VelocityProfile};
+use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
-    Crossing, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule, Site,
-    Strength, Surface, wall,
+    Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
+    Site, Sound, Strength, Sums, Surface, quanta, wall,
 };
 use crate::error::{Error, Problem, Report, Severity};
 use crate::lbm::lanes::Stored;
@@ -34,6 +35,14 @@ pub struct Velocity {
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
+    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several times that sound
+    /// takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at every step.
+    #[serde(default = "reflect")]
+    pub sound: Sound,
+}
+
+fn reflect() -> Sound {
+    Sound::Reflect
 }
 
 const NATURE: Nature = Nature {
@@ -54,6 +63,14 @@ impl Model for Velocity {
         if let Some(turbulence) = &self.turbulence {
             let path = format!("{}.turbulence", site.path);
             turbulence.check(site.spacing, &path, report);
+        }
+        if self.turbulence.is_some() && self.sound == Sound::Absorb {
+            let path = format!("{}.sound", site.path);
+            report.error(
+                &path,
+                "an opening through which turbulence enters does not absorb sound".into(),
+                "let the outlet absorb it, and take this field out".into(),
+            );
         }
         let path = format!("{}.profile", site.path);
         self.profile.resolve((site, &path), read, report);
@@ -84,6 +101,10 @@ impl Model for Velocity {
             .map_or(Inflow::Any, Inflow::Mean)
     }
 
+    fn ramp_time(&self) -> f64 {
+        self.ramp_time.unwrap_or(0.0)
+    }
+
     fn rule<S: Stored>(
         &self,
         place: &Place<'_>,
@@ -104,6 +125,10 @@ impl Model for Velocity {
             let face = place.site.face;
             links = links.turbulent(synthetic, (face.axis(), face.is_max()));
         }
+        if self.sound == Sound::Absorb {
+            let length = place.site.cells[place.site.face.axis()];
+            links = links.absorbing(PlaneWave::at_velocity(real(length)));
+        }
         Ok(Box::new(links))
     }
 }
@@ -115,7 +140,7 @@ fn synthetic(
     profile: &Profile,
     units: &LatticeUnits,
 ) -> Result<Synthetic, Error> {
-    let Place { site, from, to } = place;
+    let Place { site, from, to, .. } = place;
     let (axis, inward) = (site.face.axis(), site.face.inward());
     let (mut sum, mut cells) = (0.0, 0.0);
     for x in from[0]..to[0] {
@@ -162,6 +187,17 @@ pub struct Links {
     turbulence: Option<(Synthetic, (usize, bool))>,
     /// The links with fluctuations, from the first link on.
     inlet: Option<Inlet>,
+    /// What lets sound out, with its links.
+    sound: Option<Absorbing>,
+}
+
+/// The links of an inlet that absorbs sound.
+#[derive(Debug)]
+struct Absorbing {
+    wave: PlaneWave,
+    links: Vec<FaceLink>,
+    /// 6 w_i c_i·u of each at full speed.
+    terms: Vec<f64>,
 }
 
 impl Links {
@@ -174,6 +210,7 @@ impl Links {
             ramp,
             turbulence: None,
             inlet: None,
+            sound: None,
         }
     }
 
@@ -187,6 +224,17 @@ impl Links {
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));
+        self
+    }
+
+    /// The same with the plane wave let out.
+    #[must_use]
+    pub(super) fn absorbing(mut self, wave: PlaneWave) -> Self {
+        self.sound = Some(Absorbing {
+            wave,
+            links: Vec::new(),
+            terms: Vec::new(),
+        });
         self
     }
 
@@ -213,9 +261,12 @@ impl<S: Stored> Rule<S> for Links {
             let strength = synthetic.intensity * speed;
             inlet.add(crossing.at, strength, crossing.link, weight, c);
         }
-        Giver::Wall {
-            term: wall::term(weight, c, u),
+        let term = wall::term(weight, c, u);
+        if let Some(sound) = &mut self.sound {
+            sound.links.push(crossing.face_link());
+            sound.terms.push(term);
         }
+        Giver::Wall { term }
     }
 
     fn velocity(&self, position: [f64; 3]) -> Option<[f64; 3]> {
@@ -230,7 +281,47 @@ impl<S: Stored> Rule<S> for Links {
         self.ramp.steps
     }
 
+    fn sums(&self) -> bool {
+        self.sound.is_some()
+    }
+
+    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+        let factor = self.ramp.at(moment.step);
+        self.sound.as_ref().map_or_else(Sums::default, |sound| {
+            let into = sound
+                .terms
+                .iter()
+                .map(|term| -i128::from(quanta(term * factor)));
+            (sound.wave).measure(&sound.links, into.sum(), populations)
+        })
+    }
+
+    fn hear(&mut self, sums: Sums, _: &Moment) {
+        if let Some(sound) = &mut self.sound {
+            sound.wave.hear_velocity(sums);
+        }
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.sound.as_ref().and_then(|sound| sound.wave.memory())
+    }
+
+    fn recall(&mut self, memory: Option<f64>) {
+        if let Some(sound) = &mut self.sound {
+            sound.wave.recall(memory);
+        }
+    }
+
     fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+        if let Some(sound) = &self.sound {
+            let parity = populations.parity();
+            for FaceLink { link, direction } in &sound.links {
+                let change = 6.0 * populations.velocities().w[*direction] * sound.wave.excess();
+                let place = link.incoming(parity);
+                let numbers = populations.numbers_mut();
+                numbers[place] = S::from_f64(numbers[place].to_f64() + change);
+            }
+        }
         if let Some(inlet) = &mut self.inlet {
             inlet.apply(populations, moment.step, self.ramp.at(moment.step));
         }

@@ -5,13 +5,15 @@
 //! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
 //! - the change of density under imposed pressures at half the target, and 3 %;
-//! - 200 steps in a period, 100 in the run, one in every interval of output.
+//! - 200 steps in a period, 100 in the run, one in every interval of output;
+//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
+//!   begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
 //! Two relaxation times hold from tau = 0.51 on, with openings from 0.55. Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a
 //! factor, and beyond that the case is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
 //! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
-use super::Limit;
+use super::{Limit, sound};
 use crate::case::coupling::Coupling;
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::lbm::collision::cumulant;
@@ -153,6 +155,10 @@ fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec
     );
     let shortest = intervals(scene).fold(f64::INFINITY, f64::min);
     add("an output in every interval".into(), shortest);
+    if let Some((what, time_step)) = sound::passages(scene, flow) {
+        let stable = LatticeUnits::time_step_for(least_tau(flow), h, nu);
+        add(what, time_step.max(stable));
+    }
     limits
 }
 

@@ -4,6 +4,7 @@ use super::super::agreement;
 use super::super::blocks;
 use super::super::energy;
 use super::super::progress::clock;
+use super::super::settled;
 use super::super::versions::versions;
 use super::runner::Runner;
 use crate::checkpoint::Saved;
@@ -98,6 +99,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "mean_porosity": seepage.mean_porosity(),
             });
         }
+        // The first rank alone has the files of the probes, and alone speaks of them.
+        let settled = if communicator.rank() == 0 {
+            let (plan, time) = (&simulation.now.plan, simulation.now.time());
+            settled::read(plan, self.folder.path(), time)
+        } else {
+            Vec::new()
+        };
+        summary["settled"] = json!(settled);
         let particles = &simulation.now.particles;
         if simulation.now.dem.is_some() {
             summary["kinetic_energy"] = energy::of_motion(particles, communicator).into();
@@ -169,6 +178,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
                     balance.closure, balance.reynolds
                 ));
+            }
+            for line in settled::lines(&simulation.now.plan, &settled) {
+                self.progress.note(&line);
             }
             for warning in &warnings {
                 self.progress.note(&format!("warning: {warning}"));

@@ -1,0 +1,147 @@
+//! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½ Δt).
+//!
+//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the pressure absorbs it
+//! ([`crate::lbm::boundary::Sound`]) the velocity is off by 2.5 % after three passages of the length L and by 0.4 % after five, and the
+//! even ones lie below; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
+//!
+//! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per density and viscosity
+//! (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with the time constant
+//!
+//! T = 12 ν I V/c²
+//!
+//! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the way, lubrication gives
+//! I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the two sides. After m T the pressure is built up
+//! to exp(-m).
+
+use crate::lbm::boundary::{Inflow, Strength};
+use crate::number::real;
+use crate::scene::Scene;
+use crate::scene::findings::number;
+use crate::scene::flow::Flow;
+
+/// Passages of sound between openings until a start has settled to a per cent.
+const PASSAGES: f64 = 4.0;
+/// Time constants until the pressure before a narrow way is built up to a per cent.
+const TIME_CONSTANTS: f64 = 4.6;
+
+/// From when on values matter \[s\]: averages begin, or the run ends.
+fn when(scene: &Scene) -> f64 {
+    let averages = scene.output.averages.iter().map(|averages| averages.from);
+    averages
+        .filter(|from| *from > 0.0)
+        .fold(scene.time.end, f64::min)
+}
+
+/// The longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none where nothing starts it.
+pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+    let mut axes = [false; 3];
+    let mut driven = false;
+    for patch in flow.patches() {
+        let model = patch.condition.model();
+        if model.passes_water() {
+            axes[patch.face.axis()] = true;
+        }
+        let place = patch.place(&scene.grid, "");
+        driven |= model.nature().strength == Strength::Velocity
+            && matches!(model.inflow(&place), Inflow::Mean(speed) if speed.abs() > 0.0);
+    }
+    if !driven {
+        return None;
+    }
+    let lengths = (0..3).filter(|a| axes[*a]).map(|a| scene.grid.size[a]);
+    let length = lengths.fold(0.0, f64::max);
+    let time = when(scene);
+    let what = format!(
+        "{PASSAGES} passages of sound through {} m between openings in {} s",
+        number(length),
+        number(time)
+    );
+    let step = scene.grid.spacing * time / (3.0_f64.sqrt() * PASSAGES * length);
+    Some((what, step))
+}
+
+/// A narrow way of the water.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// Its width \[m\].
+    pub width: f64,
+    /// What is beside it.
+    pub beside: Beside,
+}
+
+/// What stands beside a narrow way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Beside {
+    /// Round solids: one over the sum of the curvatures of both sides \[m\], half the radius between equal discs.
+    Round(f64),
+    /// Flat walls of this length along the way \[m\].
+    Flat(f64),
+}
+
+/// I of a way [1/m2].
+#[must_use]
+pub fn resistance(way: &Way) -> f64 {
+    let Way { width, beside } = *way;
+    match beside {
+        Beside::Round(radius) => {
+            3.0 * std::f64::consts::PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3)
+        }
+        Beside::Flat(length) => length / width.powi(3),
+    }
+}
+
+/// The longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after `time`. Each way fills a volume of
+/// `length` along the flow and `height` across it \[m\].
+#[must_use]
+pub fn filling(
+    way: &Way,
+    rows: usize,
+    [length, height]: [f64; 2],
+    (spacing, viscosity, time): (f64, f64, f64),
+) -> f64 {
+    let series = 12.0 * viscosity * real(rows) * resistance(way) * length * height;
+    // t = m T = m series/c² with c² = h²/(3 Δt²).
+    spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chamber of 4.5 by 1.12 mm, less half a disc, behind a gap of 0.12 mm between discs of 1 mm, in cells of 0.02 mm at a relaxation
+    /// time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T = 0.325 s between 0.57 and 1.17 s.
+    #[test]
+    fn a_chamber_fills_in_the_time_of_a_run() {
+        let way = Way {
+            width: 1.2e-4,
+            beside: Beside::Round(2.5e-4),
+        };
+        let (spacing, viscosity) = (2e-5, 1e-6);
+        let measured = 0.325;
+        let chamber = 4.5e-3 * 1.12e-3 - 0.5 * std::f64::consts::PI * 2.5e-7;
+        let step = filling(
+            &way,
+            1,
+            [chamber / 1.12e-3, 1.12e-3],
+            (spacing, viscosity, TIME_CONSTANTS * measured),
+        );
+        let of_the_run = spacing * spacing / (6.0 * viscosity);
+        approx::assert_relative_eq!(step, of_the_run, max_relative = 0.03);
+    }
+
+    /// Slots one after another over the whole length are a channel, in which the pressure diffuses with c² k/ν, k = g²/12: L²/D.
+    #[test]
+    fn slots_over_the_whole_length_are_a_channel() {
+        let (width, length) = (1e-4, 5e-3);
+        let way = Way {
+            width,
+            beside: Beside::Flat(length),
+        };
+        let (spacing, viscosity, time) = (1e-5, 1e-6, 2.0);
+        let step = filling(&way, 1, [length, width], (spacing, viscosity, time));
+        let sound = spacing / (3.0_f64.sqrt() * step);
+        let diffusivity = sound * sound * width * width / (12.0 * viscosity);
+        let constant = length * length / diffusivity;
+        approx::assert_relative_eq!(time, TIME_CONSTANTS * constant, max_relative = 1e-12);
+    }
+}

@@ -1,0 +1,321 @@
+//! How far forces, fluxes and pressures of the probes are from settled at the end of a run.
+//!
+//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is measured. The
+//! numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+
+use crate::number::real;
+use crate::plan::Plan;
+use crate::scene::flow::BodyForce;
+use crate::scene::observe::ProbeAt;
+use crate::units::LatticeUnits;
+use io::table::{self, Rows};
+use serde::Serialize;
+use std::path::Path;
+
+/// Relative drift and swing from which the end of a run names a value.
+const SETTLED: f64 = 0.01;
+/// Samples of a window at least.
+const FEWEST: usize = 2;
+/// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has nothing to settle.
+const BESIDE_OTHERS: f64 = 1e-3;
+/// Lattice units below which a value is rounding.
+const ROUNDING: f64 = 1e-9;
+/// Values that the end of a run names, at most.
+const NAMED: usize = 5;
+
+/// A value of a probe over the last tenth of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Settled {
+    /// Name of the probe.
+    pub(super) probe: String,
+    /// What it measures.
+    pub(super) quantity: &'static str,
+    /// Its unit.
+    pub(super) unit: String,
+    /// Mean over the last tenth of the run, of a vector each component.
+    pub(super) value: Vec<f64>,
+    /// Difference of the means over the last tenth and the tenth before, over the value.
+    pub(super) drift: f64,
+    /// Half the range of the last tenth, over the value.
+    pub(super) swing: f64,
+    /// Period of what oscillates \[s\], where the last fifth of the run holds one.
+    pub(super) period: Option<f64>,
+}
+
+/// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
+type Quantity = (&'static str, &'static [&'static str], f64);
+
+/// What of a probe settles.
+fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
+    let (force, pressure) = (units.force_to_si(1.0), units.pressure_scale());
+    let depth = if units.dimension == 2 {
+        1.0
+    } else {
+        units.spacing
+    };
+    let discharge = units.velocity_scale() * units.spacing * depth;
+    match at {
+        ProbeAt::Point(_) => vec![("pressure", &["pressure"], pressure)],
+        ProbeAt::Line { .. } => Vec::new(),
+        ProbeAt::Plane { .. } => vec![
+            ("discharge", &["discharge"], discharge),
+            ("mean_pressure", &["mean_pressure"], pressure),
+        ],
+        ProbeAt::Body(_) => vec![(
+            "fluid_force",
+            &["fluid_force_x", "fluid_force_y", "fluid_force_z"],
+            force,
+        )],
+        ProbeAt::Wall(_) => vec![
+            ("force", &["force_x", "force_y", "force_z"], force),
+            ("mass_flux", &["mass_flux"], units.density * discharge),
+        ],
+    }
+}
+
+/// The values of all probes of a run that is at `time`, from its folder; without a lattice none.
+pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> Vec<Settled> {
+    let Some(units) = &plan.units else {
+        return Vec::new();
+    };
+    let mut all = Vec::new();
+    for probe in &plan.scene.probes {
+        let quantities = quantities(&probe.at, units);
+        if quantities.is_empty() {
+            continue;
+        }
+        let path = folder.join(format!("probe_{}.csv", probe.name));
+        match table::read(&path) {
+            Ok(rows) => {
+                let seen = quantities.iter().filter_map(|quantity| {
+                    let seen = look(&rows, quantity, time)?;
+                    Some((probe.name.clone(), *quantity, seen))
+                });
+                all.extend(seen);
+            }
+            Err(error) => log::warn!("whether its values have settled is not known: {error}"),
+        }
+    }
+    judge(all)
+}
+
+/// The last fifth of a quantity.
+struct Seen {
+    unit: String,
+    /// Mean of each component over the last tenth.
+    value: Vec<f64>,
+    /// Difference from the mean over the tenth before.
+    drift: f64,
+    swing: f64,
+    period: Option<f64>,
+}
+
+fn size(vector: impl Iterator<Item = f64>) -> f64 {
+    vector.map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The last two tenths of a quantity before `end`; none where they have too few samples.
+fn look(rows: &Rows, (_, names, _): &Quantity, end: f64) -> Option<Seen> {
+    let times = rows.column("time")?;
+    let mut seen = Seen {
+        unit: String::new(),
+        value: Vec::new(),
+        drift: 0.0,
+        swing: 0.0,
+        period: None,
+    };
+    let mut drifts = Vec::new();
+    for name in *names {
+        let column = rows.column(name)?;
+        let between = |from: f64, to: f64| -> Vec<(f64, f64)> {
+            let within = times.iter().zip(&column);
+            within
+                .filter(|(t, x)| **t > from * end && **t <= to * end && x.is_finite())
+                .map(|(t, x)| (*t, *x))
+                .collect()
+        };
+        let (before, last) = (between(0.8, 0.9), between(0.9, 1.0 + 1e-9));
+        if before.len() < FEWEST || last.len() < FEWEST {
+            return None;
+        }
+        let mean = |list: &[(f64, f64)]| list.iter().map(|s| s.1).sum::<f64>() / real(list.len());
+        let (low, high) = last
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, x)| {
+                (low.min(*x), high.max(*x))
+            });
+        let swing = 0.5 * (high - low);
+        if swing > seen.swing {
+            seen.swing = swing;
+            let both: Vec<(f64, f64)> = before.iter().chain(&last).copied().collect();
+            seen.period = period(&both, mean(&both));
+        }
+        seen.value.push(mean(&last));
+        drifts.push(mean(&last) - mean(&before));
+    }
+    seen.drift = size(drifts.into_iter());
+    let at = rows.columns.iter().position(|c| c == names[0]);
+    seen.unit = at
+        .and_then(|n| rows.units.get(n).cloned())
+        .unwrap_or_default();
+    Some(seen)
+}
+
+/// Time between every second passage through the mean, where there are three at least.
+fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
+    let pairs = samples.windows(2);
+    let mut passed = pairs.filter(|pair| (pair[0].1 < mean) != (pair[1].1 < mean));
+    let first = passed.next()?[0].0;
+    let (mut count, mut last) = (0_u32, first);
+    for pair in passed {
+        count += 1;
+        last = pair[0].0;
+    }
+    (count >= 2).then(|| 2.0 * (last - first) / f64::from(count))
+}
+
+/// Sets drifts and swings in relation to the values.
+fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
+    let kind = |columns: &[&str]| {
+        (
+            columns[0].contains("force"),
+            columns[0].contains("pressure"),
+        )
+    };
+    let sizes: Vec<_> = (all.iter())
+        .map(|(_, (_, columns, _), seen)| (kind(columns), size(seen.value.iter().copied())))
+        .collect();
+    let judged = all.into_iter().enumerate();
+    let judged = judged.map(|(n, (probe, (quantity, _, scale), seen))| {
+        let alike = sizes.iter().filter(|(kind, _)| *kind == sizes[n].0);
+        let largest = alike.map(|(_, size)| *size).fold(0.0, f64::max);
+        let scale = (sizes[n].1)
+            .max(BESIDE_OTHERS * largest)
+            .max(ROUNDING * scale);
+        Settled {
+            probe,
+            quantity,
+            unit: seen.unit,
+            value: seen.value,
+            drift: seen.drift / scale,
+            swing: seen.swing / scale,
+            period: seen.period,
+        }
+    });
+    judged.collect()
+}
+
+/// Sentences about what has not settled; none where the drive itself oscillates.
+pub(super) fn lines(plan: &Plan, all: &[Settled]) -> Vec<String> {
+    let force = plan.scene.flow.as_ref().map(|flow| &flow.body_force);
+    if matches!(force, Some(BodyForce::Oscillating { .. })) {
+        return Vec::new();
+    }
+    let mut moving: Vec<&Settled> = all
+        .iter()
+        .filter(|one| one.drift > SETTLED || one.swing > SETTLED)
+        .collect();
+    moving.sort_by(|a, b| b.drift.max(b.swing).total_cmp(&a.drift.max(a.swing)));
+    let mut lines: Vec<String> = moving.iter().take(NAMED).map(|one| line(one)).collect();
+    if moving.len() > NAMED {
+        lines.push(format!(
+            "{} more values have not settled to {} %: `settled` in summary.json",
+            moving.len() - NAMED,
+            100.0 * SETTLED
+        ));
+    }
+    lines
+}
+
+fn line(one: &Settled) -> String {
+    let Settled {
+        probe,
+        quantity,
+        unit,
+        value,
+        drift,
+        swing,
+        period,
+    } = one;
+    let what = format!(
+        "{} of probe `{probe}` ({:.3e} {unit} over the last tenth of the run)",
+        quantity.replace('_', " "),
+        if let [value] = value[..] {
+            value
+        } else {
+            size(value.iter().copied())
+        }
+    );
+    let round = period.map_or_else(String::new, |period| {
+        format!(" with a period of {period:.2e} s")
+    });
+    if *drift > SETTLED {
+        format!(
+            "not settled: {what} differs by {:.1} % from the tenth before, and swings by {:.1} %{round}",
+            100.0 * drift,
+            100.0 * swing
+        )
+    } else {
+        format!("oscillates: {what} swings by {:.1} %{round}", 100.0 * swing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    const FORCE: Quantity = ("fluid_force", &["x", "y"], 1.0);
+
+    fn rows(of: impl Fn(f64) -> [f64; 2]) -> Rows {
+        let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
+        let values = (0_u32..=1000).map(|n| {
+            let t = f64::from(n) * 0.01;
+            let [x, y] = of(t);
+            vec![t, x, y]
+        });
+        Rows {
+            columns: names(&["step", "time", "x", "y"]),
+            units: names(&["-", "s", "N", "N"]),
+            steps: (0..=1000).collect(),
+            values: values.collect(),
+        }
+    }
+
+    fn settled(of: impl Fn(f64) -> [f64; 2]) -> Settled {
+        let seen = look(&rows(of), &FORCE, 10.0).unwrap();
+        judge(vec![("p".into(), FORCE, seen)]).remove(0)
+    }
+
+    /// exp(-t/T): the means of two windows W differ by the factor exp(-W/T).
+    #[test]
+    fn the_drift_of_a_decay_is_what_is_left_of_it() {
+        let one = settled(|t| [3.0 + 40.0 * (-t / 2.0).exp(), 4.0]);
+        let mean = |a: f64, b: f64| 40.0 * 2.0 * ((-a / 2.0).exp() - (-b / 2.0).exp());
+        let (before, last) = (mean(8.0, 9.0), mean(9.0, 10.0));
+        let size = f64::hypot(3.0 + last, 4.0);
+        approx::assert_relative_eq!(one.drift, (before - last) / size, max_relative = 0.01);
+        assert_eq!((one.unit.as_str(), one.period), ("N", None));
+        let still = settled(|_| [3.0, 4.0]);
+        assert!(still.drift < 1e-14 && still.swing < 1e-14);
+    }
+
+    #[test]
+    fn the_swing_and_the_period_of_an_oscillation() {
+        let one = settled(|t| [5.0, 0.5 * (TAU * t / 0.25).sin()]);
+        approx::assert_relative_eq!(one.swing, 0.1, max_relative = 0.01);
+        approx::assert_relative_eq!(one.period.unwrap(), 0.25, max_relative = 0.02);
+        assert!(one.drift < 1e-3, "{one:?}");
+        assert!(line(&one).contains("swings by 10.0 %"), "{}", line(&one));
+    }
+
+    /// Few samples say nothing; nothing beside a larger one has nothing to settle.
+    #[test]
+    fn what_has_nothing_to_settle() {
+        assert!(look(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
+        let small = look(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
+        let large = look(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
+        let all = vec![("s".into(), FORCE, small), ("l".into(), FORCE, large)];
+        assert!(judge(all).iter().all(|one| one.drift < 1e-4));
+    }
+}
