@@ -132,11 +132,35 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     scene.chosen = like.chosen.clone();
 }
 
+/// Solids that touch from wall to wall let nothing through.
+fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
+    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width <= 0.0) {
+        let axis = ["x", "y", "z"][*axis];
+        let path = if case.bodies.is_empty() {
+            "grains"
+        } else {
+            "bodies"
+        };
+        findings.warn(
+            path,
+            format!(
+                "no water passes along {axis}: the solids touch across the domain, and even at the widest place there is no {}",
+                gap.what
+            ),
+            "move the solids apart, or make them smaller",
+        );
+    }
+}
+
 /// Chooses what depends on the scene as made, from the case as filled and as written.
 pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &mut Findings) {
     if let (Some(accuracy), Some(lbm)) = (asked(written), features::lattice(case)) {
         scene.chosen.accuracy = Some(accuracy);
-        step::choose(scene, lbm, accuracy.target(), findings);
+        let factor = scene.coupling.as_ref();
+        let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
+        let ways = gaps::of(case, factor).ways;
+        blocked(case, &ways, findings);
+        step::choose(scene, lbm, accuracy.target(), &ways, findings);
         promise::judge(scene, case, lbm, accuracy.target(), findings);
     }
     if written.coupling.is_none() {

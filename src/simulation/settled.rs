@@ -61,7 +61,9 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
             ("discharge", &["discharge"], discharge),
             ("mean_pressure", &["mean_pressure"], pressure),
         ],
-        ProbeAt::Body(_) => vec![(
+        // Seepage is in equilibrium in every step.
+        ProbeAt::Section { .. } => Vec::new(),
+        ProbeAt::Body(_) | ProbeAt::Structure(_) => vec![(
             "fluid_force",
             &["fluid_force_x", "fluid_force_y", "fluid_force_z"],
             force,

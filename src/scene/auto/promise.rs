@@ -57,7 +57,7 @@ pub(crate) fn judge(
         findings.warn(
             "accuracy",
             format!("the plan promises no error: {}", new.join("; ")),
-            "compare two spacings, the one of the plan and one twice as wide",
+            "measure it: `solver estimate` runs the case on several grids",
         );
         return;
     }

@@ -13,6 +13,7 @@
 //! I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the two sides. After m T the pressure is built up
 //! to exp(-m).
 
+use super::gaps::Gap;
 use crate::lbm::boundary::{Inflow, Strength};
 use crate::number::real;
 use crate::scene::Scene;
@@ -102,6 +103,30 @@ pub fn filling(
     let series = 12.0 * viscosity * real(rows) * resistance(way) * length * height;
     // t = m T = m series/c² with c² = h²/(3 Δt²).
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
+}
+
+/// The longest time step \[s\] with which the pressure before the narrowest place of a way along `axis` is built up in time, and what it
+/// keeps. The place fills the water beside its solids.
+pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
+    let beside = if gap.faces {
+        Beside::Flat(gap.beside)
+    } else {
+        Beside::Round(0.5 * gap.beside)
+    };
+    let way = Way {
+        width: gap.width,
+        beside,
+    };
+    let across = scene.grid.size[1 - axis].min(gap.beside + gap.width);
+    let time = when(scene);
+    let scale = (scene.grid.spacing, viscosity, time);
+    let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
+    let what = format!(
+        "the pressure before the {} to build up in {} s",
+        gap.what,
+        number(time)
+    );
+    (what, step)
 }
 
 #[cfg(test)]

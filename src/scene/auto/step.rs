@@ -13,6 +13,7 @@
 //! factor, and beyond that the case is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
 //! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
+use super::gaps::Gap;
 use super::{Limit, sound};
 use crate::case::coupling::Coupling;
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
@@ -78,6 +79,7 @@ pub(crate) fn choose(
     scene: &mut Scene,
     lbm: &LatticeBoltzmann,
     target: f64,
+    ways: &[(usize, Gap)],
     findings: &mut Findings,
 ) {
     let Some(mut flow) = scene.flow.take() else {
@@ -85,7 +87,7 @@ pub(crate) fn choose(
     };
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
-        time_step(scene, &mut flow, speed.as_ref(), target);
+        time_step(scene, &mut flow, speed.as_ref(), target, ways);
         check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
@@ -95,8 +97,14 @@ pub(crate) fn choose(
 }
 
 /// Sets the longest time step within all limits, and notes which binds.
-fn time_step(scene: &mut Scene, flow: &mut Flow, speed: Option<&Speed>, target: f64) {
-    let limits = limits(scene, flow, speed, target);
+fn time_step(
+    scene: &mut Scene,
+    flow: &mut Flow,
+    speed: Option<&Speed>,
+    target: f64,
+    ways: &[(usize, Gap)],
+) {
+    let limits = limits(scene, flow, speed, target, ways);
     let shortest = limits
         .iter()
         .min_by(|a, b| a.time_step.total_cmp(&b.time_step));
@@ -111,7 +119,13 @@ fn time_step(scene: &mut Scene, flow: &mut Flow, speed: Option<&Speed>, target: 
     scene.chosen.limits = limits;
 }
 
-fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec<Limit> {
+fn limits(
+    scene: &Scene,
+    flow: &Flow,
+    speed: Option<&Speed>,
+    target: f64,
+    ways: &[(usize, Gap)],
+) -> Vec<Limit> {
     let (h, nu) = (scene.grid.spacing, flow.kinematic_viscosity);
     let mut limits = Vec::new();
     let mut add = |what: String, time_step: f64| {
@@ -157,6 +171,11 @@ fn limits(scene: &Scene, flow: &Flow, speed: Option<&Speed>, target: f64) -> Vec
     add("an output in every interval".into(), shortest);
     if let Some((what, time_step)) = sound::passages(scene, flow) {
         let stable = LatticeUnits::time_step_for(least_tau(flow), h, nu);
+        add(what, time_step.max(stable));
+    }
+    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
+        let stable = LatticeUnits::time_step_for(least_tau(flow), h, nu);
+        let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
         add(what, time_step.max(stable));
     }
     limits
