@@ -42,7 +42,7 @@ const SEEPAGE_DIAMETERS: f64 = 3.0;
 /// Part of the target that the cells may use; the time step has the rest.
 const SHARE: f64 = 0.75;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
-const MOST_FINER: f64 = 2.0;
+const MOST_FINER: f64 = 4.0;
 
 /// The stated spacing, or that for the features of the case, before velocities are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
@@ -126,7 +126,8 @@ fn needs(
         );
         Some((feature.size / cells, reason))
     };
-    features::of(case, lbm, flow, speed)
+    // What grows in a short run asks for no cells: the plan says that it is not resolved.
+    features::of(case, lbm, flow, None)
         .iter()
         .filter_map(need)
         .collect()
