@@ -108,7 +108,8 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
             for (n, child) in list.iter().enumerate() {
                 walk(&format!("{path}[{n}]"), child, found);
             }
-            if list.len() <= 3 {
+            // The openings of a seepage are no axes.
+            if list.len() <= 3 && !path.ends_with("patch_inflows") {
                 share_scale(path, found);
             }
         }
@@ -365,11 +366,12 @@ mod tests {
     fn numbers_of_the_summary_by_path() {
         let mut found = Answers::new();
         let summary = json!({"inflow": 2.0, "iterations": 4,
-            "force_on_grains": [3.0, 0.0, 4.0], "mean": {"x": 6.0, "y": 8.0}});
+            "force_on_grains": [3.0, 0.0, 4.0], "patch_inflows": [5.0, -5.0], "mean": {"x": 6.0, "y": 8.0}});
         walk("seepage", &summary, &mut found);
         assert_eq!(found["seepage.inflow"].value, 2.0);
         assert_eq!(found["seepage.force_on_grains[1]"].scale, 5.0);
         assert_eq!(found["seepage.mean.x"].scale, 10.0);
+        assert_eq!(found["seepage.patch_inflows[1]"].scale, 5.0);
         assert!(!found.contains_key("seepage.iterations"));
     }
 }

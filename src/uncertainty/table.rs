@@ -362,30 +362,30 @@ impl Table {
                         c,
                     ]
                 };
-                if setting.changes.is_empty() {
-                    let dash = || "-".to_owned();
+                let seen: Vec<&Change> = setting
+                    .changes
+                    .iter()
+                    .filter(|change| change.relative.abs() >= LEAST_CHANGE)
+                    .collect();
+                if seen.is_empty() {
+                    let none = format!("no change of {}", percent(Some(LEAST_CHANGE)));
                     let text = if setting.missing.is_empty() {
-                        "no answer"
+                        &none
                     } else {
                         &setting.missing
                     };
-                    cells.push(row(text, [dash(), dash(), dash()]));
+                    cells.push(row(text, Default::default()));
                 }
-                for change in setting.changes.iter().take(MOST_CHANGES) {
-                    cells.push(row(
-                        &change.answer,
-                        [
-                            short(Some(change.before)),
-                            short(Some(change.after)),
-                            percent(Some(change.relative)),
-                        ],
-                    ));
+                for change in seen.iter().take(MOST_CHANGES) {
+                    let numbers = [
+                        short(Some(change.before)),
+                        short(Some(change.after)),
+                        percent(Some(change.relative)),
+                    ];
+                    cells.push(row(&change.answer, numbers));
                 }
-                if setting.changes.len() > MOST_CHANGES {
-                    let more = format!(
-                        "{} more in estimate.csv",
-                        setting.changes.len() - MOST_CHANGES
-                    );
+                if seen.len() > MOST_CHANGES {
+                    let more = format!("{} more in estimate.csv", seen.len() - MOST_CHANGES);
                     cells.push(row(&more, Default::default()));
                 }
             }
@@ -476,6 +476,9 @@ impl Table {
 
 /// Changes of one setting that the terminal shows, the largest first.
 const MOST_CHANGES: usize = 6;
+
+/// Smaller changes only stand in the files.
+const LEAST_CHANGE: f64 = 1e-4;
 
 /// Rows with columns of equal width.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {

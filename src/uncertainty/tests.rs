@@ -47,8 +47,8 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
 
 #[test]
 fn coarser_grids_keep_the_relaxation_time_and_the_end() {
-    let own = example("first-flow", &["domain.spacing=1e-4"]);
-    let members = Members::of(&own, false, true, false).unwrap();
+    let own = example("settling-disc", &[]);
+    let members = Members::of(&own, false, false, false).unwrap();
     assert_eq!(members.scaling, Scaling::Diffusive);
     assert_eq!(members.grids.len(), 3);
     let flow = own.scene.flow.as_ref().unwrap();
@@ -67,9 +67,9 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
         );
         approx::assert_relative_eq!(coarse.scene.grid.spacing, own.scene.grid.spacing * ratio);
     }
-    // A tenth of the case, or not much more.
+    // A tenth of the case where its disc allows, a fifth here: the coarsest grid has to resolve it.
     let (costs, sum) = members.costs();
-    assert!(sum < 1.2 * costs[0].1, "{costs:?}");
+    assert!(sum < 1.25 * costs[0].1, "{costs:?}");
     assert!(members.cost_lines().contains("times the run of the case"));
 }
 
