@@ -315,14 +315,13 @@ mod tests {
 
     #[test]
     fn what_may_change_does_and_the_rest_is_refused_by_name() {
-        let old = case("piping", &[]);
-        let (changed, refused) = compare(
-            &old,
-            &case("piping", &["time.warm_up.fluid_only.at_most=1e3"]),
-        );
+        let warm_up = "time.warm_up={\"fluid_only\": {\"relative_change\": 1e-6, \"at_most\": 1}}";
+        let longer = [warm_up, "time.warm_up.fluid_only.at_most=1e3"];
+        let (changed, refused) = compare(&case("piping", &[warm_up]), &case("piping", &longer));
         assert!(changed.is_empty());
         assert_eq!(refused.len(), 1, "{refused:?}");
         assert_eq!(refused[0].path, "time.warm_up.fluid_only.at_most");
+        let old = case("piping", &[]);
         let drive = "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value";
         let set = [
             format!("{drive}=3"),

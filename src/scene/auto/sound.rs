@@ -1,8 +1,8 @@
 //! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½ Δt).
 //!
 //! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the pressure absorbs it
-//! ([`crate::lbm::boundary::Sound`]) the velocity is off by 2.5 % after three passages of the length L and by 0.4 % after five, and the
-//! even ones lie below; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
+//! ([`crate::lbm::boundary::Sound`]) the velocity is off by 5 % after three passages of the length L, by 1.3 % after four and by 0.6 %
+//! after eight; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
 //!
 //! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per density and viscosity
 //! (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with the time constant
@@ -20,7 +20,7 @@ use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 
-/// Passages of sound between openings until a start has settled to a per cent.
+/// Passages of sound between openings until a start has settled to 1.3 %.
 const PASSAGES: f64 = 4.0;
 /// Time constants until the pressure before a narrow way is built up to a per cent.
 const TIME_CONSTANTS: f64 = 4.6;
