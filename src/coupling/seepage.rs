@@ -196,6 +196,12 @@ impl<Sp: Space> Seepage<Sp> {
         &mut self.pressure
     }
 
+    /// Whether a coupling has found the pressure.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.has_before
+    }
+
     /// The pores.
     #[must_use]
     pub fn pores(&self) -> &Pores {

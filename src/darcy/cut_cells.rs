@@ -9,7 +9,6 @@ use super::enclosure::{LEAST_OPEN, Openness};
 use super::grid::Grid;
 use crate::number::real;
 use crate::structure::Images;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Sub-cells along an edge of a cell, in 2-D and in 3-D.
@@ -257,7 +256,7 @@ impl Openness {
             solids,
             by: std::array::from_fn(|a| if a < grid.dimension { n } else { 1 }),
         };
-        let cells = (0..grid.count()).into_par_iter();
+        let cells = 0..grid.count();
         let left: Vec<Left> = cells.map(|k| division.left(grid.cell(k))).collect();
         for (fraction, left) in self.inside.iter_mut().zip(&left) {
             *fraction *= match left {
@@ -286,7 +285,6 @@ impl Openness {
         for axis in 0..grid.dimension {
             let faces = super::enclosure::with_one_more(&grid, axis);
             let open: Vec<f64> = (0..faces.count())
-                .into_par_iter()
                 .map(|k| {
                     let upper = faces.cell(k);
                     let mut beside = upper;

@@ -353,6 +353,10 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
+            Self::Pores(_) | Self::Section(_) if view.seepage.is_some_and(|s| !s.is_known()) => {
+                // There is no pressure before the first coupling.
+                return Ok(false);
+            }
             Self::Pores(point) => {
                 let values = seepage::at(view.seepage.ok_or_else(no_fluid)?, *point);
                 rows.iter_mut().for_each(|row| row.extend(values));

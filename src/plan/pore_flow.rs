@@ -33,7 +33,10 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     };
     let height = seepage.height(scene.gravity, scene.grid.dimension);
     let gradient = seepage.pressure_drop(scene.gravity) / height;
-    let porosity = explicit_drag::porosity(scene, seepage).max(PACKED);
+    // The permeability knows no looser ground than the cap.
+    let porosity = explicit_drag::porosity(scene, seepage)
+        .max(PACKED)
+        .min(written.porosity_cap().max(PACKED));
     let resistance = written.resistance();
     let permeability = resistance
         .model()

@@ -51,13 +51,16 @@ impl Facets {
         facets
     }
 
-    /// A prism over an outline along an axis: its sides, and its ends as triangles.
+    /// A prism over an outline along an axis: its sides and its ends.
     #[must_use]
     pub fn along(outline: &[[f64; 2]], axis: usize, from: f64, to: f64) -> Self {
         let mut facets = Self::default();
         facets.sides(outline, axis, from, to);
-        for triangle in triangles(outline) {
-            let at = |level: f64| triangle.map(|k| place(outline[k], axis, level));
+        for piece in pieces(outline) {
+            let at = |level: f64| -> Vec<Point> {
+                let corners = piece.iter();
+                corners.map(|&k| place(outline[k], axis, level)).collect()
+            };
             let (mut low, mut high) = (at(from), at(to));
             // Seen along the axis, x and z run clockwise.
             if axis == 1 {
@@ -71,12 +74,13 @@ impl Facets {
         facets
     }
 
-    /// An area of the plane as triangles.
+    /// An area of the plane.
     #[must_use]
     pub fn area(outline: &[[f64; 2]]) -> Self {
         let mut facets = Self::default();
-        for triangle in triangles(outline) {
-            facets.face(&triangle.map(|k| place(outline[k], 2, 0.0)));
+        for piece in pieces(outline) {
+            let corners: Vec<Point> = piece.iter().map(|&k| place(outline[k], 2, 0.0)).collect();
+            facets.face(&corners);
         }
         facets
     }
@@ -133,6 +137,19 @@ pub(super) fn circle(radius: f64, tolerance: f64) -> impl Iterator<Item = [f64; 
         let (s, c) = (std::f64::consts::TAU * real(k) / real(n)).sin_cos();
         [radius * c, radius * s]
     })
+}
+
+/// A simple polygon that runs counter-clockwise as convex pieces: itself, or triangles.
+fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
+    let n = outline.len();
+    let convex = (0..n).all(|k| {
+        let [a, b, c] = [k, k + 1, k + 2].map(|k| outline[k % n]);
+        turn(a, b, c) >= 0.0
+    });
+    if convex && n > 2 {
+        return vec![(0..n).collect()];
+    }
+    triangles(outline).iter().map(|t| t.to_vec()).collect()
 }
 
 /// A simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H. Meisters, Amer. Math.
