@@ -168,7 +168,7 @@ fn a_step_without_an_event_allocates_nothing() {
         (now.rebuilds, now.bonds, now.owned)
     };
     // Buffers find their sizes.
-    for _ in 0..300 {
+    for _ in 0..600 {
         simulation.step().unwrap();
     }
     let start = simulation.view().particles.motion[0].position;

@@ -158,7 +158,7 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
         scene.chosen.accuracy = Some(accuracy);
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
-        let ways = gaps::of(case, factor).ways;
+        let ways = gaps::of(case, lbm, factor).ways;
         blocked(case, &ways, findings);
         step::choose(scene, lbm, accuracy.target(), &ways, findings);
         promise::judge(scene, case, lbm, accuracy.target(), findings);

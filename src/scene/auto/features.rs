@@ -197,7 +197,7 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
         obstacle: round,
     });
     let mut list: Vec<Feature> = bodies.chain(grains).collect();
-    let found = gaps::of(case, factor);
+    let found = gaps::of(case, lbm, factor);
     let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
     let ways = found.ways.iter().map(|(_, gap)| (gap, in_gap(beside(gap))));
     let moving = found

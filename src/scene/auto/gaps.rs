@@ -5,9 +5,9 @@
 //! paths and cuts it is found without paths: solids and walls are joined in the order of their gaps, and the gap that completes a chain
 //! from wall to wall, or round a periodic axis, is the narrowest place of the widest way. Narrower gaps hold water that hardly moves.
 
-use super::features::lattice;
 use crate::case::Case;
 use crate::case::boundary::Boundary;
+use crate::case::fluid::LatticeBoltzmann;
 use crate::case::grains::GrainSource;
 use crate::case::solids::{Body, Motion, Shape};
 use crate::dem::polyhedron::Polyhedron;
@@ -115,8 +115,7 @@ struct Places<'a> {
 }
 
 impl Places<'_> {
-    fn of(case: &Case) -> Option<Places<'_>> {
-        let lbm = lattice(case)?;
+    fn of<'a>(case: &'a Case, lbm: &LatticeBoltzmann) -> Places<'a> {
         let size = &case.domain.size.0;
         let mut period = [None; 3];
         for axis in &case.domain.periodic {
@@ -133,11 +132,11 @@ impl Places<'_> {
         let walls = sides
             .filter(|&(axis, upper)| period[axis].is_none() && !passes(axis, upper))
             .collect();
-        Some(Places {
+        Places {
             size,
             period,
             walls,
-        })
+        }
     }
 
     fn distance(&self, solid: &Solid, (axis, upper): Side) -> f64 {
@@ -182,10 +181,8 @@ impl Places<'_> {
 }
 
 /// The gaps of a case; none where the solids are not known before they are made, or are too many.
-pub(crate) fn of(case: &Case, factor: f64) -> Gaps {
-    let Some(places) = Places::of(case) else {
-        return Gaps::default();
-    };
+pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
+    let places = Places::of(case, lbm);
     let Some(solids) = solids(case, factor) else {
         return Gaps::default();
     };
@@ -524,13 +521,20 @@ mod tests {
         document.unwrap().case
     }
 
+    fn found(case: &Case, factor: f64) -> Gaps {
+        let Some(crate::case::fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
+            unreachable!()
+        };
+        of(case, lbm, factor)
+    }
+
     fn fixed(at: [f64; 2], radius: f64) -> ([f64; 2], f64, Value) {
         (at, radius, json!({"fixed": {}}))
     }
 
     #[test]
     fn in_a_periodic_array_it_is_the_gap_to_the_image() {
-        let gaps = of(
+        let gaps = found(
             &case([1.0, 1.0], &["x", "y"], &[fixed([0.51, 0.47], 0.45)]),
             1.0,
         );
@@ -541,7 +545,7 @@ mod tests {
             assert_eq!(gap.what, "gap between `d0` and its periodic image");
         }
         // The hydraulic radius is smaller than that of the disc.
-        let gaps = of(
+        let gaps = found(
             &case([1.0, 1.0], &["x", "y"], &[fixed([0.51, 0.47], 0.45)]),
             0.8,
         );
@@ -552,10 +556,10 @@ mod tests {
     fn the_wide_side_of_an_obstacle_is_the_way() {
         // Near the lower wall a slit of 0.05, above it 0.55: wider than the disc, so that nothing is narrow.
         let beside = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.25], 0.2)]);
-        assert_eq!(of(&beside, 1.0).ways, Vec::new());
+        assert_eq!(found(&beside, 1.0).ways, Vec::new());
         // Filling most of the channel the upper gap of 0.2 decides, not the lower of 0.1.
         let filling = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.45], 0.35)]);
-        let gaps = of(&filling, 1.0);
+        let gaps = found(&filling, 1.0);
         assert_relative_eq!(gaps.ways[0].1.width, 0.2, epsilon = 1e-12);
         assert_eq!(
             gaps.ways[0].1.what,
@@ -566,21 +570,21 @@ mod tests {
     #[test]
     fn a_row_of_wires_is_as_wide_as_its_widest_gap() {
         let wires = [0.1, 0.32, 0.6, 0.85].map(|y| fixed([1.0, y], 0.09));
-        let gaps = of(&case([2.0, 1.0], &["x"], &wires), 1.0);
+        let gaps = found(&case([2.0, 1.0], &["x"], &wires), 1.0);
         // Gaps 0.01, 0.04, 0.10, 0.07, 0.06.
         assert_relative_eq!(gaps.ways[0].1.width, 0.1, epsilon = 1e-12);
         assert_eq!(gaps.ways[0].1.what, "gap between `d1` and `d2`");
         // A staggered second row: the way through both is that of the narrower one.
         let second = [0.15, 0.40, 0.62, 0.87].map(|y| fixed([1.5, y], 0.09));
         let both: Vec<_> = wires.into_iter().chain(second).collect();
-        let gaps = of(&case([2.0, 1.0], &["x"], &both), 1.0);
+        let gaps = found(&case([2.0, 1.0], &["x"], &both), 1.0);
         assert_relative_eq!(gaps.ways[0].1.width, 0.07, epsilon = 1e-12);
     }
 
     #[test]
     fn touching_from_wall_to_wall_leaves_no_way() {
         let wires = [0.15, 0.5, 0.85].map(|y| fixed([1.0, y], 0.175));
-        let gaps = of(&case([2.0, 1.0], &["x"], &wires), 1.0);
+        let gaps = found(&case([2.0, 1.0], &["x"], &wires), 1.0);
         assert!(gaps.ways[0].1.width <= 1e-12, "{gaps:?}");
     }
 
@@ -588,14 +592,14 @@ mod tests {
     fn chains_close_round_a_periodic_axis_only_across_the_flow() {
         // A column along x, periodic in x: it does not block the flow along x, above it is 0.7 of water.
         let column = [0.125, 0.375, 0.625, 0.875].map(|x| fixed([x, 0.15], 0.12));
-        let gaps = of(&case([1.0, 1.0], &["x"], &column), 1.0);
+        let gaps = found(&case([1.0, 1.0], &["x"], &column), 1.0);
         assert!(gaps.ways.iter().all(|(axis, _)| *axis != 0), "{gaps:?}");
     }
 
     #[test]
     fn beside_a_body_that_moves_every_narrow_gap_counts() {
         let turning = ([2.0, 0.22], 0.2, json!({"driven": {"angular_velocity": 1}}));
-        let gaps = of(&case([4.0, 4.0], &["x"], &[turning]), 1.0);
+        let gaps = found(&case([4.0, 4.0], &["x"], &[turning]), 1.0);
         assert_eq!(gaps.moving.len(), 1);
         assert_relative_eq!(gaps.moving[0].width, 0.02, epsilon = 1e-12);
         assert_eq!(gaps.ways, Vec::new());
