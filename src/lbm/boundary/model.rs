@@ -93,7 +93,7 @@ pub trait Model {
         Inflow::None
     }
 
-    /// Time over which the inflow grows from nothing [s]; 0 for at once.
+    /// Time over which the inflow grows from nothing \[s\]; 0 for at once.
     fn ramp_time(&self) -> f64 {
         0.0
     }
