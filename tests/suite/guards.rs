@@ -52,7 +52,7 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
             "density": 1000, "kinematic_viscosity": viscosity, "relaxation_time": tau, "collision": {"trt": {}},
             "boundaries": [
                 {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
-                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0, "sound": "reflect"}}}
             ]
         }},
         "time": {"end": 1200.0 * step}
@@ -67,7 +67,7 @@ fn hammer(tau: f64) -> Value {
             "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": tau,
             "boundaries": [
                 {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 16}}},
-                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0, "sound": "reflect"}}}
             ]
         }},
         "guards": {"limits": "warn"},
@@ -95,7 +95,7 @@ fn wires(speed: f64, every: usize, end: f64) -> Value {
             "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
             "boundaries": [
                 {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [speed, 0]}}}},
-                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+                {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0, "sound": "reflect"}}}
             ]
         }},
         "guards": {"limits": "warn"},

@@ -43,6 +43,9 @@ pub(crate) fn judge(
     let mut new = Vec::new();
     new.extend(of_models(flow, lattice_velocity));
     new.extend(of_motion(case));
+    if !case.structures.is_empty() {
+        new.push("no error was measured for structures and the gaps beside them".to_owned());
+    }
     for judged in &judged {
         new.extend(judged.error.as_ref().err().cloned());
     }
