@@ -259,10 +259,10 @@ fn sound_leaves_on_any_ranks_and_over_a_restart() {
             ("fluid.lattice_boltzmann.boundaries", boundaries),
             (
                 "probes",
-                r#"[{"name": "out", "every": 1e-4, "at": {"wall": {"face": "x_max"}}}]"#,
+                r#"[{"name": "in", "every": 7e-4, "at": {"wall": {"face": "x_min"}}}]"#,
             ),
-            ("checkpoint.every", "0.0008"),
-            ("time.end", "0.006"),
+            ("checkpoint.every", "0.008"),
+            ("time.end", "0.06"),
         ],
     );
     study.run("straight", 1, 1, &[]);
@@ -274,8 +274,8 @@ fn sound_leaves_on_any_ranks_and_over_a_restart() {
         study.run(name, ranks, 1, &[set]);
         study.same("straight", name);
     }
-    study.run("parts", 1, 1, &["time.end=0.003", "domain.split=y"]);
-    study.restart("parts", 3, &["time.end=0.006"]).expect(0);
+    study.run("parts", 1, 1, &["time.end=0.03", "domain.split=y"]);
+    study.restart("parts", 3, &["time.end=0.06"]).expect(0);
     study.same("straight", "parts");
     let settled = study.summary("straight")["settled"].clone();
     assert_eq!(settled[0]["quantity"], "force");
