@@ -222,7 +222,7 @@ mod tests {
     /// tau = 0.6, where waves grow slowly, not at 0.7.
     #[test]
     fn in_three_dimensions_too() {
-        for collision in ["bgk", "trt", "suga"] {
+        for collision in ["bgk", "trt", "suga", "mrt"] {
             let quiet = planned(collision, 3, 0.51, 0.03).unwrap().warnings;
             assert!(quiet.is_empty(), "{collision}: {quiet:?}");
             let loud = planned(collision, 3, 0.51, 0.2).unwrap().warnings;
