@@ -61,6 +61,10 @@ fn plan() -> Plan {
     }
     let set = [
         "domain.size=[0.003, 0.0016]".to_owned(),
+        "domain.spacing=2e-5".into(),
+        "contact.cohesive_frictional.local_damping=0".into(),
+        "contact.cohesive_frictional.normal_damping_ratio=0.2".into(),
+        "time.solid_time_step_safety=0.1".into(),
         format!("grains.initial={{\"list\": [{}]}}", grains.join(",")),
         "grains.cut=[]".into(),
         "grains.bond_at_start=false".into(),
@@ -168,7 +172,7 @@ fn a_step_without_an_event_allocates_nothing() {
         (now.rebuilds, now.bonds, now.owned)
     };
     // Buffers find their sizes.
-    for _ in 0..600 {
+    for _ in 0..300 {
         simulation.step().unwrap();
     }
     let start = simulation.view().particles.motion[0].position;

@@ -40,6 +40,7 @@ EXAMPLES = {
     "poiseuille": (1, _fluid(0.03, **{"probes[0].every": 0.01, "probes[1].every": 0.01})),
     "scour": (1, _fluid(0.005, **{"output.blocks.every": 0.0025})),
     "seepage": (2, _fluid(0.002, **{"output.grains.every": 0.001})),
+    "sheet-pile": (1, {}),
     "settling-disc": (2, _fluid(0.006, **{"output.grains.every": 0.003})),
     "stagnation": (1, _fluid(0.002, **{"output.averages.from": 0.0005})),
     "taylor-green": (2, _fluid(0.02, **{"probes[0].every": 0.01})),
