@@ -178,7 +178,7 @@ impl Scene {
             .chain(still_blocks.map(|block| &block.solid))
             .collect();
         let solids = (structures.as_slice(), fixed.as_slice());
-        structures::walls_in_water(case, &grid, &walls, solids, &mut findings);
+        walls::walls_in_water(case, &grid, &walls, solids, &mut findings);
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | the study as written, its schema | [`study`] |
 //! | members drawn instead of combined | [`latin_hypercube`] |
+//! | problems of a study | `problems` |
 //! | every member's case, checked before any member runs | [`members`] |
 //! | a member as a process of this program; stopped members are resumed | [`runner`] |
 //! | outcome and cost of a member, in its folder | [`record`] |
@@ -18,6 +19,7 @@
 pub mod latin_hypercube;
 pub mod members;
 pub mod picture;
+mod problems;
 pub mod record;
 pub mod runner;
 pub mod slurm;

@@ -11,7 +11,6 @@ mod links;
 mod owners;
 
 use super::solid_fraction::faces;
-use super::structure_map::StructureMap;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
@@ -190,13 +189,18 @@ impl BodyMap {
         map
     }
 
-    /// Keeps bodies out of the cells and links of structures, before any body is mapped.
-    pub fn stand_in(&mut self, structures: &StructureMap) {
-        for cell in structures.cells() {
+    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction), before any body is
+    /// mapped.
+    pub fn stand_in(
+        &mut self,
+        cells: impl Iterator<Item = [i32; 3]>,
+        sheets: &HashSet<(usize, u8)>,
+    ) {
+        for cell in cells {
             let position = self.at(cell);
             self.owner[position] = OUTSIDE;
         }
-        self.sheets.clone_from(structures.sheets());
+        self.sheets.clone_from(sheets);
     }
 
     /// Whether neither body nor structure holds the cell at a place in the map.

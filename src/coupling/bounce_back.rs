@@ -88,7 +88,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
     pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
         let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
         if let Some(structures) = &structures {
-            self.map.stand_in(structures);
+            self.map.stand_in(structures.cells(), structures.sheets());
             structures.tell_gradients(&mut self.fluid);
         }
         self.structures = structures;

@@ -1,9 +1,13 @@
 //! The walls of a scene: planes and surfaces, and the faces of the domain.
 
+mod in_water;
+
+pub(crate) use in_water::walls_in_water;
+
 use super::block::Block;
 use super::findings::Findings;
 use super::grid::Grid;
-use super::structures::{self, Structure};
+use super::structures::Structure;
 use super::{material, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::Face;
@@ -91,7 +95,7 @@ pub(crate) fn walls(
             structure: None,
         });
     }
-    walls.extend(structures::walls(case, grid, solids, findings));
+    walls.extend(in_water::of_structures(case, grid, solids, findings));
     let grains = case.grains.as_ref().map(|g| g.material.as_str());
     let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
     let mut taken = [false; 6];

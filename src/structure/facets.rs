@@ -1,6 +1,5 @@
 //! Surfaces as convex facets with shared vertices, and the outlines of 2-D solids as triangles.
 
-use super::polygon::{double_area, turn};
 use super::{Point, cross, norm, plus, times};
 use crate::number::{real, to_u32, whole};
 use std::collections::HashMap;
@@ -137,6 +136,18 @@ pub(super) fn circle(radius: f64, tolerance: f64) -> impl Iterator<Item = [f64; 
         let (s, c) = (std::f64::consts::TAU * real(k) / real(n)).sin_cos();
         [radius * c, radius * s]
     })
+}
+
+/// Twice the area of a polygon, positive if it runs counter-clockwise.
+pub(super) fn double_area(points: &[[f64; 2]]) -> f64 {
+    let o = points[0];
+    let pairs = points.iter().zip(points.iter().cycle().skip(1));
+    pairs.map(|(a, b)| turn(o, *a, *b)).sum()
+}
+
+/// Twice the area of a triangle, positive if it runs counter-clockwise.
+pub(super) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
 /// A simple polygon that runs counter-clockwise as convex pieces: itself, or triangles.

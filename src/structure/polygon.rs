@@ -1,5 +1,6 @@
 //! A prism over any simple polygon: a weir, a stepped spillway, a sheet pile that is not upright.
 
+use super::facets::{double_area, turn};
 use super::solid::{Frame, ReadMesh, Solid, between, join};
 use super::{Facets, Point};
 use crate::error::Report;
@@ -103,18 +104,6 @@ impl Polygon {
 }
 
 type Flat = [f64; 2];
-
-/// Twice the area of a polygon, positive if it runs counter-clockwise.
-pub(super) fn double_area(points: &[Flat]) -> f64 {
-    let o = points[0];
-    let pairs = points.iter().zip(points.iter().cycle().skip(1));
-    pairs.map(|(a, b)| turn(o, *a, *b)).sum()
-}
-
-/// Twice the area of a triangle, positive if it runs counter-clockwise.
-pub(super) fn turn(a: Flat, b: Flat, c: Flat) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
 
 fn squared(a: Flat, b: Flat) -> f64 {
     (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)

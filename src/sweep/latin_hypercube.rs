@@ -15,8 +15,7 @@
     reason = "comments are texts of the schema, where units stand in brackets"
 )]
 
-use super::members::MOST_MEMBERS;
-use super::study::{Study, Variation, problem, unknown};
+use super::problems::problem;
 use crate::error::Problem;
 use crate::number::{real, whole};
 use crate::random::Stream;
@@ -84,7 +83,7 @@ impl Range {
     }
 
     /// What is wrong with it.
-    fn problems(&self, path: &str, found: &mut Vec<Problem>) {
+    pub(super) fn problems(&self, path: &str, found: &mut Vec<Problem>) {
         let value = format!("{} to {}", self.from, self.to);
         if self.from >= self.to {
             let reason = "a range begins with its smaller end".into();
@@ -138,61 +137,11 @@ pub fn choice(place: f64, count: usize) -> usize {
     whole((place * real(count)).floor()).min(count.saturating_sub(1))
 }
 
-/// What is wrong with the sample of a study and with its ranges.
-pub(super) fn problems(study: &Study, found: &mut Vec<Problem>) {
-    for (name, variation) in &study.vary.0 {
-        let Variation::Range(range) = variation else {
-            continue;
-        };
-        let path = format!("vary.{name}");
-        range.problems(&path, found);
-        let crossed = |Sample::LatinHypercube(drawn): &Sample| !drawn.draws(name);
-        if study.sample.as_ref().is_none_or(crossed) {
-            let reason = "a range has no values of its own: they are drawn".into();
-            let remedy = "add `sample` and leave the range out of `crossed`, or write a list";
-            found.push(problem(&path, "a range", reason, remedy));
-        }
-    }
-    let Some(Sample::LatinHypercube(drawn)) = &study.sample else {
-        return;
-    };
-    let names: Vec<&str> = study.vary.0.iter().map(|(name, _)| name.as_str()).collect();
-    for (n, name) in drawn.crossed.iter().enumerate() {
-        if !names.contains(&name.as_str()) {
-            let path = format!("sample.latin_hypercube.crossed[{n}]");
-            found.push(unknown(&path, name, "varied field", &names));
-        }
-    }
-    for (name, variation) in &study.vary.0 {
-        if !matches!(variation, Variation::Range(_)) && variation.labels().is_empty() {
-            let reason = "there is no value to draw".into();
-            let remedy = "add values, or leave the field out";
-            found.push(problem(&format!("vary.{name}"), "empty", reason, remedy));
-        }
-    }
-    if !names.iter().any(|name| drawn.draws(name)) {
-        let reason = "no variation is drawn".into();
-        let remedy = "add a variation that is not in `crossed`, or remove `sample`";
-        found.push(problem("sample", "empty", reason, remedy));
-    }
-    let crossed = study.vary.0.iter().filter(|(name, _)| !drawn.draws(name));
-    let mut counts = crossed.map(|(_, variation)| variation.labels().len().max(1));
-    let all = counts.try_fold(drawn.members as usize, usize::checked_mul);
-    if all.is_none_or(|all| all > MOST_MEMBERS) {
-        let reason = format!("more than {MOST_MEMBERS} members");
-        found.push(problem("sample", "too many", reason, "draw or cross fewer"));
-    }
-    if study.map.is_some() {
-        let reason = "a map compares all combinations of two variations".into();
-        let remedy = "remove `map`, or remove `sample`";
-        found.push(problem("map", "with a sample", reason, remedy));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sweep::members::{Member, members};
+    use crate::sweep::study::Study;
     use serde_json::{Value, json};
     use std::path::Path;
 

@@ -2,7 +2,8 @@
 //! and planned.
 
 use super::latin_hypercube::{Sample, choice};
-use super::study::{FoundReference, Reference, Refused, Study, Variation, label, problem, unknown};
+use super::problems::{problem, unknown};
+use super::study::{FoundReference, MOST_MEMBERS, Reference, Refused, Study, Variation, label};
 use crate::analysis::expression;
 use crate::case::text::MOST_PROBLEMS;
 use crate::case::{Document, annotation, set, text};
@@ -12,8 +13,6 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// More members than this are a slip.
-pub(super) const MOST_MEMBERS: usize = 10_000;
 /// Fields of one member that formulas set, at most: each of them is looked for in all the others.
 const MOST_FORMULAS: usize = 100;
 /// The field that lets a member beyond the limits run.

@@ -5,11 +5,12 @@
     reason = "comments are texts of the schema, where units stand in brackets"
 )]
 
-use super::latin_hypercube::{self, Range, Sample};
+use super::latin_hypercube::{Range, Sample};
+use super::problems::{problem, unknown};
 use crate::analysis::expression;
 use crate::analysis::measure::{Measure, Norm, Take};
 use crate::case::{check, text};
-use crate::error::{Problem, Severity};
+use crate::error::Problem;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -19,6 +20,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
+
+/// More members than this are a slip.
+pub(super) const MOST_MEMBERS: usize = 10_000;
 
 /// A parameter study: members of one base case, with error and cost of each.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -301,7 +305,7 @@ impl Study {
                 "vary a field, or list members",
             ));
         }
-        latin_hypercube::problems(self, &mut found);
+        of_the_sample(self, &mut found);
         for (name, output) in &self.outputs.0 {
             output.problems(&format!("outputs.{name}"), &mut found);
         }
@@ -470,28 +474,53 @@ fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     }
 }
 
-/// A name that stands for nothing.
-pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
-    let remedy = match check::nearest(name, known) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None if known.is_empty() => "leave it out".into(),
-        None => format!("use one of: {}", known.join(", ")),
+/// What is wrong with the sample of a study and with its ranges.
+fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
+    for (name, variation) in &study.vary.0 {
+        let Variation::Range(range) = variation else {
+            continue;
+        };
+        let path = format!("vary.{name}");
+        range.problems(&path, found);
+        let crossed = |Sample::LatinHypercube(drawn): &Sample| !drawn.draws(name);
+        if study.sample.as_ref().is_none_or(crossed) {
+            let reason = "a range has no values of its own: they are drawn".into();
+            let remedy = "add `sample` and leave the range out of `crossed`, or write a list";
+            found.push(problem(&path, "a range", reason, remedy));
+        }
+    }
+    let Some(Sample::LatinHypercube(drawn)) = &study.sample else {
+        return;
     };
-    problem(
-        path,
-        &format!("{name:?}"),
-        format!("there is no {kind} of this name"),
-        &remedy,
-    )
-}
-
-/// A problem that ends the study.
-pub(crate) fn problem(path: &str, value: &str, reason: String, remedy: &str) -> Problem {
-    Problem {
-        path: path.into(),
-        value: value.into(),
-        reason,
-        remedy: remedy.into(),
-        severity: Severity::Error,
+    let names: Vec<&str> = study.vary.0.iter().map(|(name, _)| name.as_str()).collect();
+    for (n, name) in drawn.crossed.iter().enumerate() {
+        if !names.contains(&name.as_str()) {
+            let path = format!("sample.latin_hypercube.crossed[{n}]");
+            found.push(unknown(&path, name, "varied field", &names));
+        }
+    }
+    for (name, variation) in &study.vary.0 {
+        if !matches!(variation, Variation::Range(_)) && variation.labels().is_empty() {
+            let reason = "there is no value to draw".into();
+            let remedy = "add values, or leave the field out";
+            found.push(problem(&format!("vary.{name}"), "empty", reason, remedy));
+        }
+    }
+    if !names.iter().any(|name| drawn.draws(name)) {
+        let reason = "no variation is drawn".into();
+        let remedy = "add a variation that is not in `crossed`, or remove `sample`";
+        found.push(problem("sample", "empty", reason, remedy));
+    }
+    let crossed = study.vary.0.iter().filter(|(name, _)| !drawn.draws(name));
+    let mut counts = crossed.map(|(_, variation)| variation.labels().len().max(1));
+    let all = counts.try_fold(drawn.members as usize, usize::checked_mul);
+    if all.is_none_or(|all| all > MOST_MEMBERS) {
+        let reason = format!("more than {MOST_MEMBERS} members");
+        found.push(problem("sample", "too many", reason, "draw or cross fewer"));
+    }
+    if study.map.is_some() {
+        let reason = "a map compares all combinations of two variations".into();
+        let remedy = "remove `map`, or remove `sample`";
+        found.push(problem("map", "with a sample", reason, remedy));
     }
 }

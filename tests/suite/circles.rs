@@ -18,28 +18,6 @@ const ALLOWED: &[&[&str]] = &[
         "src/darcy/permeability/ergun.rs",
         "src/darcy/permeability/kozeny_carman.rs",
     ],
-    // The map of bodies leaves out the cells of structures, and the map of structures has the grid and the ghosts of the map of bodies.
-    &["src/coupling/body_map.rs", "src/coupling/structure_map.rs"],
-    // A site lists the openings of the domain, which are models.
-    &[
-        "src/lbm/boundary/model.rs",
-        "src/lbm/boundary/profile.rs",
-        "src/lbm/boundary/site.rs",
-    ],
-    // Walls point to structures where water stands on both sides, and structures become walls of grains.
-    &["src/scene/structures.rs", "src/scene/walls.rs"],
-    // A solid names its shapes, and a polygon is one and makes facets.
-    &[
-        "src/structure/facets.rs",
-        "src/structure/polygon.rs",
-        "src/structure/solid.rs",
-    ],
-    // A study may be drawn as a hypercube, and the hypercube has the ranges of the study.
-    &[
-        "src/sweep/latin_hypercube.rs",
-        "src/sweep/members.rs",
-        "src/sweep/study.rs",
-    ],
 ];
 
 /// A path of a module: `["dem", "engine"]`.

@@ -1,6 +1,6 @@
 //! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the lattice.
 
-use super::nature::{Nature, Surface};
+use super::nature::{Inflow, Nature, Surface};
 use super::profile::ReadTable;
 use super::rule::Rule;
 use super::site::{Place, Site};
@@ -44,17 +44,6 @@ impl ImposedPressure {
     pub fn amplitude(&self) -> f64 {
         self.end.abs().max(self.start.abs())
     }
-}
-
-/// What flows into the domain through a boundary.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Inflow {
-    /// Nothing.
-    None,
-    /// This mean velocity over its cells [m/s]; negative out of the domain.
-    Mean(f64),
-    /// What the flow asks for, or more than is known before the run.
-    Any,
 }
 
 /// A boundary as a case names it: its parameters in SI, and what the program asks about it.

@@ -13,6 +13,17 @@ pub enum Surface {
     Opening,
 }
 
+/// What flows into the domain through a boundary.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Inflow {
+    /// Nothing.
+    None,
+    /// This mean velocity over its cells [m/s]; negative out of the domain.
+    Mean(f64),
+    /// What the flow asks for, or more than is known before the run.
+    Any,
+}
+
 /// The order in which boundaries take the links of edges and corners: the largest has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strength {

@@ -1,7 +1,6 @@
 //! Where a boundary is imposed.
 
-use super::model::Inflow;
-use super::nature::Strength;
+use super::nature::{Inflow, Strength};
 use crate::geometry::Face;
 
 /// The face of a boundary and the grid of the domain.
