@@ -173,14 +173,21 @@ fn cells_without_a_common_divisor_are_refused_with_a_remedy() {
         "{}",
         problems[0]
     );
-    // The coarsest grid has at least four cells across the wire.
-    let draft = Members::of(&example("first-flow", &[]), false, false, false).unwrap();
-    let first_flow = example("first-flow", &[]);
-    let wire = 2.0 * first_flow.scene.bodies[0].radius / first_flow.scene.grid.spacing;
-    let coarsest = draft.grids.last().unwrap().0;
-    assert!(wire / coarsest >= 4.0 - 1e-9, "{wire} {coarsest}");
-    assert!(draft.grids.len() >= 2);
     let finer = Members::of(&own, true, false, false).unwrap();
     assert_eq!(finer.grids.len(), 2);
     assert!(finer.grids[0].0 < 1.0);
+}
+
+#[test]
+fn the_coarsest_grid_keeps_four_cells_across_the_smallest_body() {
+    // The wire of 1 mm in 16 x 8 mm: eight cells leave room for two coarser grids of 45 and 32 cells, six for one of 36.
+    for (spacing, expected) in [
+        ("0.000125", &[1.0, 64.0 / 45.0, 2.0][..]),
+        ("0.00016666666666666667", &[1.0, 48.0 / 36.0]),
+    ] {
+        let own = example("first-flow", &[&format!("domain.spacing={spacing}")]);
+        let found = Members::of(&own, false, false, false).unwrap();
+        let ratios: Vec<f64> = found.grids.iter().map(|grid| grid.0).collect();
+        approx::assert_relative_eq!(&ratios[..], expected, max_relative = 1e-12);
+    }
 }
