@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 
 /// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version = VERSION.as_str(), about, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -36,6 +36,9 @@ struct Cli {
 /// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more.
 static VERSION: LazyLock<String> =
     LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
+
+const ABOUT: &str =
+    "Water eroding grains and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI";
 
 const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
 
