@@ -162,6 +162,7 @@ impl ContactModel for CohesiveFrictional {
         for pair in self.parameters.rows_mut() {
             if let Some(stiffness) = normal_stiffness {
                 pair.normal_stiffness = Scaled::Absolute(stiffness);
+                pair.cohesion = Scaled::ZERO;
             }
             pair.friction = friction.unwrap_or(pair.friction);
         }

@@ -176,6 +176,9 @@ impl ContactModel for ContactBond {
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.linear.prepare(normal_stiffness, friction);
+            if normal_stiffness.is_some() {
+                (pair.tensile_strength, pair.shear_strength) = (0.0, 0.0);
+            }
         }
     }
 

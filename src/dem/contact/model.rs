@@ -25,7 +25,9 @@ pub trait ContactModel {
         self.normal_stiffness([material; 2], diameter) / diameter
     }
 
-    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction.
+    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction. Grains are bonded
+    /// once they are prepared. A law with another stiffness therefore has no bonds: bonds of full strength on soft springs would open so
+    /// wide that lists of neighbours held hundreds of pairs for each grain.
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>);
 
     /// Springs and dashpots of a contact, for stability.

@@ -366,6 +366,13 @@ impl Polyhedron {
         self.radius
     }
 
+    /// Area \[m²\] of its surface.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
+        areas.sum()
+    }
+
     /// Area \[m²\] of its largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::rolling::{self, Rolling};
+use super::super::contact::{ContactLaw, ContactModel};
 use super::*;
 
 /// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5 m.
@@ -237,4 +238,20 @@ fn rolling_friction_slows_and_holds() {
     let (rolls, time) = roll(0.0, slope, 0.5);
     let expected = 5.0 / 7.0 * g * (slope.sin() - mu_r * slope.cos());
     assert_relative_eq!(rolls.velocity[0] / time, expected, max_relative = 0.02);
+}
+
+#[test]
+fn soft_springs_of_a_preparation_reach_no_further_than_grains_touch() {
+    let mut law = ContactBond {
+        parameters: PairTable::uniform(1, CLAY),
+    };
+    let opening =
+        |law: &ContactBond| ContactLaw::<Volume>::widest_opening(law, [DIAMETER, DIAMETER]);
+    assert_relative_eq!(opening(&law), 1e-5);
+    // Another coefficient of friction alone leaves the bonds.
+    ContactModel::prepare(&mut law, None, Some(0.1));
+    assert_relative_eq!(opening(&law), 1e-5);
+    // Bonds of full strength on springs of 1 kN/m would open by 1e-2 m, five diameters.
+    ContactModel::prepare(&mut law, Some(1e3), None);
+    assert_relative_eq!(opening(&law), 0.0);
 }
