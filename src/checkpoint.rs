@@ -21,6 +21,7 @@ use crate::output::group::RankGroup;
 use decomposition::{Communicator, StateHash, field_key};
 use io::checkpoint::{Array, Reader};
 use io::data::Data;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -29,30 +30,15 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Calls `each` with the incoming populations of a slab in the order `[z][y][x][i]`: the local cell, i, the number.
-fn for_each_incoming<S: Stored>(fluid: &Fluid<S>, mut each: impl FnMut([usize; 3], usize, S)) {
-    let populations = fluid.populations();
-    let cells = populations.cells();
-    let q = populations.velocities().q();
-    for z in 0..cells[2] {
-        for y in 0..cells[1] {
-            for x in 0..cells[0] {
-                let cell = populations.cell([x, y, z].map(usize::cast_signed));
-                for i in 0..q {
-                    let number = populations.numbers()[populations.incoming(cell, i)];
-                    each([x, y, z], i, number);
-                }
-            }
-        }
-    }
-}
-
 /// Incoming populations of a slab in the order `[z][y][x][i]`.
 fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
     let populations = fluid.populations();
-    let count = populations.cells().iter().product::<usize>() * populations.velocities().q();
+    let q = populations.velocities().q();
+    let count = populations.cells().iter().product::<usize>() * q;
     let mut all = Vec::with_capacity(count);
-    for_each_incoming(fluid, |_, _, number| all.push(number));
+    for (_, cell) in cells_of(fluid) {
+        all.extend((0..q).map(|i| populations.numbers()[populations.incoming(cell, i)]));
+    }
     all
 }
 
@@ -309,11 +295,30 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         if let Some(fluid) = self.fluid {
             let key = field_key("populations");
             let [shape, start, _] = box_of(fluid, fluid.populations().velocities().q());
-            for_each_incoming(fluid, |[x, y, z], i, number| {
-                let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
-                let bits = number.to_f64().to_bits();
-                hash.add(key, (cell * shape[3] + i) as u64, bits);
-            });
+            let populations = fluid.populations();
+            let [nx, ny, nz] = populations.cells();
+            // The sum is the same in any order: rows in parallel, and in a row one population after the other.
+            let of_row = |row: usize| {
+                let (y, z) = (row % ny, row / ny);
+                let first = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2];
+                let mut part = StateHash::new();
+                for i in 0..shape[3] {
+                    let entries = (0..nx).map(|x| {
+                        let cell = populations.cell([x, y, z].map(usize::cast_signed));
+                        let number = populations.numbers()[populations.incoming(cell, i)];
+                        let index = (first + x) * shape[3] + i;
+                        (index as u64, number.to_f64().to_bits())
+                    });
+                    part.add_entries(key, entries);
+                }
+                part
+            };
+            let merged = |mut a: StateHash, b| {
+                a.merge(b);
+                a
+            };
+            let rows = (0..ny * nz).into_par_iter();
+            hash.merge(rows.map(of_row).reduce(StateHash::new, merged));
             if communicator.rank() == 0 {
                 let key = field_key(OPENINGS);
                 for (patch, memory) in (0..).zip(fluid.memories()) {

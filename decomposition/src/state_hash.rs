@@ -56,8 +56,14 @@ impl StateHash {
     }
 
     fn add_bits(&mut self, field: u64, first: u64, values: impl Iterator<Item = u64>) {
+        self.add_entries(field, (first..).zip(values));
+    }
+
+    /// Adds entries of a field, each with its index and its bits, in any order.
+    #[inline]
+    pub fn add_entries(&mut self, field: u64, entries: impl Iterator<Item = (u64, u64)>) {
         let keys = round_keys(field);
-        for (index, bits) in (first..).zip(values) {
+        for (index, bits) in entries {
             self.sum = self.sum.wrapping_add(mix(&keys, index, bits));
         }
     }

@@ -482,16 +482,18 @@ fn read_back(
 }
 
 fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &Block) -> Result<u32> {
+    // In pieces, so that reading back needs no memory of the size of the state.
     fn crc<T: Element>(dataset: &hdf5::Dataset, block: &Block) -> hdf5::Result<u32> {
-        let mut numbers = vec![T::default(); product(&block.count)];
-        hdf::read_box(
-            dataset,
-            &block.start,
-            &block.count,
-            &mut numbers,
-            Transfer::Independent,
-        )?;
-        Ok(crc32fast::hash(T::data(&numbers).bytes()))
+        let mut sum = crc32fast::Hasher::new();
+        let mut numbers = Vec::new();
+        let pieces = hdf::Pieces::new(&block.start, &block.count, size_of::<T>());
+        for round in 0..pieces.rounds() {
+            let (start, count) = pieces.place(round);
+            numbers.resize(product(&count), T::default());
+            hdf::read_box(dataset, &start, &count, &mut numbers, Transfer::Independent)?;
+            sum.update(T::data(&numbers).bytes());
+        }
+        Ok(sum.finalize())
     }
     if product(&block.count) == 0 {
         return Ok(block.crc32);

@@ -491,7 +491,7 @@ fn gather_numbers(
 }
 
 /// A box cut along its first axis longer than one, so that each piece is one run of bytes.
-struct Pieces {
+pub(crate) struct Pieces {
     start: Vec<usize>,
     count: Vec<usize>,
     axis: usize,
@@ -501,7 +501,8 @@ struct Pieces {
 }
 
 impl Pieces {
-    fn new(start: &[usize], count: &[usize], size: usize) -> Self {
+    /// The pieces of a box of numbers of so many bytes.
+    pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         let row = product(&count[axis + 1..]) * size;
         let rows = (PIECE / row.max(1)).max(1);
@@ -520,6 +521,11 @@ impl Pieces {
         }
     }
 
+    /// How many pieces there are.
+    pub(crate) fn rounds(&self) -> usize {
+        self.rounds
+    }
+
     fn span(&self, round: usize) -> (usize, usize) {
         if round >= self.rounds {
             return (0, 0);
@@ -533,7 +539,8 @@ impl Pieces {
         (from * self.row, to * self.row)
     }
 
-    fn place(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
+    /// Start and count of a piece.
+    pub(crate) fn place(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
         let (from, to) = self.span(round);
         let (mut start, mut count) = (self.start.clone(), self.count.clone());
         start[self.axis] += from;
