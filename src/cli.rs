@@ -529,7 +529,10 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 }
 
 fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
-    let plan = prepare(case)?;
+    let mut plan = prepare(case)?;
+    if let Some(mlups) = simulation::calibration::mlups(&plan) {
+        plan.measured_speed(mlups);
+    }
     if case.json {
         let mut tree = shown(&plan);
         tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);

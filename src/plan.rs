@@ -168,6 +168,11 @@ impl Plan {
         }
     }
 
+    /// Takes the speed of the fluid on the machine at hand, in million lattice updates per second of one core, for the estimate of the time.
+    pub fn measured_speed(&mut self, mlups: f64) {
+        self.estimate.measured(&self.scene, &self.clock, mlups);
+    }
+
     /// Plans a case that is already in memory.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 
 pub(crate) mod agreement;
 pub mod blocks;
+pub mod calibration;
 pub mod collapse;
 pub mod coupled;
 pub mod energy;

@@ -26,6 +26,7 @@
 use super::lanes::Stored;
 use super::lattice::Velocities;
 use super::pages::Pages;
+use crate::number::real;
 
 /// Whether the last pass was even or odd: it decides which end of a link is "in".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,15 +99,27 @@ pub struct Populations<S: Stored> {
     parity: Parity,
 }
 
-impl<S: Stored> Populations<S> {
-    /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
-    ///
-    /// # Errors
-    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
-    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+/// Places of a slab in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    /// Numbers from row to row.
+    pitch: usize,
+    /// Rows of a plane, with ghosts.
+    rows: usize,
+    /// Planes, with ghosts.
+    planes: usize,
+    /// Numbers from one population to the next.
+    array: usize,
+}
+
+impl Layout {
+    /// The places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    #[must_use]
+    pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
-        let order = [split, middle, fast];
         // Room for whole vectors beyond the last cell; never a multiple of a page.
         let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
         if pitch.is_multiple_of(512) {
@@ -115,14 +128,45 @@ impl<S: Stored> Populations<S> {
         let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
         let rows = cells[middle] + 2 * ghosts(middle);
         let planes = cells[split] + 2 * ghosts(split);
+        let page = 4096 / size_of::<S>();
+        let stagger = 1600 / size_of::<S>();
+        let used = pitch.saturating_mul(rows).saturating_mul(planes);
+        Self {
+            order: [split, middle, fast],
+            pitch,
+            rows,
+            planes,
+            array: used.saturating_add(page - 1) / page * page + stagger,
+        }
+    }
+
+    /// Places of cells, with ghosts and the ends of rows.
+    #[must_use]
+    pub fn positions(&self) -> f64 {
+        real(self.pitch) * real(self.rows) * real(self.planes)
+    }
+}
+
+impl<S: Stored> Populations<S> {
+    /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
+    ///
+    /// # Errors
+    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
+    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+        let layout = Layout::of::<S>(&velocities, cells, split);
+        let Layout {
+            order,
+            pitch,
+            rows,
+            array,
+            ..
+        } = layout;
+        let [split, middle, fast] = order;
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
         let mut strides = [0; 3];
         strides[fast] = 1;
         strides[middle] = pitch;
         strides[split] = pitch * rows;
-        let used = strides[split] * planes;
-        let page = 4096 / size_of::<S>();
-        let stagger = 1600 / size_of::<S>();
-        let array = used.next_multiple_of(page) + stagger;
         let origin = 8 + strides[middle] * ghosts(middle) + strides[split] * ghosts(split);
         let ranks: Vec<usize> = velocities.c.iter().map(|c| rank(*c, &velocities)).collect();
         let arrays = ranks.iter().max().map_or(0, |last| last + 1);

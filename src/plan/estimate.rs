@@ -1,163 +1,190 @@
-//! Estimates of memory, disk space and time before the run.
+//! Memory, disk space and time of a run, before the run.
 //!
-//! The rates are assumed values for one core of a recent server. The summary of a run contains measured values.
+//! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum over the phases of
+//! a step ([`time`]), with rates of one core of a reference machine; `solver plan` replaces the rate of the fluid by one that it measures
+//! on the machine at hand. `jobs/plans` compares all three with runs.
+
+pub mod disk;
+pub mod memory;
+pub mod time;
 
 use super::Clock;
-use crate::case::fluid::Precision;
-use crate::lbm::lattice::VelocitySet;
-use crate::number::real;
+use crate::error::Remedy;
+use crate::number::{common_divisor, real, whole};
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use serde::Serialize;
+use time::Seconds;
 
 /// The costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Bytes of a cell: populations, and what coupling and moments keep beside them.
+    /// Bytes of a cell: populations with their ghosts, and what eddies, coupling and averages keep beside them.
     pub bytes_per_cell: f64,
-    /// Number of grains, blocks and bodies, before cutting.
+    /// Number of grains, blocks and bodies as the run begins.
     pub grains: f64,
-    /// Memory of all ranks together \[bytes\].
+    /// Largest memory of all ranks together \[bytes\].
     pub memory_bytes: f64,
     /// One fluid output \[bytes\].
     pub fluid_output_bytes: f64,
     /// Number of fluid outputs.
     pub fluid_outputs: f64,
+    /// One checkpoint \[bytes\].
+    pub checkpoint_bytes: f64,
     /// All outputs and the checkpoints kept \[bytes\].
     pub disk_bytes: f64,
-    /// Million lattice updates per second and core assumed.
+    /// Million lattice updates per second of one core, without solids; 0 without a lattice.
     pub mlups: f64,
-    /// Million particle steps per second and core assumed.
-    pub million_particle_steps: f64,
+    /// Time of each phase on one core \[s\].
+    pub seconds: Seconds,
     /// Time of the run on one core \[s\].
     pub seconds_on_one_core: f64,
 }
 
-/// Beside the populations of a cell: solid mark, owner, time-averaged load on links.
-const CELL_EXTRA_BYTES: f64 = 12.0;
-/// Two velocities in f32 for the eddy viscosity.
-const EDDY_BYTES: f64 = 24.0;
-/// Eleven sums over time in f64.
-const AVERAGE_BYTES: f64 = 88.0;
-/// A grain with its neighbour list, contacts and history.
-const GRAIN_BYTES: f64 = 1500.0;
-/// What a block needs beside: its shape, here and in the scene, and the longer memory of its contacts.
-const BLOCK_BYTES: f64 = 8000.0;
-/// The program itself, MPI and HDF5 included.
-const PROGRAM_BYTES: f64 = 6e7;
-/// Columns of a grain in a file: id, position, velocity, rotation, force, torque, radius, material.
-const GRAIN_OUTPUT_BYTES: f64 = 160.0;
-/// Contacts of a grain and the columns of each.
-const CONTACT_OUTPUT_BYTES: f64 = 2.5 * 96.0;
-/// Vertices, faces and columns of a block in a file.
-const BLOCK_OUTPUT_BYTES: f64 = 1500.0;
-/// Million steps of blocks with a dozen neighbours each per second and core.
-const MILLION_BLOCK_STEPS: f64 = 0.03;
-/// Million particle steps per second and core.
-const MILLION_PARTICLE_STEPS: f64 = 4.0;
+/// What the costs are made of.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Amounts {
+    /// Cells of the lattice.
+    cells: f64,
+    /// Cells of the seepage.
+    seepage_cells: f64,
+    /// Grains, after cutting.
+    grains: f64,
+    /// Grains before cutting.
+    prepared: f64,
+    /// Blocks, those among the bodies included.
+    blocks: f64,
+    /// Bodies with a name, discs and spheres.
+    bodies: f64,
+    /// Cells that solids cover.
+    covered: f64,
+    /// Cells at the surfaces of solids.
+    surface: f64,
+    /// Cells at the surfaces of named bodies and blocks that move.
+    moving_surface: f64,
+    /// Cells at the surfaces of grains.
+    bed_surface: f64,
+}
 
-/// Million updates per second and core in f64; populations stored in f32 gain about half.
-fn mlups(lattice: VelocitySet, storage: Precision) -> f64 {
-    let double = match lattice {
-        VelocitySet::D2Q9 => 60.0,
-        VelocitySet::D3Q19 => 25.0,
-        VelocitySet::D3Q27 => 15.0,
-    };
-    match storage {
-        Precision::F64 => double,
-        Precision::F32 => 1.5 * double,
+impl Amounts {
+    fn of(scene: &Scene) -> Self {
+        let dimension = scene.grid.dimension;
+        let spacing = scene.grid.spacing;
+        let cell = spacing.powi(if dimension == 3 { 3 } else { 2 });
+        let face = spacing.powi(if dimension == 3 { 2 } else { 1 });
+        let ball = |radius: f64| {
+            if dimension == 3 {
+                let area = std::f64::consts::PI * radius * radius;
+                [4.0 / 3.0 * area * radius, 4.0 * area]
+            } else {
+                let half = std::f64::consts::PI * radius;
+                [half * radius, 2.0 * half]
+            }
+        };
+        let mut all = Self {
+            cells: scene.flow.as_ref().map_or(0.0, |_| {
+                scene.grid.cells.iter().map(|c| real(*c)).product::<f64>()
+            }),
+            seepage_cells: scene
+                .seepage
+                .as_ref()
+                .map_or(0.0, |seepage| real(seepage.cell_count())),
+            ..Self::default()
+        };
+        let mut add = |[volume, area]: [f64; 2], number: f64, moves: bool| {
+            all.covered += number * volume / cell;
+            all.surface += number * area / face;
+            if moves {
+                all.moving_surface += number * area / face;
+            }
+        };
+        for body in scene.bodies.iter().filter(|body| body.solid.is_none()) {
+            add(ball(body.radius), 1.0, body.mobility == Mobility::Free);
+        }
+        for (solid, _, free) in scene.polyhedra() {
+            let shape = &solid.shape;
+            add([shape.volume(), shape.area()], 1.0, free);
+        }
+        if let Some(grains) = &scene.grains {
+            let remaining = grains.remaining();
+            if let Some((least, most)) = grains.radii {
+                let one = ball(0.5 * (least + most));
+                add(one, remaining, false);
+                all.bed_surface = remaining * one[1] / face;
+            }
+            all.grains = remaining;
+            all.prepared = real(grains.expected);
+        }
+        all.covered = all.covered.min(all.cells);
+        all.blocks = real(scene.polyhedra().count());
+        all.bodies = real(scene.bodies.iter().filter(|b| b.solid.is_none()).count());
+        all
+    }
+
+    /// Everything that the contact search knows.
+    fn moving(&self) -> f64 {
+        self.grains + self.blocks + self.bodies
     }
 }
 
-/// Memory of a cell of the seepage, on every rank: coefficients, vectors and levels.
-const SEEPAGE_CELL_BYTES: f64 = 420.0;
-/// Time of a solution from the last one, for a cell.
-const SEEPAGE_SECONDS_PER_CELL: f64 = 3e-7;
-
-fn bytes(precision: Precision) -> f64 {
-    match precision {
-        Precision::F64 => 8.0,
-        Precision::F32 => 4.0,
-    }
+/// Outputs of an interval \[s\]: at 0, at its multiples, and at the end.
+fn outputs(every: f64, end: f64) -> f64 {
+    (end / every - 1e-9).ceil().max(0.0) + 1.0
 }
 
 impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let cells = scene.grid.cells.iter().map(|c| real(*c)).product::<f64>();
-        let end = scene.time.end;
-        let outputs = |every: f64| (end / every).floor() + 1.0;
-        let blocks = real(scene.polyhedra().count());
-        let named =
-            real(scene.bodies.len()) + scene.blocks.as_ref().map_or(0.0, |b| real(b.number));
-        let grains = scene.grains.as_ref().map_or(0.0, |g| real(g.expected)) + named;
+        let amounts = Amounts::of(scene);
         let mut estimate = Self {
-            grains,
-            million_particle_steps: MILLION_PARTICLE_STEPS,
+            grains: amounts.moving(),
+            mlups: scene.flow.as_ref().map_or(0.0, |flow| {
+                time::mlups(flow.lattice, flow.storage, flow.turbulence.is_some())
+            }),
             ..Self::default()
         };
-        let steps = real(clock.steps);
-        if let Some(flow) = &scene.flow {
-            estimate.bytes_per_cell =
-                real(flow.lattice.count()) * bytes(flow.storage) + CELL_EXTRA_BYTES;
-            if flow.turbulence.is_some() {
-                estimate.bytes_per_cell += EDDY_BYTES;
-            }
-            if scene.output.averages.is_some() {
-                estimate.bytes_per_cell += AVERAGE_BYTES;
-            }
-            estimate.mlups = mlups(flow.lattice, flow.storage);
-            let updates = cells * (steps + real(clock.warm_up_steps));
-            estimate.seconds_on_one_core += updates / (1e6 * estimate.mlups);
-            if let Some(output) = &scene.output.fluid {
-                let numbers: f64 = output
-                    .fields
-                    .iter()
-                    .map(|field| real(field.components(scene.grid.dimension)))
-                    .sum();
-                estimate.fluid_output_bytes = cells * numbers * bytes(output.precision);
-                estimate.fluid_outputs = outputs(output.every);
-            }
-        }
-        if let Some(seepage) = &scene.seepage {
-            let coarse = real(seepage.cell_count());
-            estimate.bytes_per_cell = SEEPAGE_CELL_BYTES * coarse / cells;
-            estimate.seconds_on_one_core += steps * coarse * SEEPAGE_SECONDS_PER_CELL;
-            if let Some(output) = &scene.output.fluid {
-                estimate.fluid_output_bytes = coarse * 5.0 * bytes(output.precision);
-                estimate.fluid_outputs = outputs(output.every);
-            }
-        }
-        let solid_steps = steps * f64::from(clock.solid_steps_per_step);
-        let million_steps =
-            (grains - blocks) / MILLION_PARTICLE_STEPS + blocks / MILLION_BLOCK_STEPS;
-        estimate.seconds_on_one_core += 1e-6 * solid_steps * million_steps;
-        if blocks > 0.0 {
-            estimate.million_particle_steps = grains / million_steps;
-        }
-        let solid_memory = grains * GRAIN_BYTES + blocks * BLOCK_BYTES;
-        let lattice_bytes = cells * estimate.bytes_per_cell;
-        estimate.memory_bytes = PROGRAM_BYTES + lattice_bytes + solid_memory;
-        let others = (scene.output.grains.iter()).map(|o| (o.every, GRAIN_OUTPUT_BYTES));
-        let contacts = scene
-            .output
-            .contacts
-            .iter()
-            .map(|o| (o.every, CONTACT_OUTPUT_BYTES));
-        let solid_bytes: f64 = others
-            .chain(contacts)
-            .map(|(every, size)| outputs(every) * grains * size)
-            .sum();
-        let surfaces = scene.output.blocks.iter();
-        let solid_bytes = solid_bytes
-            + surfaces
-                .map(|o| outputs(o.every) * blocks * BLOCK_OUTPUT_BYTES)
-                .sum::<f64>();
-        let checkpoint = lattice_bytes + solid_memory;
-        estimate.disk_bytes = estimate.fluid_output_bytes * estimate.fluid_outputs
-            + solid_bytes
-            + checkpoint * (f64::from(scene.checkpoint.keep) + 1.0);
+        estimate.checkpoint_bytes = disk::checkpoint(scene, &amounts);
+        estimate.count_time(scene, clock);
+        disk::count(&mut estimate, scene, &amounts);
+        memory::count(&mut estimate, scene, &amounts);
         estimate.against_machine(scene, findings);
         estimate
+    }
+
+    fn count_time(&mut self, scene: &Scene, clock: &Clock) {
+        self.seconds = Seconds::of(
+            scene,
+            clock,
+            &Amounts::of(scene),
+            self.mlups,
+            self.checkpoint_bytes,
+        );
+        self.seconds_on_one_core = self.seconds.sum();
+    }
+
+    /// The same with a rate of the fluid that was measured, in million updates per second. Rates of what the fluid does at solids
+    /// change in the same ratio.
+    pub fn measured(&mut self, scene: &Scene, clock: &Clock, mlups: f64) {
+        if mlups > 0.0 && mlups.is_finite() && self.mlups > 0.0 {
+            self.mlups = mlups;
+            self.count_time(scene, clock);
+        }
+    }
+
+    /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice, or where grains
+    /// alone need more.
+    fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
+        scene.flow.as_ref()?;
+        let grid = &scene.grid;
+        let cells = &grid.cells[..grid.dimension];
+        let lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>()
+            + self.checkpoint_bytes;
+        let room = available - (self.memory_bytes - lattice);
+        let coarser = (lattice / room).powf(1.0 / real(grid.dimension));
+        // Edges stay whole numbers of cells where the numbers of cells of all edges are divided in the same ratio.
+        let common = cells.iter().fold(0, |a, b| common_divisor(a, *b));
+        let fewer = whole((real(common) / coarser).floor());
+        (room > 0.0 && fewer > 0).then(|| grid.spacing * real(common) / real(fewer))
     }
 
     fn against_machine(&self, scene: &Scene, findings: &mut Findings) {
@@ -169,15 +196,29 @@ impl Estimate {
             return;
         };
         if self.memory_bytes > available || self.memory_bytes.is_nan() {
-            findings.error(
-                "domain.spacing",
-                format!(
-                    "the run needs about {} of memory, but {} are available",
-                    size(self.memory_bytes),
-                    size(available)
-                ),
-                "use a coarser spacing or accuracy or a smaller domain, or state the memory of all machines in guards.memory_gib",
+            let grid = &scene.grid;
+            let cells = grid.cells[..grid.dimension].iter().map(ToString::to_string);
+            let mut reason = format!(
+                "the run needs about {} of memory for {} cells of {} m, but {} are available",
+                size(self.memory_bytes),
+                cells.collect::<Vec<_>>().join(" x "),
+                number(grid.spacing),
+                size(available)
             );
+            if let Some(why) = scene.chosen.why("spacing") {
+                reason.push_str("; the spacing was chosen for ");
+                reason.push_str(why);
+            }
+            let machines = "or state the memory of all machines in guards.memory_gib";
+            let remedy = match self.spacing_within(scene, 0.75 * available) {
+                Some(spacing) => Remedy::from(format!(
+                    "write a spacing of {} m, which fits, choose a smaller domain, {machines}",
+                    number(spacing)
+                ))
+                .set("domain.spacing", spacing),
+                None => format!("choose a smaller domain or fewer grains, {machines}").into(),
+            };
+            findings.error("domain.spacing", reason, remedy);
         } else if self.memory_bytes > 0.8 * available {
             findings.warn(
                 "domain.spacing",
@@ -214,4 +255,50 @@ fn machine_memory() -> Option<f64> {
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
     let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib * 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::{Document, examples};
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    fn planned(name: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let text = examples::find(name).unwrap().text;
+        Document::read(text, &set, Path::new(".")).and_then(Plan::prepare)
+    }
+
+    #[test]
+    fn too_much_memory_comes_with_a_spacing_that_fits() {
+        // 1.6e9 cells of nine numbers each.
+        let fine = "domain.spacing=2.5e-7";
+        let limit = "guards.memory_gib=8";
+        let problems = planned("taylor-green", &[fine, limit]).unwrap_err();
+        let problem = problems
+            .iter()
+            .find(|p| p.path == "domain.spacing")
+            .unwrap_or_else(|| panic!("{problems:#?}"));
+        assert!(problem.reason.contains("40000 x 40000 cells"), "{problem}");
+        let proposal = problem.remedy.proposal();
+        assert_eq!(proposal[0].path, "domain.spacing");
+        let spacing = format!("domain.spacing={}", proposal[0].value);
+        let plan = planned("taylor-green", &[&spacing, limit]).unwrap();
+        let memory = plan.estimate.memory_bytes / (8.0 * 1024.0_f64.powi(3));
+        assert!((0.6..=0.8).contains(&memory), "{memory}");
+    }
+
+    #[test]
+    fn cut_grains_cost_memory_but_no_steps() {
+        let whole = planned("piping", &["grains.cut=[]"]).unwrap();
+        let cut = planned("piping", &[]).unwrap();
+        let part = cut.estimate.grains / whole.estimate.grains;
+        // The hole and the margins beside the bulk.
+        assert!((0.3..0.7).contains(&part), "{part}");
+        assert!(cut.estimate.seconds.grains < whole.estimate.seconds.grains);
+        approx::assert_relative_eq!(
+            cut.estimate.seconds.preparation,
+            whole.estimate.seconds.preparation
+        );
+    }
 }

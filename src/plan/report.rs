@@ -150,20 +150,34 @@ impl Plan {
             size(e.disk_bytes),
             "outputs and the checkpoints kept".into(),
         ]);
-        let mut rates = Vec::new();
+        let e = &self.estimate;
+        let phases = [
+            ("preparation", e.seconds.preparation),
+            ("fluid", e.seconds.fluid),
+            ("seepage", e.seconds.seepage),
+            ("grains", e.seconds.grains),
+            ("mapping", e.seconds.mapping),
+            ("output", e.seconds.output),
+        ];
+        // Phases that matter, the longest first.
+        let mut shares: Vec<(&str, f64)> = phases
+            .into_iter()
+            .filter(|phase| phase.1 > 0.05 * e.seconds_on_one_core)
+            .collect();
+        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut why: Vec<String> = shares
+            .iter()
+            .map(|(phase, seconds)| {
+                format!("{phase} {:.0} %", 100.0 * seconds / e.seconds_on_one_core)
+            })
+            .collect();
         if e.mlups > 0.0 {
-            rates.push(format!("{} MLUPS", number(e.mlups)));
-        }
-        if e.grains > 0.0 {
-            rates.push(format!(
-                "{} million particle steps/s",
-                number(e.million_particle_steps)
-            ));
+            why.push(format!("{:.3} MLUPS", e.mlups));
         }
         rows.push([
             "time on one core".into(),
             duration(e.seconds_on_one_core),
-            format!("assuming {}; the run measures it", rates.join(" and ")),
+            why.join(", "),
         ]);
         rows
     }

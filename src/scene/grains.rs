@@ -36,6 +36,38 @@ pub struct Grains {
     pub expected: usize,
 }
 
+impl Grains {
+    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow. How many deposited
+    /// grains a cut removes is not known before they have fallen.
+    #[must_use]
+    pub fn remaining(&self) -> f64 {
+        match &self.source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                let stays = |grain: &&Grain| {
+                    let mut cuts = self.cut.iter();
+                    !cuts.any(|(_, block)| block.contains(grain.position))
+                };
+                real(grains.iter().filter(stays).count())
+            }
+            GrainSource::Growth { block, number, .. } => {
+                let volume = |from: [f64; 3], to: [f64; 3]| {
+                    let axes = 0..block.dimension;
+                    axes.map(|a| (to[a] - from[a]).max(0.0)).product::<f64>()
+                };
+                let shared = |cut: &Block| {
+                    let from = std::array::from_fn(|a| cut.from[a].max(block.from[a]));
+                    let to = std::array::from_fn(|a| cut.to[a].min(block.to[a]));
+                    volume(from, to)
+                };
+                let removed: f64 = self.cut.iter().map(|(_, cut)| shared(cut)).sum();
+                let part = 1.0 - removed / volume(block.from, block.to);
+                (real(*number) * part).round().max(0.0)
+            }
+            GrainSource::Deposition { .. } => real(self.expected),
+        }
+    }
+}
+
 /// Where grains come from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum GrainSource {

@@ -14,7 +14,7 @@
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Initial;
 use crate::error::{Error, Problem, Severity};
-use crate::number::{real, whole};
+use crate::number::{common_divisor, real, whole};
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::scene::findings::number;
@@ -71,7 +71,7 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
     let common = grid.cells[..grid.dimension]
         .iter()
-        .fold(0, |a, b| divisor(a, *b));
+        .fold(0, |a, b| common_divisor(a, *b));
     let wanted = RATIO[usize::from(grid.dimension == 3)];
     let allowed =
         smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
@@ -109,11 +109,6 @@ fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
         before = best;
     }
     chosen
-}
-
-/// The largest whole number that divides both.
-fn divisor(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { divisor(b, a % b) }
 }
 
 /// Diameter of the smallest disc or sphere in the water \[m\].

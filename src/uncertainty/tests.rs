@@ -67,9 +67,12 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
         );
         approx::assert_relative_eq!(coarse.scene.grid.spacing, own.scene.grid.spacing * ratio);
     }
-    // A tenth of the case where its disc allows, a fifth here: the coarsest grid has to resolve it.
+    // A tenth of the case where its disc allows, a fifth here by cells and steps: the coarsest grid has to resolve it. The map of the disc
+    // falls with the spacing alone. In so long a run the start counts little.
+    let long = example("settling-disc", &["time.end=60", "output={}"]);
+    let members = Members::of(&long, false, false, false).unwrap();
     let (costs, sum) = members.costs();
-    assert!(sum < 1.25 * costs[0].1, "{costs:?}");
+    assert!(sum < 1.3 * costs[0].1, "{costs:?}");
     assert!(members.cost_lines().contains("times the run of the case"));
 }
 

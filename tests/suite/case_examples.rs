@@ -13,12 +13,8 @@ fn every_example_is_valid_without_a_warning() {
             .unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         assert_eq!(plan.warnings, [], "{}", example.name);
-        // A minute on two ranks, which are 1.79 times as fast as one (benches/results/P-10.csv).
-        assert!(
-            plan.estimate.seconds_on_one_core < 60.0 * 1.79,
-            "{}",
-            example.name
-        );
+        // A minute on a machine twice as fast as the one of the rates.
+        assert!(plan.estimate.seconds_on_one_core < 60.0, "{}", example.name);
         assert!(
             // At the limit itself, but for rounding.
             plan.margins.iter().all(|m| m.used <= 1.0 + 1e-12),

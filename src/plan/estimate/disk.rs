@@ -1,0 +1,136 @@
+//! Disk space of a run.
+
+use super::{Amounts, Estimate, outputs};
+use crate::case::fluid::Precision;
+use crate::case::observe::FieldName;
+use crate::number::real;
+use crate::scene::Scene;
+use crate::scene::observe::ProbeAt;
+
+/// An HDF5 file of a field and its entry in the index.
+const FIELD_FILE: f64 = 1.0e4;
+/// An HDF5 file of grains, blocks or contacts and its entry in the index.
+const TABLE_FILE: f64 = 2.25e4;
+/// Columns of a grain: id, position, velocity, rotation, force, torque, radius, material.
+const GRAIN: f64 = 173.0;
+/// The contacts of a grain, 1.4 with 190 B each.
+const CONTACTS: f64 = 270.0;
+/// Vertices, faces and columns of a block.
+const BLOCK: f64 = 1450.0;
+/// The averages of a cell.
+const AVERAGES: f64 = 112.0;
+/// Case, log, summary.
+const TEXTS: f64 = 1.0e4;
+/// A line of a table.
+const LINE: f64 = 130.0;
+/// A point of a line of points in a table.
+const POINT: f64 = 80.0;
+/// A line of a sample.
+const SAMPLE: f64 = 73.0;
+/// A column of the surface of the ground in a table.
+const SURFACE: f64 = 140.0;
+/// What describes a checkpoint.
+const CHECKPOINT: f64 = 1.2e4;
+/// What describes the columns of grains and their contacts in a checkpoint.
+const CHECKPOINT_OF_GRAINS: f64 = 2.5e4;
+/// A grain in a checkpoint with its contacts.
+const SAVED_GRAIN: f64 = 420.0;
+/// A block in a checkpoint with its contacts.
+const SAVED_BLOCK: f64 = 950.0;
+/// A cell of the seepage in a checkpoint.
+const SAVED_SEEPAGE: f64 = 40.0;
+/// Two velocities of a cell in f32, with eddies, in a checkpoint.
+const SAVED_EDDY: f64 = 12.0;
+
+/// The sums of averages of a cell in a checkpoint.
+const SAVED_AVERAGES: f64 = 88.0;
+
+fn bytes(precision: Precision) -> f64 {
+    match precision {
+        Precision::F64 => 8.0,
+        Precision::F32 => 4.0,
+    }
+}
+
+/// One checkpoint \[bytes\].
+pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
+    let mut size = CHECKPOINT
+        + (amounts.grains + amounts.bodies) * SAVED_GRAIN
+        + amounts.blocks * SAVED_BLOCK
+        + amounts.seepage_cells * SAVED_SEEPAGE;
+    if amounts.moving() > 0.0 {
+        size += CHECKPOINT_OF_GRAINS;
+    }
+    if let Some(flow) = &scene.flow {
+        let eddies = flow.turbulence.map_or(0.0, |_| SAVED_EDDY);
+        let numbers = real(flow.lattice.count()) * bytes(flow.storage);
+        let averages = (scene.output.averages.as_ref()).map_or(0.0, |_| SAVED_AVERAGES);
+        size += amounts.cells * (numbers + eddies + averages);
+    }
+    size
+}
+
+/// Adds the sizes of all files to the estimate, whose time and checkpoint are known.
+pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
+    let end = scene.time.end;
+    let mut disk = TEXTS;
+    if let Some(output) = &scene.output.fluid {
+        let size = |field: &FieldName| match field {
+            // With the mark of cells that are drawn or not.
+            FieldName::Solid => bytes(output.precision) + 1.0,
+            _ => real(field.components(scene.grid.dimension)) * bytes(output.precision),
+        };
+        let cell: f64 = output.fields.iter().map(size).sum();
+        let cells = amounts.cells + amounts.seepage_cells;
+        estimate.fluid_output_bytes = FIELD_FILE + cells * cell;
+        estimate.fluid_outputs = outputs(output.every, end);
+        disk += estimate.fluid_output_bytes * estimate.fluid_outputs;
+    }
+    if let Some(averages) = &scene.output.averages {
+        let files = averages
+            .every
+            .map_or(1.0, |every| outputs(every, end - averages.from) - 1.0);
+        disk += files * (FIELD_FILE + AVERAGES * amounts.cells);
+    }
+    if let Some(grains) = &scene.output.grains {
+        let file = TABLE_FILE + amounts.moving() * GRAIN;
+        disk += outputs(grains.every, end) * file;
+    }
+    if let Some(contacts) = &scene.output.contacts {
+        let file = TABLE_FILE + amounts.grains * CONTACTS;
+        disk += outputs(contacts.every, end) * file;
+    }
+    if let Some(blocks) = &scene.output.blocks {
+        let file = TABLE_FILE + amounts.blocks * BLOCK;
+        disk += outputs(blocks.every, end) * file;
+    }
+    if scene.grains.as_ref().is_some_and(|g| g.save.is_some()) {
+        disk += amounts.prepared * SAMPLE;
+    }
+    if let Some(collapse) = &scene.ground_collapse {
+        let [long, across, _] = collapse.axes;
+        let columns = real(scene.grid.cells[long]) * real(scene.grid.cells[across]);
+        disk += outputs(collapse.every, end) * columns * SURFACE;
+    }
+    disk += scene
+        .probes
+        .iter()
+        .map(|probe| {
+            let sample = match &probe.at {
+                ProbeAt::Line { points, .. } => real(*points) * POINT,
+                _ => LINE,
+            };
+            outputs(probe.every, end) * sample
+        })
+        .sum::<f64>();
+    let by_time = scene.checkpoint.every.map_or(0.0, |every| end / every);
+    let wall = scene.checkpoint.every_wall_seconds;
+    let by_wall = if wall > 0.0 {
+        (estimate.seconds_on_one_core / wall).floor()
+    } else {
+        0.0
+    };
+    let written = by_time.max(1.0) + by_wall;
+    disk += estimate.checkpoint_bytes * written.floor().min(f64::from(scene.checkpoint.keep));
+    estimate.disk_bytes = disk;
+}

@@ -1,0 +1,231 @@
+//! Time of a run on one core.
+//!
+//! The rates were measured on one core of an AMD EPYC of 2.4 GHz with AVX2, with the cases of `jobs/plans`.
+
+use super::{Amounts, outputs};
+use crate::case::coupling::Coupling;
+use crate::case::fluid::Precision;
+use crate::lbm::lattice::VelocitySet;
+use crate::number::{real, to_u32};
+use crate::plan::Clock;
+use crate::scene::Scene;
+use crate::scene::grains::GrainSource;
+use serde::Serialize;
+
+/// Time of each phase on one core \[s\].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Start of the program, reading, first lists, the hash of the last state.
+    pub start_and_end: f64,
+    /// Growth or deposition of the grains.
+    pub preparation: f64,
+    /// The pass over the lattice, links, covered cells, openings.
+    pub fluid: f64,
+    /// Seepage with the porosity.
+    pub seepage: f64,
+    /// Contacts and motion.
+    pub grains: f64,
+    /// Mapping of bodies to cells.
+    pub mapping: f64,
+    /// Fields, tables and checkpoints.
+    pub output: f64,
+    /// Guards.
+    pub guards: f64,
+}
+
+impl Seconds {
+    /// All phases together \[s\].
+    #[must_use]
+    pub fn sum(&self) -> f64 {
+        self.start_and_end
+            + self.preparation
+            + self.fluid
+            + self.seepage
+            + self.grains
+            + self.mapping
+            + self.output
+            + self.guards
+    }
+}
+
+/// Million updates per second of one core in cells without solids.
+pub(super) fn mlups(lattice: VelocitySet, storage: Precision, eddies: bool) -> f64 {
+    let nanoseconds = match (lattice, storage) {
+        (VelocitySet::D2Q9, Precision::F64) => 5.3,
+        (VelocitySet::D2Q9, Precision::F32) => 6.1,
+        (VelocitySet::D3Q19, Precision::F64) => 20.0,
+        (VelocitySet::D3Q19, Precision::F32) => 17.0,
+        (VelocitySet::D3Q27, Precision::F64) => 27.0,
+        (VelocitySet::D3Q27, Precision::F32) => 24.0,
+    };
+    let eddies = match lattice {
+        _ if !eddies => 0.0,
+        VelocitySet::D2Q9 => 4.0,
+        VelocitySet::D3Q19 | VelocitySet::D3Q27 => 12.0,
+    };
+    1e3 / (nanoseconds + eddies)
+}
+
+/// Start and end of the program.
+const START: f64 = 0.28;
+/// The hash of the last state, for each population.
+const HASH: f64 = 5.5e-8;
+/// A step of the fluid without its cells.
+const STEP: f64 = 2e-6;
+/// A cell of an opening.
+const OPENING: f64 = 1.8e-7;
+/// A link between fluid and solid.
+const LINK: f64 = 1.7e-8;
+/// Links of a cell at the surface of a solid in 2-D and 3-D.
+const LINKS: [f64; 2] = [2.5, 5.0];
+/// A covered cell of D2Q9, D3Q19 and D3Q27.
+const COVERED: [f64; 3] = [1.5e-7, 3e-7, 6.5e-7];
+/// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
+const MAPPED: [f64; 2] = [2.5e-7, 1e-6];
+/// The same of grains in a bed, most of which rest.
+const RESTING: f64 = 3e-9;
+/// A look of the guards at a cell.
+const GUARD: f64 = 2.5e-8;
+/// Steps between looks of the guards.
+const GUARD_EVERY: f64 = 100.0;
+/// A solid step.
+const SOLID_STEP: f64 = 7e-7;
+/// A disc and a sphere in contact.
+const GRAIN: [f64; 2] = [8.5e-8, 1.03e-7];
+/// What bonds add to a grain.
+const BONDS: f64 = 8e-8;
+/// A block among few, and in a pile.
+const BLOCK: [f64; 2] = [2.2e-6, 9e-6];
+/// A solution of the seepage without its cells, for each of its cells, and the porosity of a grain.
+const SEEPAGE: [f64; 3] = [4.5e-3, 4e-7, 1e-6];
+/// A file, most of it waiting for the disk.
+const FILE: f64 = 0.028;
+/// A byte of a checkpoint: gathered, written, read back, hashed.
+const CHECKPOINT_BYTE: f64 = 8e-9;
+/// A byte of another file.
+const BYTE: f64 = 1e-8;
+/// Solid steps of a deposition over the fall from the top of its box in steps.
+const SETTLING: f64 = 1.4;
+/// Solid steps of a growth until it rests.
+const GROWTH_STEPS: f64 = 7e4;
+
+impl Seconds {
+    pub(super) fn of(
+        scene: &Scene,
+        clock: &Clock,
+        amounts: &Amounts,
+        mlups_now: f64,
+        checkpoint: f64,
+    ) -> Self {
+        let mut all = Self {
+            start_and_end: START,
+            ..Self::default()
+        };
+        let steps = real(clock.steps) + real(clock.warm_up_steps);
+        let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
+        let three = usize::from(scene.grid.dimension == 3);
+        let end = scene.time.end;
+        let mut files = 0.0;
+        if let Some(flow) = &scene.flow {
+            let reference = mlups(flow.lattice, flow.storage, flow.turbulence.is_some());
+            let slower = reference / mlups_now;
+            let kind = match flow.lattice {
+                VelocitySet::D2Q9 => 0,
+                VelocitySet::D3Q19 => 1,
+                VelocitySet::D3Q27 => 2,
+            };
+            let openings: f64 = flow
+                .patches()
+                .filter(|patch| patch.condition.model().passes_water())
+                .map(|patch| {
+                    let cells = (0..scene.grid.dimension).filter(|a| *a != patch.face.axis());
+                    cells
+                        .map(|a| real(patch.to[a].saturating_sub(patch.from[a])))
+                        .product::<f64>()
+                })
+                .sum();
+            let solids = match &scene.coupling {
+                Some(Coupling::BounceBack(_)) => amounts.surface * LINKS[three] * LINK,
+                Some(Coupling::PartiallySaturated(_)) => amounts.covered * COVERED[kind],
+                None => 0.0,
+            };
+            let step = amounts.cells * 1e-6 / reference + STEP + openings * OPENING + solids;
+            all.fluid = steps * step * slower;
+            let round = if amounts.blocks > 0.0 { 1 } else { 0 };
+            let moving = amounts.moving_surface * MAPPED[round] + amounts.bed_surface * RESTING;
+            all.mapping = real(clock.steps) * moving * slower;
+            all.guards = (steps / GUARD_EVERY + 2.0) * amounts.cells * GUARD * slower;
+            all.start_and_end += amounts.cells * real(flow.lattice.count()) * HASH;
+        }
+        if scene.seepage.is_some() {
+            let [once, cell, grain] = SEEPAGE;
+            all.seepage = steps * (once + amounts.seepage_cells * cell + amounts.grains * grain);
+        }
+        let bonds = scene
+            .contact
+            .as_ref()
+            .is_some_and(|table| table.model().bonds());
+        let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
+        let pile = usize::from(amounts.blocks > 20.0);
+        let others = amounts.blocks * BLOCK[pile] + amounts.bodies * GRAIN[three];
+        if amounts.moving() > 0.0 {
+            all.grains = solid_steps * (SOLID_STEP + amounts.grains * grain + others);
+        }
+        if let Some(grains) = &scene.grains {
+            all.preparation = amounts.prepared * grain * prepared_in(scene, clock, &grains.source);
+        }
+        let output = &scene.output;
+        let intervals = [
+            output.fluid.as_ref().map(|o| o.every),
+            output.grains.as_ref().map(|o| o.every),
+            output.contacts.as_ref().map(|o| o.every),
+            output.blocks.as_ref().map(|o| o.every),
+        ];
+        for every in intervals.into_iter().flatten() {
+            files += outputs(every, end);
+        }
+        let fields = output.fluid.as_ref().map_or(0.0, |o| {
+            let numbers: usize = o
+                .fields
+                .iter()
+                .map(|f| f.components(scene.grid.dimension))
+                .sum();
+            outputs(o.every, end) * (amounts.cells + amounts.seepage_cells) * real(numbers) * 4.0
+        });
+        all.output = (files + 1.0) * FILE + checkpoint * CHECKPOINT_BYTE + fields * BYTE;
+        all
+    }
+}
+
+/// Solid steps of a preparation.
+fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
+    match source {
+        GrainSource::Growth { .. } => GROWTH_STEPS,
+        GrainSource::Deposition {
+            block, deposition, ..
+        } => {
+            let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+            let height = (0..scene.grid.dimension)
+                .map(|a| block.to[a] * scene.gravity[a].abs() / gravity.max(f64::MIN_POSITIVE))
+                .sum::<f64>();
+            let fall = (2.0 * height / gravity).sqrt();
+            let full = scene
+                .contact
+                .as_ref()
+                .zip(scene.grains.as_ref())
+                .map(|(table, grains)| {
+                    let diameter = grains.radii.map_or(0.0, |(least, most)| least + most);
+                    table
+                        .model()
+                        .normal_stiffness([to_u32(grains.material); 2], diameter)
+                });
+            // Soft springs allow long steps at first, stiff ones short steps at the end.
+            let softer = full
+                .zip(deposition.falling_stiffness)
+                .map_or(1.0, |(full, soft)| (full / soft).max(1.0).cbrt());
+            let steps = SETTLING * fall / (softer * clock.solid_time_step);
+            if steps.is_finite() { steps } else { 0.0 }
+        }
+        GrainSource::File { .. } | GrainSource::List(_) => 0.0,
+    }
+}
