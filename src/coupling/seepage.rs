@@ -39,6 +39,11 @@
 //! **Inertial losses.** The permeability of such a resistance decreases with the gradient. Solution and permeability are iterated until
 //! they converge. Each iteration raises the ratio of a cell's permeability to its converged value to a power of magnitude at most one half.
 //!
+//! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
+//! grains remains that of the balances. Most zones hold only where there are grains: a cell with a porosity of 0.95 or more has the
+//! permeability of open water. A cell that a boundary of zones cuts has a permeability along each axis. The reaction of the resistance
+//! then acts along each axis by that axis.
+//!
 //! **Closure of momentum**: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over the
 //! volume inside the walls of the cells that hold grains; in other cells the resistance acts on no grain. The difference, relative
 //! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with the reaction of the resistance
@@ -51,8 +56,9 @@ use crate::darcy::drag::{Bed, Cell, Drag, Grain, Law};
 use crate::darcy::permeability::BedOfCells;
 use crate::darcy::porosity::measure;
 use crate::darcy::pressure::{self, NUMBERS};
+use crate::darcy::zones::Conduct;
 use crate::darcy::{
-    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report,
+    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
 };
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::space::{Components, Space};
@@ -60,6 +66,7 @@ use crate::error::Error;
 use decomposition::{Communicator, Domain, ExactSum};
 use motion::{Motion, Start, add, moving, start};
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Relative change of the permeability in a round at which a permeability that depends on the gradient is settled, at least. A larger
 /// tolerance of the pressure takes its place.
@@ -130,6 +137,8 @@ pub struct Seepage<Sp: Space> {
     motion: Option<Box<Motion>>,
     /// There is a porosity from the coupling before.
     has_before: bool,
+    /// Permeabilities by region.
+    zones: Option<(Arc<Zones>, Conduct)>,
     report: Report,
     balance: Balance,
     room: Room,
@@ -172,11 +181,20 @@ impl<Sp: Space> Seepage<Sp> {
             steepness: vec![0.0; n],
             motion: moves.then(|| Box::new(Motion::new(n))),
             has_before: false,
+            zones: None,
             report: Report::default(),
             balance: Balance::default(),
             room: Room::default(),
             space: PhantomData,
         }
+    }
+
+    /// The same with permeabilities and porosities by region.
+    #[must_use]
+    pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
+        let room = Conduct::new(&zones, self.grid().count());
+        self.zones = Some((zones, room));
+        self
     }
 
     /// The grid of the water.
@@ -296,9 +314,17 @@ impl<Sp: Space> Seepage<Sp> {
         }
         let porosity = self.limited[cell];
         let liquid = self.settings.liquid;
+        let mut flux = self.water_velocity(cell);
+        if self.zones.is_some() && self.settings.drag.model().balances() {
+            // The reaction to what the gradient drives does not know how easily an axis conducts.
+            let (past, ratios) = (self.pressure.flux(cell), self.pressure.direction(cell));
+            for a in 0..3 {
+                flux[a] += past[a] * (1.0 / ratios[a] - 1.0);
+            }
+        }
         Some(Cell {
             gradient: self.pressure.gradient(cell),
-            flux: self.water_velocity(cell),
+            flux,
             bed: Bed {
                 density: liquid.density,
                 viscosity: liquid.viscosity,
@@ -322,6 +348,9 @@ impl<Sp: Space> Seepage<Sp> {
             self.limited[cell] = permeability.limited(porosity[cell]);
             self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
+        }
+        if let Some((zones, room)) = &mut self.zones {
+            room.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
         let mut iterations = 0;
         if self.motion.is_some() && !self.has_before {
@@ -382,6 +411,8 @@ impl<Sp: Space> Seepage<Sp> {
         let source = self.settings.transient && self.motion.is_none() && self.has_before;
         let source = source.then_some(&self.source[..]);
         let settled = SETTLED.max(self.pressure.tolerance());
+        let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
+        let depends = law.depends_on_the_gradient() || self.zones.as_ref().is_some_and(of_zones);
         let mut iterations = 0;
         for round in 1.. {
             let bed = BedOfCells {
@@ -390,6 +421,12 @@ impl<Sp: Space> Seepage<Sp> {
                 gradient: &self.steepness,
             };
             law.fill(bed, liquid, &mut self.permeability);
+            if let Some((zones, room)) = &mut self.zones {
+                room.replace(zones, law, bed, liquid, &mut self.permeability);
+                if let Some(ratios) = room.ratios() {
+                    self.pressure.set_directions(ratios);
+                }
+            }
             let motion = self.motion.as_deref_mut().filter(|_| moves);
             let moving = motion.map(|motion| {
                 let interval = self.settings.interval;
@@ -410,7 +447,7 @@ impl<Sp: Space> Seepage<Sp> {
             for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
                 *steepness = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
             }
-            if !law.depends_on_the_gradient() {
+            if !depends {
                 break;
             }
             let bed = BedOfCells {
@@ -418,7 +455,10 @@ impl<Sp: Space> Seepage<Sp> {
                 diameter,
                 gradient: &self.steepness,
             };
-            let change = law.change(bed, liquid, &self.permeability);
+            let change = match &mut self.zones {
+                Some((zones, room)) => room.change(zones, law, bed, liquid, &self.permeability),
+                None => law.change(bed, liquid, &self.permeability),
+            };
             if change <= settled {
                 break;
             }

@@ -85,6 +85,17 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 written.porosity_cap()
             ),
         );
+        for [zone, states, reason] in seepage.describe_zones() {
+            choose(&zone, states, reason);
+        }
+        if let Some(cut) = seepage.zones.as_ref().map(|z| z.cut()).filter(|n| *n > 0) {
+            choose(
+                "cells cut by zones",
+                cut.to_string(),
+                "harmonic mean of the permeability across layers, arithmetic mean along them"
+                    .into(),
+            );
+        }
         choose(
             "pressure",
             "conjugate gradients with multigrid".into(),

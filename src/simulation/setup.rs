@@ -397,11 +397,9 @@ pub fn seepage<S: Space>(
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
     };
-    Ok(Some(Seepage::new(
-        openness,
-        pores,
-        pressure,
-        settings,
-        communicator,
-    )))
+    let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
+    Ok(Some(match &scene.zones {
+        Some(zones) => seepage.with_zones(Arc::clone(zones)),
+        None => seepage,
+    }))
 }

@@ -1144,6 +1144,63 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "fluid.darcy.boundaries[0].condition",
     ),
     (
+        "a zone of nothing",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\"}]"]),
+        "fluid.darcy.zones[0]",
+    ),
+    (
+        "a zone outside the domain",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 1}}}]",
+        ]),
+        "fluid.darcy.zones[0].region.layer",
+    ),
+    (
+        "a layer without thickness",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 0.02, \"to\": 0.01}}}]",
+        ]),
+        "fluid.darcy.zones[0].region.layer",
+    ),
+    (
+        "a zone of negative permeability",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"permeability\": {\"value\": -1e-12}}]"]),
+        "fluid.darcy.zones[0].permeability.value",
+    ),
+    (
+        "a zone full of pores",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 1}]"]),
+        "fluid.darcy.zones[0].porosity",
+    ),
+    (
+        "two zones of one name",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4}, {\"name\": \"a\", \"porosity\": 0.3}]",
+        ]),
+        "fluid.darcy.zones[1].name",
+    ),
+    (
+        "a raster that is not there",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"raster\": {\"path\": \"none.csv\"}}]"]),
+        "fluid.darcy.zones[0].raster.path",
+    ),
+    (
+        "a zone by a law without its equations",
+        "seepage",
+        Set(&[
+            "fluid.darcy.equations=paper",
+            "fluid.darcy.zones=[{\"name\": \"a\", \"permeability\": {\"resistance\": \"ergun\"}}]",
+        ]),
+        "fluid.darcy.zones[0].permeability.resistance",
+    ),
+    (
         "seepage with bounce-back",
         "seepage",
         Set(&["coupling={\"bounce_back\": {}}"]),
