@@ -181,7 +181,9 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
-        let beside_wall = scene.walls.iter().any(|wall| {
+        // A wall that goes holds nothing up for good.
+        let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
+        let beside_wall = lasting.any(|wall| {
             let away = wall.surface.as_ref().map_or_else(
                 || {
                     (0..3)

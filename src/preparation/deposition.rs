@@ -231,7 +231,8 @@ impl<S: Space> Deposition<S> {
                     let high = self.upper.get(axis) - radius;
                     at.set(axis, low + (high - low).max(0.0) * draws.uniform());
                 }
-                let clear_of_walls = self.walls.iter().all(|wall| match &wall.surface {
+                let mut walls = self.walls.iter().filter(|wall| !wall.open);
+                let clear_of_walls = walls.all(|wall| match &wall.surface {
                     None => wall.distance(&at) >= radius,
                     Some(surface) => surface.clearance(&S::to_volume(&at)) >= radius,
                 });

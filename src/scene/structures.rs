@@ -160,6 +160,8 @@ pub(crate) fn walls(
             velocity: [0.0; 3],
             material,
             temporary: false,
+            from: None,
+            until: None,
             face: None,
             structure: Some(n),
         };

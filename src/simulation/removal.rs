@@ -255,7 +255,7 @@ impl Removal {
                     radius,
                     &mut Stream::new(seed, ordinal, PURPOSE + 1 + made.batches),
                 );
-                let Some(at) = first_free(&places, radius, particles, plan, domain) else {
+                let Some(at) = first_free(&places, (radius, time), particles, plan, domain) else {
                     self.state.made[n].batches = (made.batches + 1) % (1 << 30);
                     break;
                 };
@@ -432,10 +432,10 @@ fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATC
     })
 }
 
-/// The first of the places that no grain, body or wall covers on any rank.
+/// The first of the places that no grain, body or wall of this time \[s\] covers on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
-    radius: f64,
+    (radius, time): (f64, f64),
     particles: &Particles<S>,
     plan: &Plan,
     domain: &Domain,
@@ -452,7 +452,7 @@ fn first_free<S: Space>(
                 },
                 |surface| surface.clearance(&Vector3::from(*place)),
             );
-            !wall.temporary && distance < radius
+            wall.exists(time) && distance < radius
         });
         let by_grain = || {
             (0..particles.owned()).any(|k| {

@@ -5,6 +5,7 @@
 //! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
+use super::gates::Gates;
 use super::setup;
 use crate::case::fluid::Precision;
 use crate::case::set::covers;
@@ -461,6 +462,8 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
             ("shape", before.shape == wall.shape),
             ("material", before.material == wall.material),
             ("during", before.during == wall.during),
+            ("from", before.from == wall.from),
+            ("until", before.until == wall.until),
         ] {
             if !same {
                 problems.push(refusal(
@@ -521,19 +524,41 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     dem.drive_walls(&velocities);
 }
 
-/// No grain may stand in a wall that comes now. Collective.
+/// No grain may stand in a wall that a restart adds. Collective.
 pub(super) fn clear_of_new_walls<S: Space>(
     plan: &Plan,
-    origins: &[Option<usize>],
+    (origins, gates, step): (&[Option<usize>], &Gates, u64),
     particles: &Particles<S>,
     domain: &Domain,
 ) -> Result<(), Error> {
+    let new = origins.iter().enumerate();
+    let new = new.filter(|(n, origin)| origin.is_none() && !gates.absent(step, *n));
+    clear_of(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
+        Error::Case(vec![refusal(
+            "walls",
+            "new".into(),
+            reason,
+            "or remove the wall",
+        )])
+    })
+}
+
+/// No grain may stand in these walls, which come now. Collective.
+///
+/// # Errors
+/// The wall and the grain, the same on all ranks.
+pub(super) fn clear_of<S: Space>(
+    plan: &Plan,
+    new: impl IntoIterator<Item = usize>,
+    particles: &Particles<S>,
+    domain: &Domain,
+) -> Result<(), String> {
     /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
     const ALLOWED: f64 = 0.05;
     let walls = setup::walls::<S>(plan);
-    let new = walls.iter().zip(&plan.scene.walls).zip(origins);
     let mut struck = None;
-    for ((wall, written), _) in new.filter(|(_, origin)| origin.is_none()) {
+    for n in new {
+        let (wall, written) = (&walls[n], &plan.scene.walls[n]);
         for k in 0..particles.owned() {
             let at = particles.location(k);
             let distance = match &wall.surface {
@@ -554,12 +579,5 @@ pub(super) fn clear_of_new_walls<S: Space>(
     domain
         .communicator()
         .agree(struck.map_or(Ok(()), Err))
-        .map_err(|e| {
-            Error::Case(vec![refusal(
-                "walls",
-                "new".into(),
-                e.message,
-                "or remove the wall",
-            )])
-        })
+        .map_err(|e| e.message)
 }

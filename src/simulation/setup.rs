@@ -263,6 +263,8 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
             ),
         };
         wall.velocity = vector::<S>(w.velocity);
+        // A wall that comes later is no part of the preparation.
+        wall.open = w.from.is_some();
         wall
     });
     walls.collect()

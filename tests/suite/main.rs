@@ -21,6 +21,7 @@ mod dice;
 mod estimate;
 mod extremes;
 mod folders;
+mod gates;
 mod guards;
 mod hostile_checkpoints;
 mod input_files;
