@@ -17,6 +17,7 @@ pub mod rest;
 pub mod supervision;
 
 use crate::case::grains as case;
+use crate::case::sieve::Percentiles;
 use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space, vector};
 use crate::dem::{Region, Wall};
@@ -26,7 +27,7 @@ use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
 use crate::scene::grading::Grading;
-use crate::scene::grains::GrainSource;
+use crate::scene::grains::{GrainSource, assign};
 use crate::scene::rock::list;
 use crate::scene::sample;
 use crate::scene::sample::Grain;
@@ -165,6 +166,16 @@ pub fn prepare<S: Space>(
     if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         numbering::along_curve(&mut all);
     }
+    if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
+        let counts = assign(&scene.zones, &mut all);
+        for (zone, count) in scene.zones.iter().zip(counts) {
+            let (name, material) = (&zone.name, &names[zone.material]);
+            prepared.line = format!(
+                "{}; zone {name}: {count} grains of {material}",
+                prepared.line
+            );
+        }
+    }
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
         io::atomic::write(&folder.join(path), text.as_bytes())
@@ -184,6 +195,13 @@ pub fn prepare<S: Space>(
         } else {
             format!("{}; {line}", prepared.line)
         };
+    }
+    if let Value::Object(report) = &mut prepared.report {
+        let radii = all.iter().map(|grain| grain.radius);
+        if let Some(made) = Percentiles::of(radii, dimension) {
+            report.insert("grading".into(), json!(made));
+            prepared.line = format!("{}; {made}", prepared.line);
+        }
     }
     prepared.grains = all;
     Ok(prepared)
@@ -281,11 +299,11 @@ fn packing_of<S: Space>(
     let scene = &plan.scene;
     let material = scene.grains.as_ref().map_or(0, |g| g.material);
     let mean = if S::DIMENSION == 2 {
-        std::f64::consts::PI * growth.radii.mean_power(2)
+        std::f64::consts::PI * growth.radii.mean_power(2, 2)
     } else {
-        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3)
+        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3, 3)
     };
-    let mean_diameter = 2.0 * growth.radii.mean_power(1);
+    let mean_diameter = 2.0 * growth.radii.mean_power(1, S::DIMENSION);
     let law = scene.contact.as_ref().map(|contact| contact.model());
     let stiffness = law.map_or(1e6, |law| {
         law.growth_stiffness(to_u32(material), mean_diameter)
@@ -313,6 +331,11 @@ fn packing_of<S: Space>(
                     .map(|n| 2.0 * radii[n % radii.len().max(1)])
                     .collect(),
             ),
+            case::Radii::Sieve(curve) => {
+                // The scene has found that they can be drawn.
+                let radii = Grading::of_sieves(curve).radii(number, S::DIMENSION, growth.seed);
+                Sizes::List(radii.unwrap_or_default().iter().map(|r| 2.0 * r).collect())
+            }
         },
         solid_fraction: match growth.amount {
             case::Amount::SolidFraction(fraction) => fraction,

@@ -95,7 +95,6 @@ pub struct Report {
     pub convergence: Vec<Look>,
 }
 
-const SIZES: u32 = 11;
 const PLACES: u32 = 12;
 /// Local damping of grains that have landed, and both measures below which they have.
 const AT_REST: f64 = 0.7;
@@ -326,27 +325,6 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// Radii \[m\] of the grains of a grading, drawn from the seed.
-fn radii(
-    grading: &Grading,
-    number: usize,
-    dimension: usize,
-    seed: u64,
-) -> Result<Vec<f64>, String> {
-    let mut radii = Vec::with_capacity(number);
-    for (class, count) in grading
-        .classes()
-        .iter()
-        .zip(grading.numbers(number, dimension)?)
-    {
-        for _ in 0..count {
-            let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
-            radii.push(class.min + (class.max - class.min) * draw);
-        }
-    }
-    Ok(radii)
-}
-
 /// How far the deposition is: all that the next steps depend on beside the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -375,13 +353,10 @@ impl<'a, S: Space> Falling<'a, S> {
         deposition: &'a Deposition<S>,
         supervision: &'a Supervision<'a, S>,
     ) -> Result<Self, Error> {
-        let radii = radii(
-            &deposition.grading,
-            deposition.number,
-            S::DIMENSION,
-            deposition.seed,
-        )
-        .map_err(Error::Numerical)?;
+        let radii = deposition
+            .grading
+            .radii(deposition.number, S::DIMENSION, deposition.seed)
+            .map_err(Error::Numerical)?;
         let progress = Progress {
             stage: 0,
             trimmed: false,

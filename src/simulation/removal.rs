@@ -13,6 +13,7 @@
 use crate::analysis::erosion_law::RemovedGrain;
 use crate::case::grains::Radii;
 use crate::case::observe::When;
+use crate::case::sieve;
 use crate::dem::particles::{Body, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -249,7 +250,11 @@ impl Removal {
             while self.state.made[n].grains < owed {
                 let made = self.state.made[n];
                 let ordinal = ((n as u64) << 48) | made.grains;
-                let radius = draw_radius(radii, &mut Stream::new(seed, ordinal, PURPOSE));
+                let radius = draw_radius(
+                    radii,
+                    region.block.dimension,
+                    &mut Stream::new(seed, ordinal, PURPOSE),
+                );
                 let places = draw_places(
                     &region.block,
                     radius,
@@ -403,7 +408,7 @@ fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
     at_most.map_or(owed, |most| owed.min(u64::from(most)))
 }
 
-fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
+fn draw_radius(radii: &Radii, dimension: usize, draw: &mut Stream) -> f64 {
     let share = draw.uniform();
     match radii {
         Radii::Uniform { min, max } => min + share * (max - min),
@@ -411,6 +416,7 @@ fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
             let n = whole(share * real(list.len()));
             list.get(n).or(list.last()).copied().unwrap_or(0.0)
         }
+        Radii::Sieve(curve) => 0.5 * sieve::diameter(curve, share, dimension),
     }
 }
 
