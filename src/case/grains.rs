@@ -106,6 +106,10 @@ pub struct Deposition {
     /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
     #[serde(rename = "box")]
     pub region: Extent,
+    /// Further clouds of the same deposition with gradings and materials of their own, such as the upper layers of a ground. All fall at once,
+    /// each from its box; the grains of the lowest box come to rest at the bottom.
+    #[serde(default)]
+    pub layers: Vec<DepositedLayer>,
     /// Seed of the random numbers.
     #[serde(default)]
     pub seed: u64,
@@ -128,6 +132,25 @@ pub struct Deposition {
     /// Criteria at which the sample counts as settled.
     #[serde(default)]
     pub stop: Settled,
+}
+
+/// A further cloud of a deposition.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DepositedLayer {
+    /// Name in tables.
+    pub name: String,
+    /// Material of the grains. It needs a density. Default: the material of all grains.
+    #[serde(default)]
+    pub material: Option<String>,
+    /// Number of grains.
+    #[schemars(range(min = 1))]
+    pub number: u32,
+    /// Size distribution.
+    pub grading: Grading,
+    /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
+    #[serde(rename = "box")]
+    pub region: Extent,
 }
 
 fn default_deposition_damping() -> f64 {

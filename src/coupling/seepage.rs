@@ -46,7 +46,7 @@
 //!
 //! **Closure of momentum**: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over the
 //! volume inside the walls of the cells that hold grains; in other cells the resistance acts on no grain. The difference, relative
-//! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with the reaction of the resistance
+//! to the larger of the two terms, is reported at every coupling. Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of the resistance
 //! ([`crate::darcy::drag::reaction`]) and explicit drag, and the mismatch between drag law and resistance otherwise.
 
 mod motion;
@@ -549,6 +549,12 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
+    /// Whether a body that the case does not resolve bears the pressure of a cell.
+    fn is_body(&self, cell: usize) -> bool {
+        let zones = self.zones.as_ref();
+        zones.is_some_and(|(_, room)| room.is_body(cell))
+    }
+
     fn close(&mut self, mut on_grains: [ExactSum; 3], implicit: u64) {
         let mut balance = Balance {
             implicit: self.communicator.all_reduce_sum_u64(implicit),
@@ -558,7 +564,7 @@ impl<Sp: Space> Seepage<Sp> {
         let mut missing = 0.0;
         let liquid = self.settings.liquid;
         for cell in 0..self.grid().count() {
-            if self.pores.solid_volume(cell) > 0.0 {
+            if self.pores.solid_volume(cell) > 0.0 && !self.is_body(cell) {
                 let speed = self
                     .pressure
                     .flux(cell)
@@ -575,7 +581,7 @@ impl<Sp: Space> Seepage<Sp> {
             on_grains[a].all_reduce(&self.communicator);
             let (mut pressure, mut weight) = (ExactSum::new(), ExactSum::new());
             for cell in 0..self.grid().count() {
-                if self.pores.solid_volume(cell) <= 0.0 {
+                if self.pores.solid_volume(cell) <= 0.0 || self.is_body(cell) {
                     continue;
                 }
                 let volume = self.openness.volume(cell);
@@ -634,10 +640,12 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         let (law, mut room) = (self.settings.drag, std::mem::take(&mut self.room));
         for k in 0..particles.owned() {
             let (force, at_the_end) = self.load(law.model(), particles, k, &mut room);
+            let bodies = room.parts.iter().filter(|(cell, _)| self.is_body(*cell));
+            let counts = 1.0 - bodies.map(|(_, part)| part).sum::<f64>();
             let mut load = Load::<Sp>::default();
             for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
                 load.force.set(a, *force);
-                sums[a].add(*force);
+                sums[a].add(counts * force);
             }
             implicit += u64::from(at_the_end);
             particles.fluid[k] = load;

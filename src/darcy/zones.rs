@@ -123,6 +123,12 @@ impl Medium {
         stated.map(|(porosity, _)| porosity)
     }
 
+    /// Whether it holds without grains.
+    fn stands(&self) -> bool {
+        self.permeability.is_some_and(|(_, without)| without)
+            || self.porosity.is_some_and(|(_, without)| without)
+    }
+
     /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under a gradient
     /// \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
     #[must_use]
@@ -355,6 +361,8 @@ pub struct Conduct {
     porosity: Vec<f64>,
     /// Whether these cells hold grains.
     grains: Vec<bool>,
+    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
+    bodies: Vec<bool>,
     /// Permeability along each axis over that of the cell; empty where no boundary cuts a cell.
     ratios: Vec<[f64; 3]>,
     /// Permeability of the boxes of a cell \[m2\].
@@ -373,6 +381,7 @@ impl Conduct {
         Self {
             porosity: vec![1.0; zones.cells.len()],
             grains: vec![false; zones.cells.len()],
+            bodies: vec![false; cells],
             ratios: vec![[1.0; 3]; cut],
             boxes: Vec::with_capacity(most.max().unwrap_or(0)),
             next: vec![0.0; cells],
@@ -391,6 +400,9 @@ impl Conduct {
         for (n, divided) in zones.cells.iter().enumerate() {
             let cell = divided.cell;
             (self.porosity[n], self.grains[n]) = (porosity[cell], grains(cell));
+            let (_, here) = zones.boxes(divided);
+            let stands = |medium: &u32| zones.media[*medium as usize].stands();
+            self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
             let own = |medium: u32| {
                 let stated = zones.media[medium as usize].porosity(self.grains[n]);
                 stated.unwrap_or(self.porosity[n])
@@ -411,6 +423,12 @@ impl Conduct {
             }
             porosity[cell] = mean;
         }
+    }
+
+    /// Whether a body that the case does not resolve fills a cell or a part of it.
+    #[must_use]
+    pub fn is_body(&self, cell: usize) -> bool {
+        self.bodies[cell]
     }
 
     /// Replaces the permeability of the cells by that of the zones, and forms the ratios.

@@ -85,6 +85,17 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             format!("requested; {} grains, passing by mass", grains.expected),
         );
     }
+    for cloud in scene.grains.iter().flat_map(|grains| grains.layers()) {
+        let material = &scene.materials[cloud.material].name;
+        let sizes = cloud
+            .percentiles(dimension)
+            .map_or_else(String::new, |p| format!(", {p}"));
+        choose(
+            &format!("grains of layer {}", cloud.name.as_deref().unwrap_or("1")),
+            format!("{material}{sizes}"),
+            format!("requested; {} grains", cloud.number),
+        );
+    }
     for zone in scene.grains.iter().flat_map(|grains| &grains.zones) {
         let material = &scene.materials[zone.material].name;
         let grains = zone.listed.map_or_else(

@@ -78,17 +78,23 @@ impl Grading {
         }
     }
 
-    /// Radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class. Those between two sieves
+    /// Radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class; `first`: how many grains were
+    /// drawn from it before. Those between two sieves
     /// divide the curve into parts of equal number with one draw in each, so that few large grains do not change the curve.
     ///
     /// # Errors
     /// As [`Self::numbers`].
-    pub fn radii(&self, number: usize, dimension: usize, seed: u64) -> Result<Vec<f64>, String> {
+    pub fn radii(
+        &self,
+        number: usize,
+        dimension: usize,
+        (seed, first): (u64, usize),
+    ) -> Result<Vec<f64>, String> {
         let mut radii = Vec::with_capacity(number);
         let numbers = self.numbers(number, dimension)?;
         for (class, count) in self.classes().iter().zip(numbers) {
             for k in 0..count {
-                let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
+                let draw = Stream::new(seed, (first + radii.len()) as u64, SIZES).uniform();
                 radii.push(match self {
                     Self::ByCount(_) | Self::ByMass(_) => {
                         class.min + (class.max - class.min) * draw
@@ -242,7 +248,7 @@ mod tests {
     fn a_large_sample_follows_the_sieve_curve_by_mass() {
         for (dimension, number) in [(2, 300_000), (3, 3_000_000)] {
             let grading = Grading::of_sieves(&curve());
-            let radii = grading.radii(number, dimension, 7).unwrap();
+            let radii = grading.radii(number, dimension, (7, 0)).unwrap();
             assert_eq!(radii.len(), number);
             let mass = |r: &f64| r.powi(if dimension == 2 { 2 } else { 3 });
             let total: f64 = radii.iter().map(mass).sum();

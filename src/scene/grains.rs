@@ -9,6 +9,7 @@ use super::sample::{self, Grain};
 use super::structures::images;
 use super::{grading, material, unique};
 use crate::case::Case;
+use crate::case::geometry::Extent;
 use crate::case::grains::{
     Amount, Deposition as WrittenDeposition, Grading, GrainSource as Written, GrainZone, Growth,
     Radii, SizeClass,
@@ -43,6 +44,21 @@ pub struct Grains {
     pub expected: usize,
 }
 
+/// Grains that fall from a box.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cloud {
+    /// Name of the layer; none of the first cloud.
+    pub name: Option<String>,
+    /// The box.
+    pub block: Block,
+    /// Sizes.
+    pub grading: grading::Grading,
+    /// How many grains.
+    pub number: usize,
+    /// Index of their material.
+    pub material: usize,
+}
+
 /// Where grains come from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum GrainSource {
@@ -55,12 +71,10 @@ pub enum GrainSource {
         /// The rest as written.
         growth: Growth,
     },
-    /// A cloud that falls from a box.
+    /// Clouds that fall from boxes.
     Deposition {
-        /// The box.
-        block: Block,
-        /// Sizes.
-        grading: grading::Grading,
+        /// The clouds.
+        clouds: Vec<Cloud>,
         /// The rest as written.
         deposition: WrittenDeposition,
     },
@@ -174,11 +188,31 @@ fn zones(
 /// Grains of which percentiles are computed before the run, at most.
 const MOST_SIZES: usize = 1_000_000;
 
+impl Cloud {
+    /// Percentiles of its grading by mass.
+    #[must_use]
+    pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
+        let number = self.number.min(MOST_SIZES);
+        let radii = self.grading.radii(number, dimension, (0, 0)).ok()?;
+        Percentiles::of(radii.into_iter(), dimension)
+    }
+}
+
 impl Grains {
+    /// Clouds of a deposition of several layers; none of all others.
+    #[must_use]
+    pub fn layers(&self) -> &[Cloud] {
+        match &self.source {
+            GrainSource::Deposition { clouds, .. } if clouds.len() > 1 => clouds,
+            _ => &[],
+        }
+    }
+
     /// Materials of grains that are prepared; that of the grains first.
     pub fn materials(&self) -> impl Iterator<Item = usize> {
         let zones = self.zones.iter().map(|zone| zone.material);
-        std::iter::once(self.material).chain(zones)
+        let clouds = self.layers().iter().map(|cloud| cloud.material);
+        std::iter::once(self.material).chain(zones).chain(clouds)
     }
 
     /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of a uniform
@@ -190,11 +224,16 @@ impl Grains {
             GrainSource::List(grains) | GrainSource::File { grains, .. } => {
                 return Percentiles::of(grains.iter().map(|grain| grain.radius), dimension);
             }
-            GrainSource::Deposition {
-                grading,
-                deposition,
-                ..
-            } => grading.radii(number, dimension, deposition.seed).ok()?,
+            GrainSource::Deposition { clouds, deposition } => {
+                let mut radii = Vec::new();
+                for cloud in clouds {
+                    let first = radii.len();
+                    let number = cloud.number.min(MOST_SIZES);
+                    let from = (deposition.seed, first);
+                    radii.extend(cloud.grading.radii(number, dimension, from).ok()?);
+                }
+                radii
+            }
             GrainSource::Growth { growth, .. } => match &growth.radii {
                 Radii::Uniform { min, max } => {
                     let share = |n: usize| (real(n) + 0.5) / real(number);
@@ -203,7 +242,7 @@ impl Grains {
                 }
                 Radii::List(list) => list.clone(),
                 Radii::Sieve(curve) => grading::Grading::of_sieves(curve)
-                    .radii(number, dimension, growth.seed)
+                    .radii(number, dimension, (growth.seed, 0))
                     .ok()?,
             },
         };
@@ -237,7 +276,7 @@ pub(crate) fn grains(
     let mut zones = zones(case, &grains.zones, grid, names, findings);
     let (mut source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Deposition(written) => falls(case, written, grid, findings)?,
+        Written::Deposition(written) => falls(case, written, grid, (names, index), findings)?,
         Written::File { path } => sample(case, path, grid, (names, index), findings),
         Written::List(list) => {
             if list.is_empty() {
@@ -446,15 +485,14 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// Resolves and checks a gravity deposition.
-fn falls(
-    case: &Case,
-    written: &WrittenDeposition,
+/// A cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+fn cloud(
+    (written, region, number_of): (&Grading, &Extent, u32),
+    path: &str,
     grid: &Grid,
     findings: &mut Findings,
-) -> Option<Source> {
-    let path = "grains.initial.deposition";
-    let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+) -> Option<Cloud> {
+    let block = Block::resolve(grid, region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
         let class = |c: &SizeClass| grading::Class {
             min: c.min,
@@ -463,7 +501,7 @@ fn falls(
         };
         list.iter().map(class).collect()
     };
-    let (grading, name) = match &written.grading {
+    let (grading, name) = match written {
         Grading::ByCount(list) => (grading::Grading::ByCount(classes(list)), "by_count"),
         Grading::ByMass(list) => (grading::Grading::ByMass(classes(list)), "by_mass"),
         Grading::Sieve(curve) => {
@@ -475,7 +513,7 @@ fn falls(
             (grading::Grading::of_sieves(curve), "sieve")
         }
     };
-    let number_of = written.number as usize;
+    let number_of = number_of as usize;
     let measure = match grading.measure(number_of, grid.dimension) {
         Ok(measure) => measure,
         Err(reason) => {
@@ -523,6 +561,45 @@ fn falls(
             },
         );
     }
+    Some(Cloud {
+        name: None,
+        block,
+        grading,
+        number: number_of,
+        material: 0,
+    })
+}
+
+/// Resolves and checks a gravity deposition.
+fn falls(
+    case: &Case,
+    written: &WrittenDeposition,
+    grid: &Grid,
+    (names, default): (&[String], usize),
+    findings: &mut Findings,
+) -> Option<Source> {
+    let path = "grains.initial.deposition";
+    let first = (&written.grading, &written.region, written.number);
+    let mut clouds = vec![Cloud {
+        name: None,
+        material: default,
+        ..cloud(first, path, grid, findings)?
+    }];
+    let mut known = Vec::new();
+    for (n, layer) in written.layers.iter().enumerate() {
+        let path = format!("{path}.layers[{n}]");
+        unique(&mut known, &layer.name, &format!("{path}.name"), findings);
+        let own = layer.material.as_ref().map(|name| {
+            needs_density(case, name, findings);
+            material(names, name, &format!("{path}.material"), findings).unwrap_or(default)
+        });
+        let written = (&layer.grading, &layer.region, layer.number);
+        clouds.push(Cloud {
+            name: Some(layer.name.clone()),
+            material: own.unwrap_or(default),
+            ..cloud(written, &path, grid, findings)?
+        });
+    }
     let along = (0..grid.dimension)
         .filter(|&a| {
             case.gravity
@@ -542,11 +619,14 @@ fn falls(
             Remedy::from(format!("write for example {down}")).set("gravity", down),
         );
     }
-    let bounds = grading.bounds();
+    let bounds = clouds.iter().map(|cloud| cloud.grading.bounds());
+    let bounds = bounds.fold((f64::INFINITY, 0.0_f64), |(low, high), (least, most)| {
+        (least.min(low), most.max(high))
+    });
+    let number_of = clouds.iter().map(|cloud| cloud.number).sum();
     Some((
         GrainSource::Deposition {
-            block,
-            grading,
+            clouds,
             deposition: written.clone(),
         },
         Some(bounds),

@@ -25,6 +25,7 @@ mod gates;
 mod guards;
 mod hostile_checkpoints;
 mod input_files;
+mod layers;
 mod mutants;
 mod proposals;
 mod ranks;

@@ -296,6 +296,10 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
         Some(GrainSource::Deposition(rain)) => {
             let (low, high) = rain.grading.bounds();
             radii.extend([low, high]);
+            for layer in &rain.layers {
+                let (low, high) = layer.grading.bounds();
+                radii.extend([low, high]);
+            }
         }
         Some(GrainSource::File { path }) => {
             // A file that cannot be read is a finding of the grains.
