@@ -3,7 +3,7 @@
 //! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that goes end, and the
 //! contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved: which walls there are follows from the step.
 
-use super::resume::clear_of;
+use super::setup;
 use crate::dem::{Dem, Particles, Space};
 use crate::error::Error;
 use crate::plan::Plan;
@@ -103,4 +103,43 @@ fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
     } else {
         dem.open_walls(&[change.wall]);
     }
+}
+
+/// No grain may stand in these walls, which come now. Collective.
+///
+/// # Errors
+/// The wall and the grain, the same on all ranks.
+pub(super) fn clear_of<S: Space>(
+    plan: &Plan,
+    new: impl IntoIterator<Item = usize>,
+    particles: &Particles<S>,
+    domain: &Domain,
+) -> Result<(), String> {
+    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
+    const ALLOWED: f64 = 0.05;
+    let walls = setup::walls::<S>(plan);
+    let mut struck = None;
+    for n in new {
+        let (wall, written) = (&walls[n], &plan.scene.walls[n]);
+        for k in 0..particles.owned() {
+            let at = particles.location(k);
+            let distance = match &wall.surface {
+                None => wall.distance(&at),
+                Some(surface) => surface.clearance(&S::to_volume(&at)),
+            };
+            let radius = particles.body[k].radius;
+            if distance < (1.0 - ALLOWED) * radius {
+                struck.get_or_insert_with(|| {
+                    format!(
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
+                        written.name, particles.body[k].id, distance
+                    )
+                });
+            }
+        }
+    }
+    domain
+        .communicator()
+        .agree(struck.map_or(Ok(()), Err))
+        .map_err(|e| e.message)
 }

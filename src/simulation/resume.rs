@@ -5,7 +5,7 @@
 //! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
-use super::gates::Gates;
+use super::gates::{Gates, clear_of};
 use super::setup;
 use crate::case::fluid::Precision;
 use crate::case::set::covers;
@@ -541,43 +541,4 @@ pub(super) fn clear_of_new_walls<S: Space>(
             "or remove the wall",
         )])
     })
-}
-
-/// No grain may stand in these walls, which come now. Collective.
-///
-/// # Errors
-/// The wall and the grain, the same on all ranks.
-pub(super) fn clear_of<S: Space>(
-    plan: &Plan,
-    new: impl IntoIterator<Item = usize>,
-    particles: &Particles<S>,
-    domain: &Domain,
-) -> Result<(), String> {
-    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
-    const ALLOWED: f64 = 0.05;
-    let walls = setup::walls::<S>(plan);
-    let mut struck = None;
-    for n in new {
-        let (wall, written) = (&walls[n], &plan.scene.walls[n]);
-        for k in 0..particles.owned() {
-            let at = particles.location(k);
-            let distance = match &wall.surface {
-                None => wall.distance(&at),
-                Some(surface) => surface.clearance(&S::to_volume(&at)),
-            };
-            let radius = particles.body[k].radius;
-            if distance < (1.0 - ALLOWED) * radius {
-                struck.get_or_insert_with(|| {
-                    format!(
-                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
-                        written.name, particles.body[k].id, distance
-                    )
-                });
-            }
-        }
-    }
-    domain
-        .communicator()
-        .agree(struck.map_or(Ok(()), Err))
-        .map_err(|e| e.message)
 }

@@ -44,7 +44,7 @@ fn a_layered_ground_has_the_same_bits_on_any_ranks() {
         "{told}"
     );
     let summary = study.summary("straight");
-    let grading = &summary["preparation"]["grading"];
+    let grading = &summary["notes"]["preparation"]["grading"];
     let coarse = grading["d60"].as_f64().unwrap();
     assert!((0.0018..0.0032).contains(&coarse), "{summary:#}");
     for (name, ranks, set) in [("two", 2, &[][..]), ("three", 3, &["domain.split=x"])] {
