@@ -297,7 +297,8 @@ fn read(
         let along = |a: usize| p[a].total_cmp(&q[a]);
         along(2).then(along(1)).then(along(0))
     });
-    if let Some(pair) = nodes.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+    let same = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|a| p[a].total_cmp(&q[a]).is_eq());
+    if let Some(pair) = nodes.windows(2).find(|pair| same(&pair[0].0, &pair[1].0)) {
         return Err(format!(
             "lines {} and {} are the same node",
             pair[0].3.min(pair[1].3),
