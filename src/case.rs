@@ -27,6 +27,7 @@ pub mod observe;
 pub mod reference;
 pub mod restart;
 pub mod set;
+pub mod sieve;
 pub mod solids;
 pub mod structures;
 pub mod text;

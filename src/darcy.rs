@@ -24,6 +24,7 @@ pub mod permeability;
 pub mod porosity;
 pub mod pressure;
 mod reproducible;
+pub mod zones;
 
 pub use bed_motion::{BedMotion, Moving};
 pub use drag::DragLaw;
@@ -33,6 +34,7 @@ pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::{Condition, Equations, Liquid, Patch, Pressure, Report, Settings};
+pub use zones::Zones;
 
 /// Why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

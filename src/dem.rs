@@ -337,6 +337,11 @@ impl<S: Space> Dem<S> {
         self.engine.open_walls(walls);
     }
 
+    /// Puts the walls of these indices back, without contacts. The same on all ranks.
+    pub fn close_walls(&mut self, walls: &[usize]) {
+        self.engine.close_walls(walls);
+    }
+
     /// Changes a wall's velocity [m/s].
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
         if let Some(wall) = self.engine.walls_mut().get_mut(wall) {

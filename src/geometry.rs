@@ -74,6 +74,31 @@ pub struct Extent {
     pub to: Vector,
 }
 
+/// A part of the domain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Region {
+    /// An axis-parallel box.
+    Box(Extent),
+    /// All that lies between two planes across an axis.
+    Layer(Layer),
+}
+
+/// All that lies between two planes across an axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Layer {
+    /// Axis across the layer. Default: y in 2-D, z in 3-D.
+    #[serde(default)]
+    pub axis: Option<Axis>,
+    /// Lower plane [m]. Default: the layer has no lower end.
+    #[serde(default)]
+    pub from: Option<f64>,
+    /// Upper plane [m]. Default: the layer has no upper end.
+    #[serde(default)]
+    pub to: Option<f64>,
+}
+
 /// A triangulated surface from a file. Triangles that share corners form one smooth surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -17,6 +17,7 @@ pub mod rest;
 pub mod supervision;
 
 use crate::case::grains as case;
+use crate::case::sieve::Percentiles;
 use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space, vector};
 use crate::dem::{Region, Wall};
@@ -26,7 +27,7 @@ use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
 use crate::scene::grading::Grading;
-use crate::scene::grains::GrainSource;
+use crate::scene::grains::{Cloud, GrainSource, assign};
 use crate::scene::rock::list;
 use crate::scene::sample;
 use crate::scene::sample::Grain;
@@ -85,13 +86,9 @@ pub fn prepare<S: Space>(
             prepared.line = format!("{} grains from {}", grains.len(), path.display());
             grains.clone()
         }
-        GrainSource::Deposition {
-            block,
-            grading,
-            deposition,
-        } => {
+        GrainSource::Deposition { clouds, deposition } => {
             let (grains, report) =
-                deposition_of(plan, engine, block, grading, deposition).run(supervision)?;
+                deposition_of(plan, engine, clouds, deposition).run(supervision)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
                 "deposition: {} of {} grains remain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
@@ -111,12 +108,12 @@ pub fn prepare<S: Space>(
             prepared.report = json!({ "deposition": report });
             grains
                 .iter()
-                .map(|(position, radius)| Grain {
+                .map(|(position, radius, material)| Grain {
                     position: components(position),
                     radius: *radius,
                     velocity: [0.0; 3],
                     angular_velocity: [0.0; 3],
-                    material: scene.material,
+                    material: *material as usize,
                 })
                 .collect()
         }
@@ -165,6 +162,16 @@ pub fn prepare<S: Space>(
     if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         numbering::along_curve(&mut all);
     }
+    if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
+        let counts = assign(&scene.zones, &mut all);
+        for (zone, count) in scene.zones.iter().zip(counts) {
+            let (name, material) = (&zone.name, &names[zone.material]);
+            prepared.line = format!(
+                "{}; zone {name}: {count} grains of {material}",
+                prepared.line
+            );
+        }
+    }
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
         io::atomic::write(&folder.join(path), text.as_bytes())
@@ -184,6 +191,13 @@ pub fn prepare<S: Space>(
         } else {
             format!("{}; {line}", prepared.line)
         };
+    }
+    if let Value::Object(report) = &mut prepared.report {
+        let radii = all.iter().map(|grain| grain.radius);
+        if let Some(made) = Percentiles::of(radii, dimension) {
+            report.insert("grading".into(), json!(made));
+            prepared.line = format!("{}; {made}", prepared.line);
+        }
     }
     prepared.grains = all;
     Ok(prepared)
@@ -214,12 +228,10 @@ fn components<C: Components>(vector: &C) -> [f64; 3] {
 fn deposition_of<S: Space>(
     plan: &Plan,
     engine: &Engine<S>,
-    block: &Block,
-    grading: &Grading,
+    clouds: &[Cloud],
     written: &case::Deposition,
 ) -> Deposition<S> {
     let scene = &plan.scene;
-    let material = scene.grains.as_ref().map_or(0, |g| g.material);
     let mut laws = Vec::new();
     let with = |stiffness: Option<f64>| {
         let mut law = scene.contact_law();
@@ -229,8 +241,12 @@ fn deposition_of<S: Space>(
         law
     };
     if let (Some(soft), Some(table)) = (written.falling_stiffness, &scene.contact) {
-        let mean = grading.bounds().0 + grading.bounds().1;
-        let full = table.model().normal_stiffness([to_u32(material); 2], mean);
+        let stiffness = |cloud: &Cloud| {
+            let (low, high) = cloud.grading.bounds();
+            let pair = [to_u32(cloud.material); 2];
+            table.model().normal_stiffness(pair, low + high)
+        };
+        let full = clouds.iter().map(stiffness).fold(0.0, f64::max);
         let mut stiffness = soft;
         while stiffness < full * (1.0 - 1e-9) {
             laws.push(with(Some(stiffness)));
@@ -239,8 +255,16 @@ fn deposition_of<S: Space>(
     }
     laws.push(with(None));
     Deposition {
-        lower: vector::<S>(block.from),
-        upper: vector::<S>(block.to),
+        clouds: (clouds.iter())
+            .map(|cloud| deposition::Cloud {
+                lower: vector::<S>(cloud.block.from),
+                upper: vector::<S>(cloud.block.to),
+                grading: cloud.grading.clone(),
+                number: cloud.number,
+                density: scene.materials[cloud.material].density.unwrap_or(1000.0),
+                material: index(cloud.material),
+            })
+            .collect(),
         region: engine.region,
         // They move once the run begins.
         walls: (engine.walls.iter().cloned())
@@ -249,11 +273,7 @@ fn deposition_of<S: Space>(
                 ..wall
             })
             .collect(),
-        grading: grading.clone(),
-        number: written.number as usize,
         seed: written.seed,
-        density: scene.materials[material].density.unwrap_or(1000.0),
-        material: index(material),
         laws,
         materials: index(scene.materials.len().max(1)),
         gravity: vector::<S>(scene.gravity),
@@ -281,11 +301,11 @@ fn packing_of<S: Space>(
     let scene = &plan.scene;
     let material = scene.grains.as_ref().map_or(0, |g| g.material);
     let mean = if S::DIMENSION == 2 {
-        std::f64::consts::PI * growth.radii.mean_power(2)
+        std::f64::consts::PI * growth.radii.mean_power(2, 2)
     } else {
-        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3)
+        4.0 / 3.0 * std::f64::consts::PI * growth.radii.mean_power(3, 3)
     };
-    let mean_diameter = 2.0 * growth.radii.mean_power(1);
+    let mean_diameter = 2.0 * growth.radii.mean_power(1, S::DIMENSION);
     let law = scene.contact.as_ref().map(|contact| contact.model());
     let stiffness = law.map_or(1e6, |law| {
         law.growth_stiffness(to_u32(material), mean_diameter)
@@ -313,6 +333,11 @@ fn packing_of<S: Space>(
                     .map(|n| 2.0 * radii[n % radii.len().max(1)])
                     .collect(),
             ),
+            case::Radii::Sieve(curve) => {
+                // The scene has found that they can be drawn.
+                let radii = Grading::of_sieves(curve).radii(number, S::DIMENSION, (growth.seed, 0));
+                Sizes::List(radii.unwrap_or_default().iter().map(|r| 2.0 * r).collect())
+            }
         },
         solid_fraction: match growth.amount {
             case::Amount::SolidFraction(fraction) => fraction,

@@ -23,6 +23,7 @@ pub mod observe;
 mod overlaps;
 pub(crate) mod pairs;
 pub mod profile;
+mod region;
 pub mod rock;
 pub mod sample;
 pub(crate) mod saved;

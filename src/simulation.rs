@@ -11,6 +11,7 @@ pub mod energy;
 pub mod erosion;
 mod escape;
 pub mod folder;
+mod gates;
 pub mod guards;
 pub mod phases;
 pub mod preparation;
@@ -41,6 +42,7 @@ use crate::plan::Plan;
 use collapse::CollapseRecorder;
 use decomposition::Domain;
 use erosion::ErosionRecorder;
+use gates::Gates;
 use guards::Guards;
 use phases::{Phase, Phases};
 use removal::Removal;
@@ -103,6 +105,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
 pub struct Simulation<Sp: Space, S: Saved> {
     now: Present<Sp, S>,
     removal: Removal,
+    gates: Gates,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
     outputs: Outputs,
@@ -138,6 +141,10 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Grains);
         now.step += 1;
         let time = now.time();
+        if let Some(dem) = &mut now.dem {
+            let when = (now.step, &now.plan);
+            self.gates.act(when, dem, &mut now.particles, &now.domain)?;
+        }
         let removed =
             self.removal
                 .leaving(&mut now.particles, &now.plan, &now.domain, now.step, time)?;

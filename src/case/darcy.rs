@@ -1,9 +1,10 @@
 //! Seepage through the grains on a coarse grid.
 
-use super::geometry::{Extent, Face, Vector};
+use super::geometry::{Extent, Face, Region, Vector};
 use crate::darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Darcy seepage with drag on the grains. The pressure is solved on a coarse grid whose cells hold several grains. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -25,6 +26,9 @@ pub struct Darcy {
     /// precedence over an earlier one.
     #[serde(default)]
     pub boundaries: Vec<SeepageBoundary>,
+    /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it states.
+    #[serde(default)]
+    pub zones: Vec<Zone>,
     /// Form of the equations.
     #[serde(default)]
     pub equations: Equations,
@@ -156,6 +160,57 @@ pub struct Plane {
     pub point: Vector,
     /// Normal vector towards the water, of any length [1].
     pub normal: Vector,
+}
+
+/// A region of the ground with its own permeability or porosity. A cell that a boundary of zones cuts conducts as its layers do: by the
+/// harmonic mean across them, by the arithmetic mean along them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Zone {
+    /// Name in the tables of `plan`.
+    pub name: String,
+    /// The region. Default: the whole grid.
+    #[serde(default)]
+    pub region: Option<Region>,
+    /// Permeability. Default: that of the grains by the `resistance` of the case.
+    #[serde(default)]
+    pub permeability: Option<ZonePermeability>,
+    /// Porosity in the law of resistance and in the drag law, in place of that of the grains [1]. The mass balance of the water and buoyancy
+    /// keep the porosity of the grains.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+    pub porosity: Option<f64>,
+    /// Values that vary within the region.
+    #[serde(default)]
+    pub raster: Option<RasterFile>,
+    /// Whether the zone holds in cells without grains as well, as a porous body at rest that the case does not resolve. Otherwise cells with
+    /// a porosity of the grains of 0.95 or more are open water.
+    #[serde(default)]
+    pub without_grains: bool,
+}
+
+/// The permeability of a zone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ZonePermeability {
+    /// Intrinsic permeability [m2]. Sand: 1e-12 to 1e-10; silt: 1e-15 to 1e-13.
+    Value(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Hydraulic conductivity under the gravity of the case [m/s]. Sand: 1e-5 to 1e-3; silt: 1e-8 to 1e-6.
+    HydraulicConductivity(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Factor of the permeability that follows from the grains [1], such as 0.1 for fines that the grains leave out.
+    Factor(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Another law of flow resistance.
+    Resistance(Resistance),
+}
+
+/// Values at the nodes of a rectangular raster.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RasterFile {
+    /// CSV file, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of `permeability` [m2],
+    /// `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes are all combinations of the coordinates in the file, in any
+    /// order. A node stands for the points that are closest to it along each axis.
+    pub path: PathBuf,
 }
 
 /// A condition on a face of the coarse grid or on a part of it.

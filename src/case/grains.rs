@@ -1,6 +1,8 @@
 //! The grains: their source, preparation, cutting and bonding.
 
-use super::geometry::{Extent, Rotation, Vector};
+use super::geometry::{Extent, Region, Rotation, Vector};
+use super::sieve::{self, Sieve};
+use crate::structure::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -17,12 +19,35 @@ pub struct Grains {
     /// different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
+    /// Regions whose grains have a material and an initial velocity of their own after the preparation, such as the layers of a ground. A later
+    /// zone takes precedence. Density follows from the material; friction, cohesion and strength of bonds from `pairs` of the contact law.
+    #[serde(default)]
+    pub zones: Vec<GrainZone>,
     /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the box.
     #[serde(default)]
     pub cut: Vec<Cut>,
     /// Whether contacts that exist after preparation and cutting are bonded. Contacts that form later are never bonded.
     #[serde(default)]
     pub bond_at_start: bool,
+}
+
+/// A region whose grains have a material of their own. It needs a `region` or a `shape`; with both, grains are in both.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrainZone {
+    /// Name in the tables of `plan`.
+    pub name: String,
+    /// A layer or a box. A grain belongs to it if its centre does.
+    #[serde(default)]
+    pub region: Option<Region>,
+    /// A solid, such as a polygon in 2-D or a mesh in 3-D. A grain belongs to it if its centre does.
+    #[serde(default)]
+    pub shape: Option<Shape>,
+    /// Material of the grains. It needs a density.
+    pub material: String,
+    /// Initial velocity of the grains [m/s]. Default: that of the sample; zero for prepared grains.
+    #[serde(default)]
+    pub velocity: Option<Vector>,
 }
 
 /// Source of grains.
@@ -81,6 +106,10 @@ pub struct Deposition {
     /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
     #[serde(rename = "box")]
     pub region: Extent,
+    /// Further clouds of the same deposition with gradings and materials of their own, such as the upper layers of a ground. All fall at once,
+    /// each from its box; the grains of the lowest box come to rest at the bottom.
+    #[serde(default)]
+    pub layers: Vec<DepositedLayer>,
     /// Seed of the random numbers.
     #[serde(default)]
     pub seed: u64,
@@ -103,6 +132,25 @@ pub struct Deposition {
     /// Criteria at which the sample counts as settled.
     #[serde(default)]
     pub stop: Settled,
+}
+
+/// A further cloud of a deposition.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DepositedLayer {
+    /// Name in tables.
+    pub name: String,
+    /// Material of the grains. It needs a density. Default: the material of all grains.
+    #[serde(default)]
+    pub material: Option<String>,
+    /// Number of grains.
+    #[schemars(range(min = 1))]
+    pub number: u32,
+    /// Size distribution.
+    pub grading: Grading,
+    /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
+    #[serde(rename = "box")]
+    pub region: Extent,
 }
 
 fn default_deposition_damping() -> f64 {
@@ -134,7 +182,7 @@ impl Default for Settled {
     }
 }
 
-/// Size classes and the quantity to which their fractions refer. The fractions add up to 1.
+/// Size distribution: size classes and the quantity to which their fractions refer, which add up to 1; or a sieve curve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {
@@ -142,6 +190,27 @@ pub enum Grading {
     ByCount(Vec<SizeClass>),
     /// Fractions of the mass.
     ByMass(Vec<SizeClass>),
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with the logarithm of the
+    /// diameter between two sieves. In 2-D it is that of discs.
+    Sieve(Vec<Sieve>),
+}
+
+impl Grading {
+    /// Smallest and largest radius [m].
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
+        match self {
+            Self::ByCount(classes) | Self::ByMass(classes) => classes
+                .iter()
+                .fold((f64::INFINITY, 0.0), |(lo, hi), class| {
+                    (class.min.min(lo), class.max.max(hi))
+                }),
+            Self::Sieve(curve) => {
+                let (low, high) = sieve::bounds(curve);
+                (0.5 * low, 0.5 * high)
+            }
+        }
+    }
 }
 
 /// A size class: radii distributed uniformly between two bounds.
@@ -185,6 +254,9 @@ pub enum Radii {
     },
     /// Values drawn with equal probability [m].
     List(Vec<f64>),
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with the logarithm of the
+    /// diameter between two sieves. In 2-D it is that of discs.
+    Sieve(Vec<Sieve>),
 }
 
 impl Radii {
@@ -196,12 +268,16 @@ impl Radii {
             Self::List(list) => list
                 .iter()
                 .fold((f64::INFINITY, 0.0), |(lo, hi), r| (lo.min(*r), hi.max(*r))),
+            Self::Sieve(curve) => {
+                let (low, high) = sieve::bounds(curve);
+                (0.5 * low, 0.5 * high)
+            }
         }
     }
 
-    /// Mean of the square (2) or cube (3) of the radius.
+    /// Mean over the number of grains of a power of the radius, for discs (2) or spheres (3).
     #[must_use]
-    pub fn mean_power(&self, power: i32) -> f64 {
+    pub fn mean_power(&self, power: i32, dimension: usize) -> f64 {
         match self {
             Self::Uniform { min, max } if max - min > 1e-9 * max => {
                 let n = f64::from(power + 1);
@@ -212,6 +288,7 @@ impl Radii {
                 let count = list.iter().fold(0.0, |n, _| n + 1.0);
                 list.iter().map(|r| r.powi(power)).sum::<f64>() / count
             }
+            Self::Sieve(curve) => 0.5_f64.powi(power) * sieve::mean_power(curve, power, dimension),
         }
     }
 }

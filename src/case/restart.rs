@@ -39,7 +39,7 @@ pub const CHANGEABLE: [Changeable; 32] = [
     ),
     may(
         "walls",
-        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape and material",
+        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and times",
     ),
     may("box_walls", "walls on faces may be added and removed"),
     may(

@@ -22,6 +22,14 @@ pub struct Wall {
     /// run begins.
     #[serde(default)]
     pub during: WallStage,
+    /// Time of the run from which the wall exists [s]. A body that it cuts into then ends the run. Default: the wall exists from the start.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub from: Option<f64>,
+    /// Time of the run until which the wall exists [s], such as the time at which a gate opens or a sheet is pulled. Default: until the end.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub until: Option<f64>,
 }
 
 /// Period in which a wall exists.

@@ -39,9 +39,14 @@
 //! **Inertial losses.** The permeability of such a resistance decreases with the gradient. Solution and permeability are iterated until
 //! they converge. Each iteration raises the ratio of a cell's permeability to its converged value to a power of magnitude at most one half.
 //!
+//! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
+//! grains remains that of the balances. Most zones hold only where there are grains: a cell with a porosity of 0.95 or more has the
+//! permeability of open water. A cell that a boundary of zones cuts has a permeability along each axis. The reaction of the resistance
+//! then acts along each axis by that axis.
+//!
 //! **Closure of momentum**: the forces on grains at rest should add up to `-integral of grad p - weight of the water`, both over the
 //! volume inside the walls of the cells that hold grains; in other cells the resistance acts on no grain. The difference, relative
-//! to the larger of the two terms, is reported at every coupling. It is of the order of rounding with the reaction of the resistance
+//! to the larger of the two terms, is reported at every coupling. Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of the resistance
 //! ([`crate::darcy::drag::reaction`]) and explicit drag, and the mismatch between drag law and resistance otherwise.
 
 mod motion;
@@ -51,8 +56,9 @@ use crate::darcy::drag::{Bed, Cell, Drag, Grain, Law};
 use crate::darcy::permeability::BedOfCells;
 use crate::darcy::porosity::measure;
 use crate::darcy::pressure::{self, NUMBERS};
+use crate::darcy::zones::Conduct;
 use crate::darcy::{
-    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report,
+    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
 };
 use crate::dem::particles::{Kind, Load, Particles};
 use crate::dem::space::{Components, Space};
@@ -60,6 +66,7 @@ use crate::error::Error;
 use decomposition::{Communicator, Domain, ExactSum};
 use motion::{Motion, Start, add, moving, start};
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Relative change of the permeability in a round at which a permeability that depends on the gradient is settled, at least. A larger
 /// tolerance of the pressure takes its place.
@@ -130,6 +137,8 @@ pub struct Seepage<Sp: Space> {
     motion: Option<Box<Motion>>,
     /// There is a porosity from the coupling before.
     has_before: bool,
+    /// Permeabilities by region.
+    zones: Option<(Arc<Zones>, Conduct)>,
     report: Report,
     balance: Balance,
     room: Room,
@@ -172,11 +181,20 @@ impl<Sp: Space> Seepage<Sp> {
             steepness: vec![0.0; n],
             motion: moves.then(|| Box::new(Motion::new(n))),
             has_before: false,
+            zones: None,
             report: Report::default(),
             balance: Balance::default(),
             room: Room::default(),
             space: PhantomData,
         }
+    }
+
+    /// The same with permeabilities and porosities by region.
+    #[must_use]
+    pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
+        let room = Conduct::new(&zones, self.grid().count());
+        self.zones = Some((zones, room));
+        self
     }
 
     /// The grid of the water.
@@ -296,9 +314,17 @@ impl<Sp: Space> Seepage<Sp> {
         }
         let porosity = self.limited[cell];
         let liquid = self.settings.liquid;
+        let mut flux = self.water_velocity(cell);
+        if self.zones.is_some() && self.settings.drag.model().balances() {
+            // The reaction to what the gradient drives does not know how easily an axis conducts.
+            let (past, ratios) = (self.pressure.flux(cell), self.pressure.direction(cell));
+            for a in 0..3 {
+                flux[a] += past[a] * (1.0 / ratios[a] - 1.0);
+            }
+        }
         Some(Cell {
             gradient: self.pressure.gradient(cell),
-            flux: self.water_velocity(cell),
+            flux,
             bed: Bed {
                 density: liquid.density,
                 viscosity: liquid.viscosity,
@@ -322,6 +348,9 @@ impl<Sp: Space> Seepage<Sp> {
             self.limited[cell] = permeability.limited(porosity[cell]);
             self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
+        }
+        if let Some((zones, room)) = &mut self.zones {
+            room.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
         let mut iterations = 0;
         if self.motion.is_some() && !self.has_before {
@@ -382,6 +411,8 @@ impl<Sp: Space> Seepage<Sp> {
         let source = self.settings.transient && self.motion.is_none() && self.has_before;
         let source = source.then_some(&self.source[..]);
         let settled = SETTLED.max(self.pressure.tolerance());
+        let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
+        let depends = law.depends_on_the_gradient() || self.zones.as_ref().is_some_and(of_zones);
         let mut iterations = 0;
         for round in 1.. {
             let bed = BedOfCells {
@@ -390,6 +421,12 @@ impl<Sp: Space> Seepage<Sp> {
                 gradient: &self.steepness,
             };
             law.fill(bed, liquid, &mut self.permeability);
+            if let Some((zones, room)) = &mut self.zones {
+                room.replace(zones, law, bed, liquid, &mut self.permeability);
+                if let Some(ratios) = room.ratios() {
+                    self.pressure.set_directions(ratios);
+                }
+            }
             let motion = self.motion.as_deref_mut().filter(|_| moves);
             let moving = motion.map(|motion| {
                 let interval = self.settings.interval;
@@ -410,7 +447,7 @@ impl<Sp: Space> Seepage<Sp> {
             for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
                 *steepness = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
             }
-            if !law.depends_on_the_gradient() {
+            if !depends {
                 break;
             }
             let bed = BedOfCells {
@@ -418,7 +455,10 @@ impl<Sp: Space> Seepage<Sp> {
                 diameter,
                 gradient: &self.steepness,
             };
-            let change = law.change(bed, liquid, &self.permeability);
+            let change = match &mut self.zones {
+                Some((zones, room)) => room.change(zones, law, bed, liquid, &self.permeability),
+                None => law.change(bed, liquid, &self.permeability),
+            };
             if change <= settled {
                 break;
             }
@@ -509,6 +549,12 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
+    /// Whether a body that the case does not resolve bears the pressure of a cell.
+    fn is_body(&self, cell: usize) -> bool {
+        let zones = self.zones.as_ref();
+        zones.is_some_and(|(_, room)| room.is_body(cell))
+    }
+
     fn close(&mut self, mut on_grains: [ExactSum; 3], implicit: u64) {
         let mut balance = Balance {
             implicit: self.communicator.all_reduce_sum_u64(implicit),
@@ -518,7 +564,7 @@ impl<Sp: Space> Seepage<Sp> {
         let mut missing = 0.0;
         let liquid = self.settings.liquid;
         for cell in 0..self.grid().count() {
-            if self.pores.solid_volume(cell) > 0.0 {
+            if self.pores.solid_volume(cell) > 0.0 && !self.is_body(cell) {
                 let speed = self
                     .pressure
                     .flux(cell)
@@ -535,7 +581,7 @@ impl<Sp: Space> Seepage<Sp> {
             on_grains[a].all_reduce(&self.communicator);
             let (mut pressure, mut weight) = (ExactSum::new(), ExactSum::new());
             for cell in 0..self.grid().count() {
-                if self.pores.solid_volume(cell) <= 0.0 {
+                if self.pores.solid_volume(cell) <= 0.0 || self.is_body(cell) {
                     continue;
                 }
                 let volume = self.openness.volume(cell);
@@ -594,10 +640,12 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         let (law, mut room) = (self.settings.drag, std::mem::take(&mut self.room));
         for k in 0..particles.owned() {
             let (force, at_the_end) = self.load(law.model(), particles, k, &mut room);
+            let bodies = room.parts.iter().filter(|(cell, _)| self.is_body(*cell));
+            let counts = 1.0 - bodies.map(|(_, part)| part).sum::<f64>();
             let mut load = Load::<Sp>::default();
             for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
                 load.force.set(a, *force);
-                sums[a].add(*force);
+                sums[a].add(counts * force);
             }
             implicit += u64::from(at_the_end);
             particles.fluid[k] = load;

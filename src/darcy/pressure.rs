@@ -149,6 +149,14 @@ pub struct Report {
     pub outflow: f64,
 }
 
+/// Cells that conduct differently along each axis.
+struct Directions {
+    /// Mobility along each axis over that of the cell.
+    ratios: Vec<[f64; 3]>,
+    /// Conductivity along each axis.
+    conductivity: [Vec<f64>; 3],
+}
+
 /// The pressure of a grid, and the way to it.
 pub struct Pressure {
     grid: Grid,
@@ -168,6 +176,8 @@ pub struct Pressure {
     per_area: [Vec<f64>; 3],
     /// Of water and grains together.
     conductivity: Vec<f64>,
+    /// Where cells conduct differently along each axis.
+    directions: Option<Box<Directions>>,
     /// Of the water past the grains.
     mobility: Vec<f64>,
     /// Velocity of the grains along each axis \[m/s\].
@@ -248,6 +258,7 @@ impl Pressure {
             factor: std::array::from_fn(|_| vec![0.0; n]),
             per_area: std::array::from_fn(|_| vec![0.0; n]),
             conductivity: vec![0.0; n],
+            directions: None,
             mobility: vec![0.0; grid.count()],
             bed: std::array::from_fn(|_| vec![0.0; n]),
             moves: false,
@@ -340,6 +351,33 @@ impl Pressure {
         self.patches[patch].condition = condition;
     }
 
+    /// States the permeability of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
+    pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
+        let n = self.layout.len();
+        let directions = self.directions.get_or_insert_with(|| {
+            Box::new(Directions {
+                ratios: ratios.to_vec(),
+                conductivity: std::array::from_fn(|_| vec![0.0; n]),
+            })
+        });
+        directions.ratios.copy_from_slice(ratios);
+    }
+
+    /// Permeability of a cell along each axis over the one that was given.
+    #[must_use]
+    pub fn direction(&self, cell: usize) -> [f64; 3] {
+        let directions = self.directions.as_ref();
+        directions.map_or([1.0; 3], |directions| directions.ratios[cell])
+    }
+
+    /// Conductivity along an axis, of water and grains together.
+    fn along(&self, axis: usize) -> &[f64] {
+        let directions = self.directions.as_ref();
+        directions.map_or(&self.conductivity, |directions| {
+            &directions.conductivity[axis]
+        })
+    }
+
     /// Finds the pressure for a permeability \[m2\] and porosity of every cell, a source \[1/s\] per volume inside the walls
     /// and moving grains, starting from the last pressure. Without source and motion the flow is quasi-steady. Collective.
     ///
@@ -404,12 +442,17 @@ impl Pressure {
                 }
             }
         }
+        bad |= self.direct();
         if bad {
             return Err(Error::NotFinite("the permeability"));
         }
         for axis in 0..3 {
             let stride = self.layout.stride[axis];
-            let (k, factor) = (&self.conductivity, &self.factor[axis]);
+            let k = match &self.directions {
+                Some(directions) => &directions.conductivity[axis],
+                None => &self.conductivity,
+            };
+            let factor = &self.factor[axis];
             self.layout
                 .sweep(&whole, &mut self.matrix.t[axis], |start, out| {
                     let n = out.len();
@@ -425,7 +468,10 @@ impl Pressure {
         self.ground.clear();
         self.right.fill(0.0);
         for face in &mut self.boundary {
-            let k = self.conductivity[face.at];
+            let k = match &self.directions {
+                Some(directions) => directions.conductivity[face.axis][face.at],
+                None => self.conductivity[face.at],
+            };
             face.conductance = 2.0 * k * face.area / self.grid.spacing[face.axis];
             match self.patches[face.patch].condition {
                 Condition::Pressure { value: p } => {
@@ -484,6 +530,24 @@ impl Pressure {
         Ok(())
     }
 
+    /// Conductivities along each axis, where cells differ in them; whether one is not a number.
+    fn direct(&mut self) -> bool {
+        let Some(directions) = &mut self.directions else {
+            return false;
+        };
+        let mut bad = false;
+        for (axis, along) in directions.conductivity.iter_mut().enumerate() {
+            along.copy_from_slice(&self.conductivity);
+            for (cell, ratios) in directions.ratios.iter().enumerate() {
+                let at = self.layout.at(self.grid.cell(cell));
+                // The response of the bed is the same along every axis.
+                along[at] += self.mobility[cell] * (ratios[axis] - 1.0);
+                bad |= !(0.0..f64::MAX).contains(&along[at]);
+            }
+        }
+        bad
+    }
+
     /// Adds what the grains displace to the right sides.
     fn carry(&mut self) {
         if !self.moves {
@@ -515,7 +579,7 @@ impl Pressure {
     /// Velocity of the grains at the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.layout.stride[axis];
-        let (k, v) = (&self.conductivity, &self.bed[axis]);
+        let (k, v) = (self.along(axis), &self.bed[axis]);
         if self.factor[axis][at] > 0.0 {
             (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
         } else {
@@ -611,8 +675,9 @@ impl Pressure {
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
         if self.moves {
-            let k = self.mobility[cell];
-            self.reduced_gradient(cell).map(|g| -k * g)
+            let (k, ratios) = (self.mobility[cell], self.direction(cell));
+            let gradient = self.reduced_gradient(cell);
+            std::array::from_fn(|a| -(k * ratios[a]) * gradient[a])
         } else {
             self.driven[cell]
         }
@@ -627,12 +692,15 @@ impl Pressure {
     /// Gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let k = self.conductivity[self.layout.at(self.grid.cell(cell))];
-        if k > 0.0 {
-            self.driven[cell].map(|q| -q / k)
-        } else {
-            [0.0; 3]
-        }
+        let at = self.layout.at(self.grid.cell(cell));
+        std::array::from_fn(|a| {
+            let k = self.along(a)[at];
+            if k > 0.0 {
+                -self.driven[cell][a] / k
+            } else {
+                0.0
+            }
+        })
     }
 
     /// rho g in the water \[N/m3\]; 0 in the equations as printed.

@@ -127,11 +127,11 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Takes the walls of these indices out of the way; the contacts of all others stay.
-    pub(super) fn open_walls(&mut self, walls: &[usize]) {
+    /// Takes the walls of these indices out of the way, or puts them back; the contacts of all others stay.
+    pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
-                wall.open = true;
+                wall.open = open;
                 self.listed = false;
             }
         }

@@ -131,10 +131,10 @@ fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     if let Some(grains) = &scene.grains
         && let Some((smallest, _)) = grains.radii
     {
-        kinds.push(Kind {
-            material: grains.material,
+        kinds.extend(grains.materials().map(|material| Kind {
+            material,
             radius: smallest * coupling.hydraulic_radius_factor() / h,
-        });
+        }));
     }
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
         let faces = 0..solid.shape.half_spaces().len();

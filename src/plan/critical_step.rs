@@ -25,8 +25,8 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
             }
             _ => moving.extend(
                 grains
-                    .radii
-                    .map(|(smallest, _)| (grains.material, smallest)),
+                    .materials()
+                    .filter_map(|material| Some((material, grains.radii?.0))),
             ),
         }
     }

@@ -38,9 +38,9 @@ pub(super) fn check(
     };
     let mass = scene.mass(material, smallest);
     let grain = Grain::new(scene.grid.dimension, smallest);
-    let time = |porosity: f64| stopping_time(seepage, &grain, mass, porosity);
-    let shortest = time(porosity(scene, seepage));
-    let longest = time(seepage.written.porosity_cap()).max(shortest);
+    let times = |porosity: f64| stopping_times(seepage, &grain, mass, porosity);
+    let shortest = times(porosity(scene, seepage)).fold(f64::INFINITY, f64::min);
+    let longest = times(seepage.written.porosity_cap()).fold(shortest, f64::max);
     let path = "fluid.darcy.coupling_interval";
     let interval = clock.time_step;
     margins.push(margin(
@@ -84,30 +84,59 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// The time in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\].
-fn stopping_time(seepage: &Seepage, grain: &Grain, mass: f64, porosity: f64) -> f64 {
+/// The times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each medium of the zones.
+fn stopping_times(
+    seepage: &Seepage,
+    grain: &Grain,
+    mass: f64,
+    porosity: f64,
+) -> impl Iterator<Item = f64> {
     let written = &seepage.written;
     let porosity = porosity.clamp(written.least_porosity, written.porosity_cap());
     let liquid = Liquid {
         density: written.density,
         viscosity: written.viscosity,
     };
-    let resistance = written.resistance();
-    let bed = Bed {
-        density: written.density,
-        viscosity: written.viscosity,
-        porosity,
-        solid: 1.0 - porosity,
-        permeability: resistance
-            .model()
-            .permeability(porosity, grain.diameter, liquid, 0.0),
+    let beds = beds(seepage, (porosity, grain.diameter), liquid, 0.0);
+    beds.into_iter().map(move |(bed_porosity, permeability)| {
+        let bed = Bed {
+            density: written.density,
+            viscosity: written.viscosity,
+            porosity: bed_porosity,
+            solid: 1.0 - porosity,
+            permeability,
+        };
+        let measure = match written.equations {
+            Equations::Paper => 1.0,
+            Equations::Corrected => bed_porosity,
+        };
+        let law = written.drag();
+        law.model().stopping_time(&bed, grain, mass, measure)
+    })
+}
+
+/// Porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient \[Pa/m\]: in each medium of the zones, and
+/// outside them.
+pub(super) fn beds(
+    seepage: &Seepage,
+    (porosity, diameter): (f64, f64),
+    liquid: Liquid,
+    gradient: f64,
+) -> Vec<(f64, f64)> {
+    let resistance = seepage.written.resistance();
+    let law = resistance.model();
+    let Some(zones) = &seepage.zones else {
+        let permeability = law.permeability(porosity, diameter, liquid, gradient);
+        return vec![(porosity, permeability)];
     };
-    let measure = match written.equations {
-        Equations::Paper => 1.0,
-        Equations::Corrected => porosity,
-    };
-    let law = written.drag();
-    law.model().stopping_time(&bed, grain, mass, measure)
+    let media = zones.media(seepage.cell_count());
+    let bed = (porosity, diameter);
+    media
+        .map(|medium| {
+            let permeability = medium.permeability(law, bed, liquid, gradient, true);
+            (medium.porosity(true).unwrap_or(porosity), permeability)
+        })
+        .collect()
 }
 
 /// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.

@@ -129,9 +129,20 @@ fn all(scene: &Scene) -> (Vec<Moving>, Vec<[f64; 3]>, Vec<Ball>) {
             }
             // What is prepared lies at rest.
             GrainSource::Growth { .. } | GrainSource::Deposition { .. } => {
-                for radius in grains.radii.iter().flat_map(|(low, high)| [*low, *high]) {
+                let radii = || grains.radii.iter().flat_map(|(low, high)| [*low, *high]);
+                for (material, radius) in grains
+                    .materials()
+                    .flat_map(|m| radii().map(move |r| (m, r)))
+                {
                     let path = "grains.initial".into();
-                    grain(path, grains.material, radius, [0.0; 3], [0.0; 3], false);
+                    grain(path, material, radius, [0.0; 3], [0.0; 3], false);
+                }
+                for (n, zone) in grains.zones.iter().enumerate() {
+                    let (Some(velocity), Some((_, radius))) = (zone.velocity, grains.radii) else {
+                        continue;
+                    };
+                    let path = format!("grains.zones[{n}].velocity");
+                    grain(path, zone.material, radius, velocity, [0.0; 3], false);
                 }
             }
         }
@@ -181,7 +192,9 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
-        let beside_wall = scene.walls.iter().any(|wall| {
+        // A wall that goes holds nothing up for good.
+        let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
+        let beside_wall = lasting.any(|wall| {
             let away = wall.surface.as_ref().map_or_else(
                 || {
                     (0..3)

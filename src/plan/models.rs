@@ -61,7 +61,53 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             String::new(),
         );
     }
+    for wall in scene.walls.iter().filter(|wall| wall.is_timed()) {
+        let at = |time: f64| {
+            let step = clock.interval_to_steps(time);
+            format!("{} s (step {step})", number(time))
+        };
+        let from = wall.from.map(|time| format!("from {}", at(time)));
+        let until = wall.until.map(|time| format!("until {}", at(time)));
+        let exists: Vec<String> = from.into_iter().chain(until).collect();
+        choose(
+            &format!("wall {}", wall.name),
+            exists.join(" "),
+            "requested".into(),
+        );
+    }
     let dimension = scene.grid.dimension;
+    if let Some(grains) = &scene.grains
+        && let Some(grading) = grains.percentiles(dimension)
+    {
+        choose(
+            "grading",
+            grading.to_string(),
+            format!("requested; {} grains, passing by mass", grains.expected),
+        );
+    }
+    for cloud in scene.grains.iter().flat_map(|grains| grains.layers()) {
+        let material = &scene.materials[cloud.material].name;
+        let sizes = cloud
+            .percentiles(dimension)
+            .map_or_else(String::new, |p| format!(", {p}"));
+        choose(
+            &format!("grains of layer {}", cloud.name.as_deref().unwrap_or("1")),
+            format!("{material}{sizes}"),
+            format!("requested; {} grains", cloud.number),
+        );
+    }
+    for zone in scene.grains.iter().flat_map(|grains| &grains.zones) {
+        let material = &scene.materials[zone.material].name;
+        let grains = zone.listed.map_or_else(
+            || "requested; assigned after the preparation".into(),
+            |count| format!("requested; {count} grains"),
+        );
+        choose(
+            &format!("grains of zone {}", zone.name),
+            material.clone(),
+            grains,
+        );
+    }
     if let Some(seepage) = &scene.seepage {
         let written = &seepage.written;
         choose(
@@ -85,6 +131,17 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 written.porosity_cap()
             ),
         );
+        for [zone, states, reason] in seepage.describe_zones() {
+            choose(&zone, states, reason);
+        }
+        if let Some(cut) = seepage.zones.as_ref().map(|z| z.cut()).filter(|n| *n > 0) {
+            choose(
+                "cells cut by zones",
+                cut.to_string(),
+                "harmonic mean of the permeability across layers, arithmetic mean along them"
+                    .into(),
+            );
+        }
         choose(
             "pressure",
             "conjugate gradients with multigrid".into(),

@@ -6,7 +6,7 @@
 //!
 //! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11): beyond, inertial
 //! losses grow with the square of the velocity. The flux is that of the largest difference of imposed pressures over the height of the grid
-//! through a bed of equal grains in random close packing, or the largest flux that is imposed. The run measures the number again.
+//! through a bed of equal grains in random close packing, in zones the most permeable one, or the largest flux that is imposed. The run measures the number again.
 
 use super::explicit_drag;
 use crate::darcy::{Condition, Equations, Liquid};
@@ -37,10 +37,8 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     let porosity = explicit_drag::porosity(scene, seepage)
         .max(PACKED)
         .min(written.porosity_cap().max(PACKED));
-    let resistance = written.resistance();
-    let permeability = resistance
-        .model()
-        .permeability(porosity, diameter, liquid, gradient);
+    let beds = explicit_drag::beds(seepage, (porosity, diameter), liquid, gradient);
+    let permeability = beds.into_iter().fold(0.0, |most, (_, k)| k.max(most));
     let driven = permeability * gradient / liquid.viscosity;
     let imposed = seepage.patches.iter().map(|patch| match patch.condition {
         Condition::Flux { value } | Condition::Rain { rate: value } => value.abs(),

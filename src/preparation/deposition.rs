@@ -20,27 +20,34 @@ use crate::number::{floor_i64, whole};
 use crate::random::Stream;
 use crate::scene::grading::Grading;
 
-/// What falls, onto what, and when it has settled.
+/// Grains that fall from a box.
 #[derive(Clone, Debug)]
-pub struct Deposition<S: Space> {
-    /// Lower corner of the cloud's box (m).
+pub struct Cloud<S: Space> {
+    /// Lower corner of the box (m).
     pub lower: S::Vector,
-    /// Upper corner of the cloud's box (m).
+    /// Upper corner of the box (m).
     pub upper: S::Vector,
-    /// The box the grains may be in.
-    pub region: Region<S>,
-    /// Walls.
-    pub walls: Vec<Wall<S>>,
     /// Sizes.
     pub grading: Grading,
     /// How many grains.
     pub number: usize,
-    /// Seed of sizes and places.
-    pub seed: u64,
     /// Density (kg/m³).
     pub density: f64,
     /// Row of the grains in the table of contact parameters.
     pub material: u32,
+}
+
+/// What falls, onto what, and when it has settled.
+#[derive(Clone, Debug)]
+pub struct Deposition<S: Space> {
+    /// The clouds. Those of one material have one density.
+    pub clouds: Vec<Cloud<S>>,
+    /// The box the grains may be in.
+    pub region: Region<S>,
+    /// Walls.
+    pub walls: Vec<Wall<S>>,
+    /// Seed of sizes and places.
+    pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
     /// How many materials the laws know.
@@ -61,8 +68,8 @@ pub struct Deposition<S: Space> {
     pub step_ratio: f64,
 }
 
-/// A centre (m) and a radius (m).
-pub type Placed<S> = (<S as Space>::Vector, f64);
+/// A centre (m), a radius (m) and a row in the table of contact parameters.
+pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
 /// One look at how far grains have settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -95,7 +102,6 @@ pub struct Report {
     pub convergence: Vec<Look>,
 }
 
-const SIZES: u32 = 11;
 const PLACES: u32 = 12;
 /// Local damping of grains that have landed, and both measures below which they have.
 const AT_REST: f64 = 0.7;
@@ -126,7 +132,7 @@ impl<S: Space> Deposition<S> {
             {
                 progress.trimmed = true;
                 let before = grains.len();
-                grains.retain(|(at, _)| at.get(axis) * up <= level * up);
+                grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
                         "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.deposition.trim_above): raise it above the floor"
@@ -159,7 +165,7 @@ impl<S: Space> Deposition<S> {
         report.top = up
             * grains
                 .iter()
-                .map(|(at, radius)| at.get(axis) * up + radius)
+                .map(|(at, radius, _)| at.get(axis) * up + radius)
                 .fold(f64::NEG_INFINITY, f64::max);
         (grains, report)
     }
@@ -174,8 +180,10 @@ impl<S: Space> Deposition<S> {
     fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
-        for (id, (position, radius)) in (0..).zip(grains) {
-            let body = Body::uniform::<S>(id, radius, self.density, self.material);
+        for (id, (position, radius, material)) in (0..).zip(grains) {
+            let cloud = self.clouds.iter().find(|cloud| cloud.material == material);
+            let density = cloud.map_or(1.0, |cloud| cloud.density);
+            let body = Body::uniform::<S>(id, radius, density, material);
             bodies.push(body);
             particles.insert(
                 body,
@@ -200,7 +208,8 @@ impl<S: Space> Deposition<S> {
     }
 
     /// A place for each grain without overlap with grains or walls, the largest placed first.
-    fn cloud(&self, radii: &[f64]) -> Result<Vec<S::Vector>, Error> {
+    /// `first`: the first grain of each cloud.
+    fn cloud(&self, radii: &[f64], first: &[usize]) -> Result<Vec<S::Vector>, Error> {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
         // One grid per factor of two in size, as in the neighbour search.
@@ -223,15 +232,17 @@ impl<S: Space> Deposition<S> {
         let mut places = vec![S::Vector::default(); radii.len()];
         for &id in &order {
             let radius = radii[id];
+            let cloud = &self.clouds[first.partition_point(|first| *first <= id) - 1];
             let mut draws = Stream::new(self.seed, id as u64, PLACES);
             let free = (0..5000).find_map(|_| {
                 let mut at = S::Vector::default();
                 for axis in 0..S::DIMENSION {
-                    let low = self.lower.get(axis) + radius;
-                    let high = self.upper.get(axis) - radius;
+                    let low = cloud.lower.get(axis) + radius;
+                    let high = cloud.upper.get(axis) - radius;
                     at.set(axis, low + (high - low).max(0.0) * draws.uniform());
                 }
-                let clear_of_walls = self.walls.iter().all(|wall| match &wall.surface {
+                let mut walls = self.walls.iter().filter(|wall| !wall.open);
+                let clear_of_walls = walls.all(|wall| match &wall.surface {
                     None => wall.distance(&at) >= radius,
                     Some(surface) => surface.clearance(&S::to_volume(&at)) >= radius,
                 });
@@ -325,27 +336,6 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// Radii \[m\] of the grains of a grading, drawn from the seed.
-fn radii(
-    grading: &Grading,
-    number: usize,
-    dimension: usize,
-    seed: u64,
-) -> Result<Vec<f64>, String> {
-    let mut radii = Vec::with_capacity(number);
-    for (class, count) in grading
-        .classes()
-        .iter()
-        .zip(grading.numbers(number, dimension)?)
-    {
-        for _ in 0..count {
-            let draw = Stream::new(seed, radii.len() as u64, SIZES).uniform();
-            radii.push(class.min + (class.max - class.min) * draw);
-        }
-    }
-    Ok(radii)
-}
-
 /// How far the deposition is: all that the next steps depend on beside the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -374,13 +364,14 @@ impl<'a, S: Space> Falling<'a, S> {
         deposition: &'a Deposition<S>,
         supervision: &'a Supervision<'a, S>,
     ) -> Result<Self, Error> {
-        let radii = radii(
-            &deposition.grading,
-            deposition.number,
-            S::DIMENSION,
-            deposition.seed,
-        )
-        .map_err(Error::Numerical)?;
+        let (mut radii, mut first, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+        for cloud in &deposition.clouds {
+            let from = (deposition.seed, radii.len());
+            let more = cloud.grading.radii(cloud.number, S::DIMENSION, from);
+            first.push(radii.len());
+            radii.extend(more.map_err(Error::Numerical)?);
+            materials.resize(radii.len(), cloud.material);
+        }
         let progress = Progress {
             stage: 0,
             trimmed: false,
@@ -393,10 +384,10 @@ impl<'a, S: Space> Falling<'a, S> {
                 ..Report::default()
             },
         };
-        let places = deposition.cloud(&radii)?;
+        let places = deposition.cloud(&radii, &first)?;
         let grains: Vec<Placed<S>> = curve_order::<S>(&places)
             .into_iter()
-            .map(|k| (places[k], radii[k]))
+            .map(|k| (places[k], radii[k], materials[k]))
             .collect();
         let (particles, bodies) = deposition.particles(grains);
         let mut falling = Self {
@@ -485,7 +476,10 @@ impl<'a, S: Space> Falling<'a, S> {
                 report.coordination = 2.0 * ratio(statistics.contacts, statistics.owned);
                 report.largest_overlap = statistics.largest_overlap;
                 return Ok((0..particles.owned())
-                    .map(|k| (particles.location(k), particles.body[k].radius))
+                    .map(|k| {
+                        let body = &particles.body[k];
+                        (particles.location(k), body.radius, body.material)
+                    })
                     .collect());
             }
             self.progress.left = LOOK_EVERY;
@@ -528,19 +522,25 @@ mod tests {
         })
     }
 
+    fn cloud(number: usize, classes: Vec<Class>) -> Cloud<Volume> {
+        Cloud {
+            lower: Vector3::new(0.0, 0.0, 0.01),
+            upper: Vector3::new(0.012, 0.012, 0.05),
+            grading: Grading::ByCount(classes),
+            number,
+            density: 2600.0,
+            material: 0,
+        }
+    }
+
     fn small() -> Deposition<Volume> {
         let corner = Vector3::new(0.012, 0.012, 0.05);
         let region = Region::closed(Vector3::zeros(), corner, 1e-3);
         Deposition {
-            lower: Vector3::new(0.0, 0.0, 0.01),
-            upper: corner,
+            clouds: vec![cloud(800, classes())],
             region,
             walls: Wall::of_box(Vector3::zeros(), corner, [true; 3], 0),
-            grading: Grading::ByCount(classes()),
-            number: 800,
             seed: 3,
-            density: 2600.0,
-            material: 0,
             laws: vec![linear(1e3), linear(1e4)],
             materials: 1,
             gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -556,7 +556,7 @@ mod tests {
     #[test]
     fn a_cloud_without_room_is_refused() {
         let crowded = Deposition {
-            number: 30_000,
+            clouds: vec![cloud(30_000, classes())],
             ..small()
         };
         assert!(
@@ -571,12 +571,14 @@ mod tests {
     #[test]
     fn an_interrupted_deposition_ends_with_the_same_bits() {
         let deposition = Deposition {
-            number: 120,
-            grading: Grading::ByCount(vec![Class {
-                min: 0.8e-3,
-                max: 1.1e-3,
-                part: 1.0,
-            }]),
+            clouds: vec![cloud(
+                120,
+                vec![Class {
+                    min: 0.8e-3,
+                    max: 1.1e-3,
+                    part: 1.0,
+                }],
+            )],
             trim_above: Some(5e-3),
             ..small()
         };
@@ -586,6 +588,51 @@ mod tests {
         assert!(stops > 10, "{stops}");
         assert!(again == grains);
         assert_eq!(other, report);
+    }
+
+    #[test]
+    fn layers_come_to_rest_one_above_the_other() {
+        let class = |min: f64, max: f64| {
+            vec![Class {
+                min,
+                max,
+                part: 1.0,
+            }]
+        };
+        let lower = Cloud {
+            upper: Vector3::new(0.012, 0.012, 0.028),
+            ..cloud(150, class(0.8e-3, 1.0e-3))
+        };
+        let upper = Cloud {
+            lower: Vector3::new(0.0, 0.0, 0.028),
+            material: 1,
+            density: 3000.0,
+            ..cloud(200, class(0.6e-3, 0.7e-3))
+        };
+        let deposition = Deposition {
+            clouds: vec![lower, upper],
+            materials: 2,
+            trim_above: None,
+            ..small()
+        };
+        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
+        assert_eq!((report.fallen, grains.len()), (350, 350));
+        let heights = |material: u32| {
+            let own = grains.iter().filter(move |grain| grain.2 == material);
+            own.map(|grain| grain.0[2]).collect::<Vec<_>>()
+        };
+        let mean =
+            |heights: &[f64]| heights.iter().sum::<f64>() / crate::number::real(heights.len());
+        let (below, above) = (heights(0), heights(1));
+        assert_eq!((below.len(), above.len()), (150, 200));
+        assert!(mean(&above) > mean(&below) + 2e-3);
+        // Hardly any grain of the lower layer lies above the middle of the upper one.
+        let risen = below.iter().filter(|z| **z > mean(&above)).count();
+        assert!(risen < 5, "{risen}");
+        let sizes = grains
+            .iter()
+            .all(|(_, radius, material)| (*radius < 0.75e-3) == (*material == 1));
+        assert!(sizes);
     }
 
     /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
@@ -598,19 +645,23 @@ mod tests {
             report.grains > 300 && report.grains < report.fallen,
             "{report:?}"
         );
-        assert!(grains.iter().all(|(at, _)| at[2] <= 8.05e-3 && at[2] > 0.0));
+        assert!(
+            grains
+                .iter()
+                .all(|(at, ..)| at[2] <= 8.05e-3 && at[2] > 0.0)
+        );
         assert!((3.5..7.0).contains(&report.coordination), "{report:?}");
         assert!(report.largest_overlap < 0.02, "{report:?}");
         let last = report.convergence.last().unwrap();
         assert!(last.kinetic_energy <= 1e-3 && last.unbalanced <= 0.02);
         // The same seed gives the same bits.
         assert_eq!(
-            deposition.cloud(&[1e-3; 50]).unwrap(),
-            deposition.cloud(&[1e-3; 50]).unwrap()
+            deposition.cloud(&[1e-3; 50], &[0]).unwrap(),
+            deposition.cloud(&[1e-3; 50], &[0]).unwrap()
         );
         let mut particles = Particles::<Volume>::new();
         let mut weight = 0.0;
-        for (id, (position, radius)) in (0..).zip(&grains) {
+        for (id, (position, radius, _)) in (0..).zip(&grains) {
             let body = Body::uniform::<Volume>(id, *radius, 2600.0, 0);
             weight += body.mass * 9.81;
             let motion = Motion {

@@ -4,21 +4,27 @@ use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
+use super::region::region;
 use super::sample::{self, Grain};
+use super::structures::images;
 use super::{grading, material, unique};
 use crate::case::Case;
+use crate::case::geometry::Extent;
 use crate::case::grains::{
-    Amount, Deposition as WrittenDeposition, Grading, GrainSource as Written, Growth, Radii,
-    SizeClass,
+    Amount, Deposition as WrittenDeposition, Grading, GrainSource as Written, GrainZone, Growth,
+    Radii, SizeClass,
 };
+use crate::case::sieve::{self, Percentiles};
 use crate::error::Remedy;
 use crate::number::real;
+use crate::structure::Images;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Grains and their preparation.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Grains {
     /// Index of the material of grains that name none.
     pub material: usize,
@@ -26,6 +32,8 @@ pub struct Grains {
     pub source: GrainSource,
     /// File to which the prepared sample goes; relative to the output folder.
     pub save: Option<PathBuf>,
+    /// Regions whose grains have a material of their own.
+    pub zones: Vec<Zone>,
     /// Boxes emptied after the preparation, with their names.
     pub cut: Vec<(String, Block)>,
     /// Whether contacts are bonded after preparation and cutting.
@@ -68,6 +76,21 @@ impl Grains {
     }
 }
 
+/// Grains that fall from a box.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cloud {
+    /// Name of the layer; none of the first cloud.
+    pub name: Option<String>,
+    /// The box.
+    pub block: Block,
+    /// Sizes.
+    pub grading: grading::Grading,
+    /// How many grains.
+    pub number: usize,
+    /// Index of their material.
+    pub material: usize,
+}
+
 /// Where grains come from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum GrainSource {
@@ -80,12 +103,10 @@ pub enum GrainSource {
         /// The rest as written.
         growth: Growth,
     },
-    /// A cloud that falls from a box.
+    /// Clouds that fall from boxes.
     Deposition {
-        /// The box.
-        block: Block,
-        /// Sizes.
-        grading: grading::Grading,
+        /// The clouds.
+        clouds: Vec<Cloud>,
         /// The rest as written.
         deposition: WrittenDeposition,
     },
@@ -99,6 +120,166 @@ pub enum GrainSource {
     },
     /// One by one.
     List(Vec<Grain>),
+}
+
+/// A region whose grains have a material of their own.
+#[derive(Clone, Debug, Serialize)]
+pub struct Zone {
+    /// Its name.
+    pub name: String,
+    /// Lower corner \[m\]; infinite where it has no end.
+    pub from: [f64; 3],
+    /// Upper corner \[m\].
+    pub to: [f64; 3],
+    /// The solid in which the grains are as well.
+    #[serde(skip)]
+    pub solid: Option<Arc<Images>>,
+    /// Index of the material.
+    pub material: usize,
+    /// Velocity at the start [m/s]; none where it stays.
+    pub velocity: Option<[f64; 3]>,
+    /// Listed grains that are in the zone and in no later one; none where grains are prepared.
+    pub listed: Option<usize>,
+}
+
+impl Zone {
+    /// Whether a point lies in the zone.
+    #[must_use]
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
+            && (self.solid.as_ref()).is_none_or(|solid| solid.distance(point) < 0.0)
+    }
+}
+
+/// Gives grains the material and velocity of the last zone that holds their centre; returns how many each zone has.
+pub fn assign(zones: &[Zone], grains: &mut [Grain]) -> Vec<usize> {
+    let mut counts = vec![0; zones.len()];
+    for grain in grains {
+        let Some(n) = zones.iter().rposition(|zone| zone.contains(grain.position)) else {
+            continue;
+        };
+        counts[n] += 1;
+        grain.material = zones[n].material;
+        grain.velocity = zones[n].velocity.unwrap_or(grain.velocity);
+    }
+    counts
+}
+
+fn zones(
+    case: &Case,
+    written: &[GrainZone],
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Zone> {
+    let mut known = Vec::new();
+    let mut zones = Vec::new();
+    for (n, zone) in written.iter().enumerate() {
+        let path = format!("grains.zones[{n}]");
+        unique(&mut known, &zone.name, &format!("{path}.name"), findings);
+        if zone.region.is_none() && zone.shape.is_none() {
+            findings.error(
+                &path,
+                "the zone has neither a region nor a shape: it would be the whole sample",
+                "add a `region`, or change `grains.material`",
+            );
+        }
+        let [from, to] = zone
+            .region
+            .as_ref()
+            .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
+                region(grid, written, &format!("{path}.region"), findings)
+            });
+        let shape = format!("{path}.shape");
+        let solid = zone
+            .shape
+            .as_ref()
+            .map(|written| images(case, grid, written, &shape, findings));
+        if matches!(solid, Some(None)) {
+            continue;
+        }
+        needs_density(case, &zone.material, findings);
+        let index = material(names, &zone.material, &format!("{path}.material"), findings);
+        let velocity = zone
+            .velocity
+            .as_ref()
+            .map(|written| Block::vector(grid, written, &format!("{path}.velocity"), findings));
+        zones.push(Zone {
+            name: zone.name.clone(),
+            from,
+            to,
+            solid: solid.flatten().map(Arc::new),
+            material: index.unwrap_or(0),
+            velocity,
+            listed: None,
+        });
+    }
+    zones
+}
+
+/// Grains of which percentiles are computed before the run, at most.
+const MOST_SIZES: usize = 1_000_000;
+
+impl Cloud {
+    /// Percentiles of its grading by mass.
+    #[must_use]
+    pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
+        let number = self.number.min(MOST_SIZES);
+        let radii = self.grading.radii(number, dimension, (0, 0)).ok()?;
+        Percentiles::of(radii.into_iter(), dimension)
+    }
+}
+
+impl Grains {
+    /// Clouds of a deposition of several layers; none of all others.
+    #[must_use]
+    pub fn layers(&self) -> &[Cloud] {
+        match &self.source {
+            GrainSource::Deposition { clouds, .. } if clouds.len() > 1 => clouds,
+            _ => &[],
+        }
+    }
+
+    /// Materials of grains that are prepared; that of the grains first.
+    pub fn materials(&self) -> impl Iterator<Item = usize> {
+        let zones = self.zones.iter().map(|zone| zone.material);
+        let clouds = self.layers().iter().map(|cloud| cloud.material);
+        std::iter::once(self.material).chain(zones).chain(clouds)
+    }
+
+    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of a uniform
+    /// distribution that will grow.
+    #[must_use]
+    pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
+        let number = self.expected.min(MOST_SIZES);
+        let radii = match &self.source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                return Percentiles::of(grains.iter().map(|grain| grain.radius), dimension);
+            }
+            GrainSource::Deposition { clouds, deposition } => {
+                let mut radii = Vec::new();
+                for cloud in clouds {
+                    let first = radii.len();
+                    let number = cloud.number.min(MOST_SIZES);
+                    let from = (deposition.seed, first);
+                    radii.extend(cloud.grading.radii(number, dimension, from).ok()?);
+                }
+                radii
+            }
+            GrainSource::Growth { growth, .. } => match &growth.radii {
+                Radii::Uniform { min, max } => {
+                    let share = |n: usize| (real(n) + 0.5) / real(number);
+                    let radius = |n: usize| min + share(n) * (max - min);
+                    return Percentiles::of((0..number).map(radius), dimension);
+                }
+                Radii::List(list) => list.clone(),
+                Radii::Sieve(curve) => grading::Grading::of_sieves(curve)
+                    .radii(number, dimension, (growth.seed, 0))
+                    .ok()?,
+            },
+        };
+        Percentiles::of(radii.into_iter(), dimension)
+    }
 }
 
 pub(crate) fn grains(
@@ -124,9 +305,10 @@ pub(crate) fn grains(
             )
         })
         .collect();
-    let (source, radii, expected) = match &grains.initial {
+    let mut zones = zones(case, &grains.zones, grid, names, findings);
+    let (mut source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Deposition(written) => falls(case, written, grid, findings)?,
+        Written::Deposition(written) => falls(case, written, grid, (names, index), findings)?,
         Written::File { path } => sample(case, path, grid, (names, index), findings),
         Written::List(list) => {
             if list.is_empty() {
@@ -192,10 +374,27 @@ pub(crate) fn grains(
             (GrainSource::List(resolved), radii, expected)
         }
     };
+    if let GrainSource::List(list) | GrainSource::File { grains: list, .. } = &mut source {
+        let counts = assign(&zones, list);
+        for (n, count) in counts.into_iter().enumerate() {
+            if count == 0 && !list.is_empty() && zones.len() == grains.zones.len() {
+                findings.warn(
+                    &format!("grains.zones[{n}]"),
+                    format!(
+                        "no grain lies in the zone `{}`, or later zones take all of them",
+                        zones[n].name
+                    ),
+                    "correct the region, or the order of the zones",
+                );
+            }
+            zones[n].listed = Some(count);
+        }
+    }
     Some(Grains {
         material: index,
         source,
         save: grains.save.clone(),
+        zones,
         cut,
         bond_at_start: grains.bond_at_start,
         radii,
@@ -303,19 +502,29 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
             }
             good
         }
+        Radii::Sieve(curve) => {
+            let checked = sieve::check(curve);
+            if let Err(reason) = &checked {
+                findings.error(
+                    &format!("{path}.sieve"),
+                    reason.clone(),
+                    "correct the curve",
+                );
+            }
+            checked.is_ok()
+        }
     };
     good && radii.bounds().1.is_finite()
 }
 
-/// Resolves and checks a gravity deposition.
-fn falls(
-    case: &Case,
-    written: &WrittenDeposition,
+/// A cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+fn cloud(
+    (written, region, number_of): (&Grading, &Extent, u32),
+    path: &str,
     grid: &Grid,
     findings: &mut Findings,
-) -> Option<Source> {
-    let path = "grains.initial.deposition";
-    let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+) -> Option<Cloud> {
+    let block = Block::resolve(grid, region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
         let class = |c: &SizeClass| grading::Class {
             min: c.min,
@@ -324,18 +533,26 @@ fn falls(
         };
         list.iter().map(class).collect()
     };
-    let (grading, name) = match &written.grading {
+    let (grading, name) = match written {
         Grading::ByCount(list) => (grading::Grading::ByCount(classes(list)), "by_count"),
         Grading::ByMass(list) => (grading::Grading::ByMass(classes(list)), "by_mass"),
+        Grading::Sieve(curve) => {
+            if let Err(reason) = sieve::check(curve) {
+                let path = format!("{path}.grading.sieve");
+                findings.error(&path, reason, "correct the curve");
+                return None;
+            }
+            (grading::Grading::of_sieves(curve), "sieve")
+        }
     };
-    let number_of = written.number as usize;
+    let number_of = number_of as usize;
     let measure = match grading.measure(number_of, grid.dimension) {
         Ok(measure) => measure,
         Err(reason) => {
             findings.error(
                 &format!("{path}.grading.{name}"),
                 reason,
-                "correct the classes, or use more grains",
+                "correct the grading, or use more grains",
             );
             return None;
         }
@@ -376,6 +593,45 @@ fn falls(
             },
         );
     }
+    Some(Cloud {
+        name: None,
+        block,
+        grading,
+        number: number_of,
+        material: 0,
+    })
+}
+
+/// Resolves and checks a gravity deposition.
+fn falls(
+    case: &Case,
+    written: &WrittenDeposition,
+    grid: &Grid,
+    (names, default): (&[String], usize),
+    findings: &mut Findings,
+) -> Option<Source> {
+    let path = "grains.initial.deposition";
+    let first = (&written.grading, &written.region, written.number);
+    let mut clouds = vec![Cloud {
+        name: None,
+        material: default,
+        ..cloud(first, path, grid, findings)?
+    }];
+    let mut known = Vec::new();
+    for (n, layer) in written.layers.iter().enumerate() {
+        let path = format!("{path}.layers[{n}]");
+        unique(&mut known, &layer.name, &format!("{path}.name"), findings);
+        let own = layer.material.as_ref().map(|name| {
+            needs_density(case, name, findings);
+            material(names, name, &format!("{path}.material"), findings).unwrap_or(default)
+        });
+        let written = (&layer.grading, &layer.region, layer.number);
+        clouds.push(Cloud {
+            name: Some(layer.name.clone()),
+            material: own.unwrap_or(default),
+            ..cloud(written, &path, grid, findings)?
+        });
+    }
     let along = (0..grid.dimension)
         .filter(|&a| {
             case.gravity
@@ -395,11 +651,14 @@ fn falls(
             Remedy::from(format!("write for example {down}")).set("gravity", down),
         );
     }
-    let bounds = grading.bounds();
+    let bounds = clouds.iter().map(|cloud| cloud.grading.bounds());
+    let bounds = bounds.fold((f64::INFINITY, 0.0_f64), |(low, high), (least, most)| {
+        (least.min(low), most.max(high))
+    });
+    let number_of = clouds.iter().map(|cloud| cloud.number).sum();
     Some((
         GrainSource::Deposition {
-            block,
-            grading,
+            clouds,
             deposition: written.clone(),
         },
         Some(bounds),
@@ -423,9 +682,9 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     let flat = grid.dimension == 2;
     let pi = std::f64::consts::PI;
     let mean = if flat {
-        pi * growth.radii.mean_power(2)
+        pi * growth.radii.mean_power(2, 2)
     } else {
-        4.0 / 3.0 * pi * growth.radii.mean_power(3)
+        4.0 / 3.0 * pi * growth.radii.mean_power(3, 3)
     };
     let largest = 2.0 * growth.radii.bounds().1;
     let narrowest = (0..grid.dimension)
@@ -493,6 +752,16 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
         return None;
     }
     let number_of = crate::number::whole(number_of);
+    if let Radii::Sieve(curve) = &growth.radii
+        && let Err(reason) = grading::Grading::of_sieves(curve).numbers(number_of, grid.dimension)
+    {
+        findings.error(
+            &format!("{path}.radii.sieve"),
+            reason,
+            "correct the curve, or use more grains or a larger box",
+        );
+        return None;
+    }
     Some((
         GrainSource::Growth {
             block,

@@ -1,5 +1,7 @@
 //! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
+mod zones;
+
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grains::Grains;
@@ -10,7 +12,7 @@ use crate::case::Case;
 use crate::case::darcy::{self as written_as, Darcy};
 use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
-use crate::darcy::Condition;
+use crate::darcy::{Condition, Zones};
 use crate::error::Remedy;
 use crate::number::{real, whole};
 use crate::structure::Images;
@@ -41,6 +43,9 @@ pub struct Seepage {
     pub planes: Vec<([f64; 3], f64)>,
     /// Conditions, in the order of the case.
     pub patches: Vec<Patch>,
+    /// Permeabilities and porosities by region, on the grid.
+    #[serde(skip)]
+    pub zones: Option<Arc<Zones>>,
     /// Structures that the water meets.
     #[serde(skip)]
     pub solids: Vec<Arc<Images>>,
@@ -89,11 +94,13 @@ impl Seepage {
             spacing,
             planes,
             patches: Vec::new(),
+            zones: None,
             solids: (structures.iter().filter(|s| s.stops.water()))
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
         };
         scene.patches = scene.patches_of(grid, findings);
+        scene.zones = scene.zones_of(case, grid, findings);
         scene.check(case, grid, grains, findings);
         Some(scene)
     }

@@ -7,7 +7,7 @@ use crate::case::Case;
 use crate::case::structures::Stops;
 use crate::error::Remedy;
 use crate::scene::flow::Flow;
-use crate::structure::{Frame, Images};
+use crate::structure::{Frame, Images, Shape};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -36,10 +36,6 @@ pub(crate) fn structures(
     names: &[String],
     findings: &mut Findings,
 ) -> Vec<Structure> {
-    let frame = Frame {
-        dimension: grid.dimension,
-        size: grid.size,
-    };
     let mut known: Vec<&str> = case.walls.iter().map(|wall| wall.name.as_str()).collect();
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_solids = of_grains.or(case.blocks.as_ref().map(|blocks| &blocks.material));
@@ -47,35 +43,10 @@ pub(crate) fn structures(
     for (n, written) in case.structures.iter().enumerate() {
         let path = format!("structures[{n}]");
         unique(&mut known, &written.name, &format!("{path}.name"), findings);
-        let read = |mesh: &crate::geometry::Mesh| {
-            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
-            let file = case.directory.join(&mesh.path);
-            let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
-                .map_err(|e| e.to_string())
-                .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
-                .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
-            Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
-        };
         let shape = format!("{path}.shape");
-        let Some(solid) = written.shape.solid(&frame, &shape, &read, findings) else {
+        let Some(images) = images(case, grid, &written.shape, &shape, findings) else {
             continue;
         };
-        let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
-        if images.is_empty() || !meets(&images, grid) {
-            findings.error(
-                &shape,
-                "the structure lies outside the domain",
-                format!(
-                    "the domain is 0 … {} m along its axes: move the structure into it",
-                    grid.size[..grid.dimension]
-                        .iter()
-                        .map(|x| number(*x))
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
-            );
-            continue;
-        }
         let index = match (&written.material, of_solids) {
             (Some(name), _) => material(names, name, &format!("{path}.material"), findings),
             (None, Some(name)) => names.iter().position(|known| known == name),
@@ -105,6 +76,47 @@ pub(crate) fn structures(
         });
     }
     all
+}
+
+/// A solid with its periodic images; findings where it cannot be had, or lies outside the domain.
+pub(crate) fn images(
+    case: &Case,
+    grid: &Grid,
+    written: &Shape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Images> {
+    let frame = Frame {
+        dimension: grid.dimension,
+        size: grid.size,
+    };
+    let read = |mesh: &crate::geometry::Mesh| {
+        let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
+        let file = case.directory.join(&mesh.path);
+        let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+            .map_err(|e| e.to_string())
+            .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+            .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
+        Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
+    };
+    let solid = written.solid(&frame, path, &read, findings)?;
+    let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
+    if images.is_empty() || !meets(&images, grid) {
+        findings.error(
+            path,
+            "the solid lies outside the domain",
+            format!(
+                "the domain is 0 … {} m along its axes: move the solid into it",
+                grid.size[..grid.dimension]
+                    .iter()
+                    .map(|x| number(*x))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
+        );
+        return None;
+    }
+    Some(images)
 }
 
 /// Whether a part of the solid, however thin, lies in the domain.

@@ -5,14 +5,14 @@ mod in_water;
 pub(crate) use in_water::walls_in_water;
 
 use super::block::Block;
-use super::findings::Findings;
+use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::structures::Structure;
 use super::{material, stl, unique};
 use crate::case::Case;
 use crate::case::geometry::Face;
 use crate::case::grains::GrainSource;
-use crate::case::solids::{WallShape, WallStage};
+use crate::case::solids::{Wall as WrittenWall, WallShape, WallStage};
 use crate::dem::Surface;
 use crate::error::Remedy;
 use nalgebra::Vector3;
@@ -37,10 +37,30 @@ pub struct Wall {
     pub material: usize,
     /// Whether it is gone as the run begins.
     pub temporary: bool,
+    /// Time from which it exists \[s\]; none where it does from the start.
+    pub from: Option<f64>,
+    /// Time until which it exists \[s\]; none where it does to the end.
+    pub until: Option<f64>,
     /// The face of the domain it lies on, if it is a box wall.
     pub face: Option<Face>,
     /// The structure whose surface it is, by its index in [`super::Scene::structures`].
     pub structure: Option<usize>,
+}
+
+impl Wall {
+    /// Whether it comes or goes during the run.
+    #[must_use]
+    pub fn is_timed(&self) -> bool {
+        self.from.is_some() || self.until.is_some()
+    }
+
+    /// Whether it exists at a time of the run \[s\].
+    #[must_use]
+    pub fn exists(&self, time: f64) -> bool {
+        !self.temporary
+            && self.from.is_none_or(|from| time >= from)
+            && self.until.is_none_or(|until| time < until)
+    }
 }
 
 /// The walls of a case: those written, those of the structures, then those on faces of the domain.
@@ -83,6 +103,7 @@ pub(crate) fn walls(
         if wall.during == WallStage::Preparation {
             has_a_preparation(case, &path, findings);
         }
+        check_times(case, wall, &path, findings);
         walls.push(Wall {
             name: wall.name.clone(),
             point: plane.0,
@@ -91,6 +112,8 @@ pub(crate) fn walls(
             velocity,
             material: index.unwrap_or(0),
             temporary: wall.during == WallStage::Preparation,
+            from: wall.from,
+            until: wall.until,
             face: None,
             structure: None,
         });
@@ -144,11 +167,57 @@ pub(crate) fn walls(
             velocity: [0.0; 3],
             material: index.unwrap_or(0),
             temporary: false,
+            from: None,
+            until: None,
             face: Some(*face),
             structure: None,
         });
     }
     walls
+}
+
+/// The times at which a wall comes and goes.
+fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
+    let stated = [("from", wall.from), ("until", wall.until)];
+    let end = case.time.end;
+    for (field, time) in stated {
+        let Some(time) = time else {
+            continue;
+        };
+        let path = format!("{path}.{field}");
+        if wall.during == WallStage::Preparation {
+            findings.error(
+                &path,
+                "a wall of the preparation is gone as the run begins",
+                Remedy::take_out("remove it, or `during`", &*path),
+            );
+        } else if time >= end {
+            let what = if field == "from" { "comes" } else { "goes" };
+            findings.warn(
+                &path,
+                format!(
+                    "the wall `{}` {what} at {} s, and the run ends at {} s",
+                    wall.name,
+                    number(time),
+                    number(end)
+                ),
+                "use a time before the end of the run",
+            );
+        }
+    }
+    if let (Some(from), Some(until)) = (wall.from, wall.until)
+        && from >= until
+    {
+        findings.error(
+            &format!("{path}.until"),
+            format!(
+                "the wall would go at {} s and come at {} s",
+                number(until),
+                number(from)
+            ),
+            "make `until` larger than `from`",
+        );
+    }
 }
 
 /// A wall of the preparation needs one in which grains move: a deposition, or the rest of bonded grains. A sample from a file may have

@@ -13,6 +13,7 @@
 use crate::analysis::erosion_law::RemovedGrain;
 use crate::case::grains::Radii;
 use crate::case::observe::When;
+use crate::case::sieve;
 use crate::dem::particles::{Body, Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -249,13 +250,17 @@ impl Removal {
             while self.state.made[n].grains < owed {
                 let made = self.state.made[n];
                 let ordinal = ((n as u64) << 48) | made.grains;
-                let radius = draw_radius(radii, &mut Stream::new(seed, ordinal, PURPOSE));
+                let radius = draw_radius(
+                    radii,
+                    region.block.dimension,
+                    &mut Stream::new(seed, ordinal, PURPOSE),
+                );
                 let places = draw_places(
                     &region.block,
                     radius,
                     &mut Stream::new(seed, ordinal, PURPOSE + 1 + made.batches),
                 );
-                let Some(at) = first_free(&places, radius, particles, plan, domain) else {
+                let Some(at) = first_free(&places, (radius, time), particles, plan, domain) else {
                     self.state.made[n].batches = (made.batches + 1) % (1 << 30);
                     break;
                 };
@@ -403,7 +408,7 @@ fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
     at_most.map_or(owed, |most| owed.min(u64::from(most)))
 }
 
-fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
+fn draw_radius(radii: &Radii, dimension: usize, draw: &mut Stream) -> f64 {
     let share = draw.uniform();
     match radii {
         Radii::Uniform { min, max } => min + share * (max - min),
@@ -411,6 +416,7 @@ fn draw_radius(radii: &Radii, draw: &mut Stream) -> f64 {
             let n = whole(share * real(list.len()));
             list.get(n).or(list.last()).copied().unwrap_or(0.0)
         }
+        Radii::Sieve(curve) => 0.5 * sieve::diameter(curve, share, dimension),
     }
 }
 
@@ -432,10 +438,10 @@ fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATC
     })
 }
 
-/// The first of the places that no grain, body or wall covers on any rank.
+/// The first of the places that no grain, body or wall of this time \[s\] covers on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
-    radius: f64,
+    (radius, time): (f64, f64),
     particles: &Particles<S>,
     plan: &Plan,
     domain: &Domain,
@@ -452,7 +458,7 @@ fn first_free<S: Space>(
                 },
                 |surface| surface.clearance(&Vector3::from(*place)),
             );
-            !wall.temporary && distance < radius
+            wall.exists(time) && distance < radius
         });
         let by_grain = || {
             (0..particles.owned()).any(|k| {

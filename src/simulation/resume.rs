@@ -5,6 +5,7 @@
 //! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
+use super::gates::{Gates, clear_of};
 use super::setup;
 use crate::case::fluid::Precision;
 use crate::case::set::covers;
@@ -461,6 +462,8 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
             ("shape", before.shape == wall.shape),
             ("material", before.material == wall.material),
             ("during", before.during == wall.during),
+            ("from", before.from == wall.from),
+            ("until", before.until == wall.until),
         ] {
             if !same {
                 problems.push(refusal(
@@ -521,45 +524,21 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     dem.drive_walls(&velocities);
 }
 
-/// No grain may stand in a wall that comes now. Collective.
+/// No grain may stand in a wall that a restart adds. Collective.
 pub(super) fn clear_of_new_walls<S: Space>(
     plan: &Plan,
-    origins: &[Option<usize>],
+    (origins, gates, step): (&[Option<usize>], &Gates, u64),
     particles: &Particles<S>,
     domain: &Domain,
 ) -> Result<(), Error> {
-    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
-    const ALLOWED: f64 = 0.05;
-    let walls = setup::walls::<S>(plan);
-    let new = walls.iter().zip(&plan.scene.walls).zip(origins);
-    let mut struck = None;
-    for ((wall, written), _) in new.filter(|(_, origin)| origin.is_none()) {
-        for k in 0..particles.owned() {
-            let at = particles.location(k);
-            let distance = match &wall.surface {
-                None => wall.distance(&at),
-                Some(surface) => surface.clearance(&S::to_volume(&at)),
-            };
-            let radius = particles.body[k].radius;
-            if distance < (1.0 - ALLOWED) * radius {
-                struck.get_or_insert_with(|| {
-                    format!(
-                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
-                        written.name, particles.body[k].id, distance
-                    )
-                });
-            }
-        }
-    }
-    domain
-        .communicator()
-        .agree(struck.map_or(Ok(()), Err))
-        .map_err(|e| {
-            Error::Case(vec![refusal(
-                "walls",
-                "new".into(),
-                e.message,
-                "or remove the wall",
-            )])
-        })
+    let new = origins.iter().enumerate();
+    let new = new.filter(|(n, origin)| origin.is_none() && !gates.absent(step, *n));
+    clear_of(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
+        Error::Case(vec![refusal(
+            "walls",
+            "new".into(),
+            reason,
+            "or remove the wall",
+        )])
+    })
 }

@@ -263,6 +263,8 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
             ),
         };
         wall.velocity = vector::<S>(w.velocity);
+        // A wall that comes later is no part of the preparation.
+        wall.open = w.from.is_some();
         wall
     });
     walls.collect()
@@ -397,11 +399,9 @@ pub fn seepage<S: Space>(
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
     };
-    Ok(Some(Seepage::new(
-        openness,
-        pores,
-        pressure,
-        settings,
-        communicator,
-    )))
+    let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
+    Ok(Some(match &scene.zones {
+        Some(zones) => seepage.with_zones(Arc::clone(zones)),
+        None => seepage,
+    }))
 }

@@ -1144,6 +1144,143 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "fluid.darcy.boundaries[0].condition",
     ),
     (
+        "a zone of nothing",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\"}]"]),
+        "fluid.darcy.zones[0]",
+    ),
+    (
+        "a zone outside the domain",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 1}}}]",
+        ]),
+        "fluid.darcy.zones[0].region.layer",
+    ),
+    (
+        "a layer without thickness",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 0.02, \"to\": 0.01}}}]",
+        ]),
+        "fluid.darcy.zones[0].region.layer",
+    ),
+    (
+        "a zone of negative permeability",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"permeability\": {\"value\": -1e-12}}]"]),
+        "fluid.darcy.zones[0].permeability.value",
+    ),
+    (
+        "a zone full of pores",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 1}]"]),
+        "fluid.darcy.zones[0].porosity",
+    ),
+    (
+        "two zones of one name",
+        "seepage",
+        Set(&[
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4}, {\"name\": \"a\", \"porosity\": 0.3}]",
+        ]),
+        "fluid.darcy.zones[1].name",
+    ),
+    (
+        "a raster that is not there",
+        "seepage",
+        Set(&["fluid.darcy.zones=[{\"name\": \"a\", \"raster\": {\"path\": \"none.csv\"}}]"]),
+        "fluid.darcy.zones[0].raster.path",
+    ),
+    (
+        "a zone by a law without its equations",
+        "seepage",
+        Set(&[
+            "fluid.darcy.equations=paper",
+            "fluid.darcy.zones=[{\"name\": \"a\", \"permeability\": {\"resistance\": \"ergun\"}}]",
+        ]),
+        "fluid.darcy.zones[0].permeability.resistance",
+    ),
+    (
+        "a sieve curve in per cent",
+        "deposition",
+        Set(&[
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.003, \"passing\": 100}]}",
+        ]),
+        "grains.initial.deposition.grading.sieve[1].passing",
+    ),
+    (
+        "a sieve curve that ends too early",
+        "deposition",
+        Set(&[
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.003, \"passing\": 0.9}]}",
+        ]),
+        "grains.initial.deposition.grading.sieve",
+    ),
+    (
+        "a sieve curve that falls",
+        "deposition",
+        Set(&[
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.0025, \"passing\": 0.8}, {\"diameter\": 0.0026, \"passing\": 0.7}, {\"diameter\": 0.003, \"passing\": 1}]}",
+        ]),
+        "grains.initial.deposition.grading.sieve",
+    ),
+    (
+        "a layer denser than a cloud",
+        "deposition",
+        Set(&[
+            "grains.initial.deposition.layers=[{\"name\": \"a\", \"number\": 9000, \"grading\": {\"by_count\": [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \"to\": [0.024, 0.02, 0.06]}}]",
+        ]),
+        "grains.initial.deposition.layers[0].number",
+    ),
+    (
+        "a layer of an unknown material",
+        "deposition",
+        Set(&[
+            "grains.initial.deposition.layers=[{\"name\": \"a\", \"material\": \"mud\", \"number\": 9, \"grading\": {\"by_count\": [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \"to\": [0.024, 0.02, 0.06]}}]",
+        ]),
+        "grains.initial.deposition.layers[0].material",
+    ),
+    (
+        "a zone of grains without a place",
+        "deposition",
+        Set(&["grains.zones=[{\"name\": \"a\", \"material\": \"soil\"}]"]),
+        "grains.zones[0]",
+    ),
+    (
+        "a zone of grains of an unknown material",
+        "deposition",
+        Set(&[
+            "grains.zones=[{\"name\": \"a\", \"material\": \"mud\", \"region\": {\"layer\": {\"to\": 0.01}}}]",
+        ]),
+        "grains.zones[0].material",
+    ),
+    (
+        "a zone of grains outside the domain",
+        "deposition",
+        Set(&[
+            "grains.zones=[{\"name\": \"a\", \"material\": \"soil\", \"shape\": {\"sphere\": {\"centre\": [1, 1, 1], \"radius\": 0.1}}}]",
+        ]),
+        "grains.zones[0].shape",
+    ),
+    (
+        "a wall that is gone before it goes",
+        "deposition",
+        Set(&["walls[2].until=0.01"]),
+        "walls[2].until",
+    ),
+    (
+        "a wall that goes before it comes",
+        "deposition",
+        Set(&["walls[0].from=0.01", "walls[0].until=0.005"]),
+        "walls[0].until",
+    ),
+    (
+        "a wall until the start",
+        "deposition",
+        Set(&["walls[0].until=0"]),
+        "walls[0].until",
+    ),
+    (
         "seepage with bounce-back",
         "seepage",
         Set(&["coupling={\"bounce_back\": {}}"]),

@@ -139,3 +139,47 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
         done.stderr
     );
 }
+
+/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the gradient.
+#[test]
+fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "seepage",
+        &[
+            (
+                "fluid.darcy.zones",
+                r#"[{"name": "fines", "region": {"layer": {"from": 0.004, "to": 0.009}}, "permeability": {"factor": 0.2}, "porosity": 0.35},
+                    {"name": "lens", "region": {"box": {"from": [0.002, 0.003, 0.001], "to": [0.011, 0.012, 0.0113]}},
+                     "permeability": {"resistance": "ergun"}},
+                    {"name": "map", "raster": {"path": "map.csv"}, "region": {"layer": {"axis": "x", "from": 0.012}}, "without_grains": true}]"#,
+            ),
+            ("time.end", "0.003"),
+            ("checkpoint.every", "0.001"),
+        ],
+    );
+    let mut map = String::from("x,y,z,hydraulic_conductivity\n");
+    for n in 0..12 {
+        let [i, j, k] = [n % 2, n / 2 % 2, n / 4].map(f64::from);
+        let value = 1e-4 * (1.0 + i + 2.0 * j + 5.0 * k);
+        map += &format!("{},{},{},{value:e}\n", 0.01 * i, 0.013 * j, 0.01 * k);
+    }
+    std::fs::write(study.path("map.csv"), map).unwrap();
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    // Zones slow the water.
+    study.run("open", 1, 1, &["fluid.darcy.zones=[]"]);
+    let flow = |name: &str| study.summary(name)["seepage"]["inflow"].as_f64().unwrap();
+    assert!(flow("straight") < 0.9 * flow("open"));
+    for (name, ranks, threads, set) in [
+        ("two along x", 2, 2, &["domain.split=x"][..]),
+        ("four along z", 4, 1, &["domain.split=z"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=0.001"]);
+    study.restart("parts", 3, &["time.end=0.003"]).expect(0);
+    study.same("straight", "parts");
+}

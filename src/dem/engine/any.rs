@@ -45,6 +45,8 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn walls_mut(&mut self) -> &mut [Wall<S>];
     /// Takes the walls of these indices out of the way.
     fn open_walls(&mut self, walls: &[usize]);
+    /// Puts the walls of these indices back.
+    fn close_walls(&mut self, walls: &[usize]);
     /// The contacts this rank reports, the walls, and the steps done.
     fn save(&self) -> Contacts;
     /// Each contact this rank reports, with the numbers of its history.
@@ -124,7 +126,11 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     }
 
     fn open_walls(&mut self, walls: &[usize]) {
-        self.open_walls(walls);
+        self.swing_walls(walls, true);
+    }
+
+    fn close_walls(&mut self, walls: &[usize]) {
+        self.swing_walls(walls, false);
     }
 
     fn save(&self) -> Contacts {

@@ -201,12 +201,16 @@ impl Seconds {
 fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
     match source {
         GrainSource::Growth { .. } => GROWTH_STEPS,
-        GrainSource::Deposition {
-            block, deposition, ..
-        } => {
+        GrainSource::Deposition { clouds, deposition } => {
             let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
             let height = (0..scene.grid.dimension)
-                .map(|a| block.to[a] * scene.gravity[a].abs() / gravity.max(f64::MIN_POSITIVE))
+                .map(|a| {
+                    let top = clouds
+                        .iter()
+                        .map(|cloud| cloud.block.to[a])
+                        .fold(0.0, f64::max);
+                    top * scene.gravity[a].abs() / gravity.max(f64::MIN_POSITIVE)
+                })
                 .sum::<f64>();
             let fall = (2.0 * height / gravity).sqrt();
             let full = scene

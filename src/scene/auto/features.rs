@@ -7,7 +7,7 @@ use crate::case::boundary::Boundary;
 use crate::case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
 use crate::case::fluid::{BodyForce, Fluid, Initial, LatticeBoltzmann};
 use crate::case::geometry::Face;
-use crate::case::grains::{Grading, GrainSource};
+use crate::case::grains::GrainSource;
 use crate::case::observe::Action;
 use crate::case::solids::{Body, Shape};
 use crate::case::structures::Shape as Structure;
@@ -294,8 +294,12 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             radii.extend([low, high]);
         }
         Some(GrainSource::Deposition(rain)) => {
-            let (Grading::ByCount(classes) | Grading::ByMass(classes)) = &rain.grading;
-            radii.extend(classes.iter().flat_map(|class| [class.min, class.max]));
+            let (low, high) = rain.grading.bounds();
+            radii.extend([low, high]);
+            for layer in &rain.layers {
+                let (low, high) = layer.grading.bounds();
+                radii.extend([low, high]);
+            }
         }
         Some(GrainSource::File { path }) => {
             // A file that cannot be read is a finding of the grains.

@@ -67,8 +67,9 @@ fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
                 list.extend(each.map(|g| (path(), 2.0 * g.radius, g.material)));
             }
             _ => {
-                let largest = grains.radii.iter();
-                list.extend(largest.map(|(_, r)| (path(), 2.0 * r, grains.material)));
+                let largest = grains.radii.map(|(_, r)| 2.0 * r);
+                let kinds = grains.materials();
+                list.extend(kinds.filter_map(|material| Some((path(), largest?, material))));
             }
         }
     }

@@ -47,6 +47,8 @@ pub(super) fn of_structures(
             velocity: [0.0; 3],
             material,
             temporary: false,
+            from: None,
+            until: None,
             face: None,
             structure: Some(n),
         };

@@ -101,6 +101,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             for line in self.simulation.collapse.take_news() {
                 self.progress.note(&line);
             }
+            for line in self.simulation.gates.take_news() {
+                self.progress.note(&line);
+            }
             for line in self.simulation.guards.take_news() {
                 self.progress.note(&line);
             }

@@ -5,6 +5,7 @@ use super::super::collapse::CollapseRecorder;
 use super::super::coupled;
 use super::super::erosion::ErosionRecorder;
 use super::super::folder::RunFolder;
+use super::super::gates::Gates;
 use super::super::guards::Guards;
 use super::super::phases::Phases;
 use super::super::preparation;
@@ -107,6 +108,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
+        let mut gates = Gates::new(&plan);
         let (mut step, mut recorders, mut meters) = (0, None, None);
         let mut dem = None;
         let mut earlier: Option<Vec<f64>> = None;
@@ -163,10 +165,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 engine.restore(&contacts)?;
                 if let Some(walls) = &resumed.walls {
                     resume::drive_walls(&plan, &mut engine);
-                    resume::clear_of_new_walls(&plan, walls, &particles, &domain)?;
+                    let new = (&walls[..], &gates, step);
+                    resume::clear_of_new_walls(&plan, new, &particles, &domain)?;
                 }
                 if flowed {
                     engine.open_walls(&setup::temporary_walls(&plan));
+                    gates.restore(step, &mut engine);
                 }
                 engine.prepare(&mut particles, &domain)?;
                 notes["typical_radius"] = json!(radius);
@@ -354,6 +358,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     step,
                 },
                 removal,
+                gates,
                 recorder,
                 collapse,
                 outputs,

@@ -1,0 +1,145 @@
+//! Walls that come or go at a time, such as a gate that opens.
+//!
+//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that goes end, and the
+//! contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved: which walls there are follows from the step.
+
+use super::setup;
+use crate::dem::{Dem, Particles, Space};
+use crate::error::Error;
+use crate::plan::Plan;
+use decomposition::Domain;
+
+/// A wall that comes or goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Change {
+    step: u64,
+    wall: usize,
+    comes: bool,
+}
+
+/// The walls that come or go.
+#[derive(Debug, Default)]
+pub(super) struct Gates {
+    /// By rising step.
+    changes: Vec<Change>,
+    /// How many have been made.
+    made: usize,
+    news: Vec<String>,
+}
+
+impl Gates {
+    pub(super) fn new(plan: &Plan) -> Self {
+        let mut changes = Vec::new();
+        for (wall, written) in plan.scene.walls.iter().enumerate() {
+            let times = [(written.from, true), (written.until, false)];
+            changes.extend(times.into_iter().filter_map(|(time, comes)| {
+                let step = plan.clock.interval_to_steps(time?);
+                Some(Change { step, wall, comes })
+            }));
+        }
+        changes.sort_by_key(|change| (change.step, change.wall, !change.comes));
+        Self {
+            changes,
+            ..Self::default()
+        }
+    }
+
+    /// Puts the walls as they are after this many steps. A wall that waits for its time is open from the start.
+    pub(super) fn restore<S: Space>(&mut self, step: u64, dem: &mut Dem<S>) {
+        self.made = self.changes.partition_point(|change| change.step <= step);
+        for change in &self.changes[..self.made] {
+            move_wall(*change, dem);
+        }
+    }
+
+    /// The walls that are not there after this many steps.
+    pub(super) fn absent(&self, step: u64, wall: usize) -> bool {
+        let of_wall = || self.changes.iter().filter(|change| change.wall == wall);
+        let last = of_wall().rfind(|change| change.step <= step);
+        match last {
+            Some(change) => !change.comes,
+            None => of_wall().next().is_some_and(|change| change.comes),
+        }
+    }
+
+    /// Makes the changes of this step. Collective.
+    ///
+    /// # Errors
+    /// Where a wall comes through a grain; the same on all ranks.
+    #[inline]
+    pub(super) fn act<S: Space>(
+        &mut self,
+        (step, plan): (u64, &Plan),
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        while let Some(change) = self.changes.get(self.made).filter(|c| c.step <= step) {
+            let change = *change;
+            self.made += 1;
+            let name = &plan.scene.walls[change.wall].name;
+            if change.comes {
+                clear_of(plan, [change.wall], particles, domain).map_err(Error::Numerical)?;
+            }
+            move_wall(change, dem);
+            particles.forget_loads();
+            let verb = if change.comes { "comes" } else { "goes" };
+            let time = crate::number::real(step) * plan.clock.time_step;
+            self.news
+                .push(format!("wall `{name}` {verb} at {time:.6e} s, step {step}"));
+        }
+        Ok(())
+    }
+
+    /// What happened since the last call, one line each.
+    pub(super) fn take_news(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.news)
+    }
+}
+
+fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
+    if change.comes {
+        dem.close_walls(&[change.wall]);
+    } else {
+        dem.open_walls(&[change.wall]);
+    }
+}
+
+/// No grain may stand in these walls, which come now. Collective.
+///
+/// # Errors
+/// The wall and the grain, the same on all ranks.
+pub(super) fn clear_of<S: Space>(
+    plan: &Plan,
+    new: impl IntoIterator<Item = usize>,
+    particles: &Particles<S>,
+    domain: &Domain,
+) -> Result<(), String> {
+    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
+    const ALLOWED: f64 = 0.05;
+    let walls = setup::walls::<S>(plan);
+    let mut struck = None;
+    for n in new {
+        let (wall, written) = (&walls[n], &plan.scene.walls[n]);
+        for k in 0..particles.owned() {
+            let at = particles.location(k);
+            let distance = match &wall.surface {
+                None => wall.distance(&at),
+                Some(surface) => surface.clearance(&S::to_volume(&at)),
+            };
+            let radius = particles.body[k].radius;
+            if distance < (1.0 - ALLOWED) * radius {
+                struck.get_or_insert_with(|| {
+                    format!(
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
+                        written.name, particles.body[k].id, distance
+                    )
+                });
+            }
+        }
+    }
+    domain
+        .communicator()
+        .agree(struck.map_or(Ok(()), Err))
+        .map_err(|e| e.message)
+}

@@ -1,0 +1,74 @@
+//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time, and news in the log.
+
+use crate::ranks::{Study, beside_others};
+
+/// Clay on a floor that goes, above a shelf that comes while it falls and goes again.
+fn study() -> Study {
+    Study::of(
+        "deposition",
+        &[
+            ("walls[2].during", "always"),
+            ("walls[2].until", "0.004"),
+            (
+                "walls[3]",
+                r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.001], "to": [0.022, 0.021, 0.002]}},
+                    "material": "soil", "from": 0.003, "until": 0.02}"#,
+            ),
+            ("contact.contact_bond.tensile_strength", "0.001"),
+            ("contact.contact_bond.shear_strength", "0.001"),
+            ("time.end", "0.026"),
+            ("output.grains.every", "0.013"),
+            ("checkpoint", r#"{"every": 0.002}"#),
+        ],
+    )
+}
+
+#[test]
+fn walls_that_come_and_go_keep_the_bits() {
+    let _beside = beside_others();
+    let study = study();
+    let done = study.run("straight", 1, 1, &[]);
+    let told = done.stdout + &done.stderr;
+    for news in [
+        "wall `floor` goes at",
+        "wall `shelf` comes at",
+        "wall `shelf` goes at",
+    ] {
+        assert!(told.contains(news), "{news}: {told}");
+    }
+    for (name, ranks, threads, set) in [
+        ("two with threads", 2, 2, &[][..]),
+        ("three along x", 3, 1, &["domain.split=x"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+    }
+    // Before the floor goes, between, and after the shelf has gone.
+    study.run("parts", 2, 1, &["time.end=0.002"]);
+    study.restart("parts", 1, &["time.end=0.012"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.022"]).expect(0);
+    study.restart("parts", 1, &["time.end=0.026"]).expect(0);
+    study.same("straight", "parts");
+    // Each of the walls acts.
+    for (name, set) in [
+        ("held", "walls[2].until=null"),
+        ("no shelf", "walls[3].until=0.0031"),
+    ] {
+        study.run(name, 1, 1, &[set]);
+        assert_ne!(study.hash("straight"), study.hash(name), "{name}");
+    }
+}
+
+#[test]
+fn a_wall_that_comes_through_a_grain_ends_the_run() {
+    let _beside = beside_others();
+    let study = study();
+    let shelf =
+        r#"walls[3].shape={"box": {"from": [0.002, -0.001, 0.006], "to": [0.022, 0.021, 0.007]}}"#;
+    let done = crate::ranks::run(2, &study.arguments("cut", 1, &[shelf])).expect(4);
+    assert!(
+        done.stderr.contains("the new wall `shelf` cuts into"),
+        "{}",
+        done.stderr
+    );
+}
