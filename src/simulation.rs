@@ -11,6 +11,7 @@ pub mod erosion;
 mod escape;
 pub mod folder;
 pub mod guards;
+mod means;
 pub mod phases;
 pub mod preparation;
 pub mod progress;

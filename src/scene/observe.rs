@@ -1,5 +1,7 @@
 //! Regions, probes, outputs and analysis of a scene.
 
+mod bed;
+
 use super::block::Block;
 use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
@@ -13,6 +15,7 @@ use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
 use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
 use crate::error::Remedy;
+pub use bed::Bed;
 use serde::Serialize;
 
 /// A box in which something happens to grains.
@@ -100,6 +103,8 @@ pub enum ProbeAt {
     },
     /// Force on a face.
     Wall(Face),
+    /// A bed of grains.
+    Bed(Box<Bed>),
 }
 
 /// Erosion law analysis.
@@ -349,6 +354,12 @@ pub(crate) fn probes(
                 }
                 ProbeAt::Wall(*face)
             }
+            WrittenAt::Bed(written) => {
+                match bed::resolve(case, grid, written, &format!("{path}.at.bed"), findings) {
+                    Some(bed) => ProbeAt::Bed(Box::new(bed)),
+                    None => continue,
+                }
+            }
         };
         probes.push(Probe {
             name: probe.name.clone(),
@@ -496,6 +507,20 @@ pub(crate) fn erosion_law(
             &format!("{path}.flow_axis"),
             "there is no z in a 2-D problem",
             "use x or y",
+        );
+    }
+    // A hole has two faces; a stream above a bed has one.
+    let across = usize::from(flow_axis == 0);
+    if flow_axis < grid.dimension
+        && (hole.from[across] < grid.spacing || hole.to[across] > grid.size[across] - grid.spacing)
+    {
+        findings.error(
+            &format!("{path}.hole"),
+            format!(
+                "the hole reaches the face of the domain across the flow, along {}, so that it does not have two faces of grains and its width and shear stress are not defined",
+                ["x", "y"][across]
+            ),
+            "leave grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
         );
     }
     for (what, there) in [
