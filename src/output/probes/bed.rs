@@ -16,15 +16,16 @@
 //!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient between the first and the last
 //!   plane of cells of the part (L' apart; none where the stream is periodic over the whole part), and T the force on the top and on the sides by
 //!   sigma_xy - rho u v and sigma_xz - rho u w, extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is
-//!   tau = rho g h_w sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the drag on grains
-//!   that move above y = h, and on anything else that stands in the stream there.
-//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous and resolved stress, is a straight line in a
-//!   uniform stream. A line by least squares gives its value at y = h. The planes are those from the top down to the last one without a
-//!   solid, less the one next to it; with fewer than three the value is NaN.
+//!   tau = rho g h_w sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the drag
+//!   on grains that move above y = h, and on anything else that stands in the stream there.
+//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous and resolved stress, is a
+//!   straight line in a uniform stream without side walls. A line by least squares gives its value at y = h. The planes are those from the
+//!   top down to the last one without a solid, less the one next to it. The value is NaN with fewer than three planes, and between side walls
+//!   that do not slip.
 //! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the bed and the mean density
 //!   rho_s of the grains.
-//! - **Bedload** per width: q = sum over the grains with their centre above A of V u / A, with V u b = volume times velocity along the
-//!   stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g d^3).
+//! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of a grain (2-D: area) and u its
+//!   velocity along the stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g d^3).
 //!
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
@@ -44,8 +45,8 @@ use decomposition::{ExactSum, Fixed};
 const COLUMN: f64 = 2.0;
 /// Planes of cells of which a line is drawn, at least.
 const FEWEST: usize = 3;
-/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream, and stress on the outer and the inner plane
-/// at the lower and the upper side.
+/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream, and stress on the outer
+/// and the inner plane at the lower and the upper side.
 const SUMS: usize = 8;
 /// Counts of a plane of cells: water in all of it and at both ends.
 const COUNTS: usize = 3;
@@ -410,6 +411,7 @@ impl Stream {
         if !slips(scene, across, true) && rows > 1 {
             force += 1.5 * planes.sum(rows - 1, 1) - 0.5 * planes.sum(rows - 2, 1);
         }
+        let mut walled = false;
         if aside < grid.dimension && !whole(aside) {
             for upper in [false, true] {
                 let edge = bed.cells[aside][usize::from(upper)];
@@ -421,6 +423,7 @@ impl Stream {
                 } else if slips(scene, aside, upper) {
                     0.0
                 } else {
+                    walled = true;
                     1.5 * outer - 0.5 * total(&|row| planes.sum(row, side + 1))
                 };
                 force += if upper { traction } else { -traction };
@@ -429,7 +432,11 @@ impl Stream {
         Self {
             velocity: total(&|row| planes.sum(row, 0)) / volume,
             balance: force / planes.cells,
-            profile: profile(&planes, rows, height - real(bottom)),
+            profile: if walled {
+                f64::NAN
+            } else {
+                profile(&planes, rows, height - real(bottom))
+            },
         }
     }
 }
