@@ -135,6 +135,20 @@ pub enum ProbeAt {
     /// A bed of grains under a stream on a lattice: surface, scour, shear stress, Shields number and bedload. `summary.json` and the table at the
     /// end have the means over time.
     Bed(Bed),
+    /// Grains in a box: number, solid fraction, coordination number, mean stress (compression positive) and d50, also of the grains that
+    /// regions removed. `summary.json` and the table at the end have the means over time.
+    Grains(Fabric),
+}
+
+/// Grains in a box. A grain counts if its centre lies in the box.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Fabric {
+    /// The box [m]. The stress is a mean over all of it, pores included. Default: the whole domain.
+    pub part: Option<Extent>,
+    /// Start of the means over time [s]. Default: half of `time.end`.
+    #[schemars(extend("minimum" = 0))]
+    pub mean_from: Option<f64>,
 }
 
 /// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed lies there.

@@ -12,13 +12,15 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
+//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
 //! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
-//! cells whose centre is in the fluid count. **Faces**: see [`wall`]. **Beds**: see [`bed`].
+//! cells whose centre is in the fluid count. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
+mod fabric;
 mod points;
 mod seepage;
 mod wall;
@@ -34,10 +36,11 @@ use crate::lbm::links::Load;
 use crate::number::real;
 use crate::output::view::View;
 use crate::plan::Plan;
-use crate::scene::observe::ProbeAt;
+use crate::scene::observe::{Action, ProbeAt};
 use crate::units::LatticeUnits;
 use bed::Bed;
 use decomposition::{Domain, ExactSum};
+use fabric::Fabric;
 use io::Table;
 use points::{Points, along, clamped};
 use seepage::Section;
@@ -74,6 +77,7 @@ enum At {
     Section(Section),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
+    Grains(Box<Fabric>),
 }
 
 /// A column and its unit.
@@ -98,7 +102,7 @@ impl Probe {
         let probes = plan.scene.probes.iter();
         probes
             .map(|probe| {
-                let mut at = At::new(plan, &probe.at, domain, resumed_at)?;
+                let mut at = At::new(plan, &probe.at, folder, domain, resumed_at)?;
                 let headings = at.headings(plan.scene.grid.dimension);
                 let path = folder.join(format!("probe_{}.csv", probe.name));
                 let every = Some(plan.clock.every(probe.every));
@@ -206,6 +210,7 @@ impl At {
     fn new(
         plan: &Plan,
         at: &ProbeAt,
+        folder: &Path,
         domain: &Domain,
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
@@ -243,6 +248,14 @@ impl At {
                     resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0)),
                 )))
             }
+            ProbeAt::Grains { part, .. } => {
+                let removes = |action: &Action| matches!(action, Action::Remove { .. });
+                let removes = scene.regions.iter().any(|region| removes(&region.action));
+                Self::Grains(Box::new(Fabric::new(
+                    *part,
+                    removes.then(|| folder.join("removed.csv")),
+                )))
+            }
             ProbeAt::Bed(bed) => Self::Bed(Box::new(Bed::new(bed))),
         })
     }
@@ -273,6 +286,7 @@ impl At {
         let mut headings = vec![TIME];
         match self {
             Self::Bed(_) => return bed::HEADINGS.to_vec(),
+            Self::Grains(_) => return fabric::HEADINGS.to_vec(),
             Self::Point(_) => {
                 headings.extend(VELOCITY);
                 headings.push(("pressure", "Pa"));
@@ -392,6 +406,10 @@ impl At {
             }
             Self::Body(id) => {
                 let values = body(view, *id)?;
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Grains(grains) => {
+                let values = grains.sample(view);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Bed(bed) => {

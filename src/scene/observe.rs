@@ -14,6 +14,7 @@ use crate::case::fluid::Fluid;
 use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
 use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
+use crate::dem::contact::Contact;
 use crate::error::Remedy;
 pub use bed::Bed;
 use serde::Serialize;
@@ -105,6 +106,13 @@ pub enum ProbeAt {
     Wall(Face),
     /// A bed of grains.
     Bed(Box<Bed>),
+    /// Grains in a box.
+    Grains {
+        /// The box.
+        part: Block,
+        /// Start of the means over time \[s\].
+        mean_from: f64,
+    },
 }
 
 /// Erosion law analysis.
@@ -212,7 +220,7 @@ pub(crate) fn probes(
             }
             point
         };
-        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. });
+        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. } | WrittenAt::Grains { .. });
         if needs_fluid && case.fluid.is_none() {
             findings.error(
                 &format!("{path}.at"),
@@ -354,8 +362,37 @@ pub(crate) fn probes(
                 }
                 ProbeAt::Wall(*face)
             }
+            WrittenAt::Grains(written) => {
+                let path = format!("{path}.at.grains");
+                if case.grains.is_none() {
+                    findings.error(
+                        &path,
+                        "there are no grains in this case",
+                        "add `grains`, or remove the probe",
+                    );
+                }
+                if matches!(case.contact, Some(Contact::Blocks(_))) {
+                    findings.error(
+                        &path,
+                        "the law `blocks` has contacts over areas, of which the stress of single forces and the number of contacts say nothing",
+                        "use another law, or remove the probe",
+                    );
+                }
+                ProbeAt::Grains {
+                    part: match &written.part {
+                        Some(part) => Block::resolve(grid, part, &format!("{path}.part"), findings),
+                        None => Block {
+                            from: [0.0; 3],
+                            to: grid.size,
+                            dimension: grid.dimension,
+                        },
+                    },
+                    mean_from: means(case, written.mean_from, &path, findings),
+                }
+            }
             WrittenAt::Bed(written) => {
-                match bed::resolve(case, grid, written, &format!("{path}.at.bed"), findings) {
+                let path = format!("{path}.at.bed");
+                match bed::resolve(case, grid, written, &path, findings) {
                     Some(bed) => ProbeAt::Bed(Box::new(bed)),
                     None => continue,
                 }
@@ -368,6 +405,20 @@ pub(crate) fn probes(
         });
     }
     probes
+}
+
+/// Start of the means over time of a probe \[s\].
+fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
+    let end = case.time.end;
+    if from.is_some_and(|from| from >= end) {
+        findings.error(
+            &format!("{path}.mean_from"),
+            format!("the run ends at {} s, before the means begin", number(end)),
+            Remedy::from(format!("use less than {end}"))
+                .set(format!("{path}.mean_from"), 0.5 * end),
+        );
+    }
+    from.unwrap_or(0.5 * end)
 }
 
 /// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.

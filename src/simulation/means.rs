@@ -1,4 +1,4 @@
-//! Means over time of the probes that state a window for them: beds of grains.
+//! Means over time of the probes that state a window for them: beds and grains.
 //!
 //! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
 
@@ -41,17 +41,15 @@ pub(super) struct Mean {
 pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     let mut all = Vec::new();
     for probe in &plan.scene.probes {
-        let ProbeAt::Bed(bed) = &probe.at else {
-            continue;
+        let from = match &probe.at {
+            ProbeAt::Bed(bed) => bed.mean_from,
+            ProbeAt::Grains { mean_from, .. } => *mean_from,
+            _ => continue,
         };
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
             // A sample may lie half a step beside its time.
-            Ok(rows) => all.extend(of(
-                &probe.name,
-                &rows,
-                bed.mean_from - 0.5 * plan.clock.time_step,
-            )),
+            Ok(rows) => all.extend(of(&probe.name, &rows, from - 0.5 * plan.clock.time_step)),
             Err(error) => log::warn!("its means are not known: {error}"),
         }
     }

@@ -129,18 +129,6 @@ pub(super) fn resolve(
         );
         return None;
     }
-    let mean_from = written.mean_from.unwrap_or(0.5 * case.time.end);
-    if written.mean_from.is_some() && mean_from >= case.time.end {
-        findings.error(
-            &format!("{path}.mean_from"),
-            format!(
-                "the run ends at {} s, before the means begin",
-                number(case.time.end)
-            ),
-            Remedy::from(format!("use less than {}", case.time.end))
-                .set(format!("{path}.mean_from"), 0.5 * case.time.end),
-        );
-    }
     let height = |level: f64| (0.0..=grid.size[normal]).contains(&level);
     if written.level.is_some_and(|level| !height(level)) {
         findings.error(
@@ -160,6 +148,6 @@ pub(super) fn resolve(
         threshold: (written.threshold).unwrap_or(if grid.dimension == 2 { 0.4 } else { 0.3 }),
         diameter: written.diameter,
         level: written.level,
-        mean_from,
+        mean_from: super::means(case, written.mean_from, path, findings),
     })
 }
