@@ -151,7 +151,8 @@ pub struct Fabric {
     pub mean_from: Option<f64>,
 }
 
-/// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed lies there.
+/// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed lies there. The shear stress by
+/// the balance of forces, and the Shields number of it, hold where the stream is steady in the mean: choose `mean_from` so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bed {
