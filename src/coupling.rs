@@ -96,6 +96,10 @@ pub trait FluidView {
     }
     /// Deviatoric viscous stress of a cell.
     fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3];
+    /// Body force of the last step.
+    fn force(&self) -> [f64; 3] {
+        [0.0; 3]
+    }
     /// Viscosity of eddies smaller than a cell; 0 without turbulence.
     fn eddy_viscosity(&self, _cell: [usize; 3]) -> f64 {
         0.0

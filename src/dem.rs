@@ -142,6 +142,8 @@ pub struct Contact<S: Space> {
     pub position: S::Vector,
     /// Force of the normal spring \[N\], positive in compression.
     pub normal_force: f64,
+    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is involved.
+    pub shear_force: S::Vector,
     /// Whether it is bonded.
     pub bonded: bool,
 }

@@ -13,6 +13,7 @@ mod escape;
 pub mod folder;
 mod gates;
 pub mod guards;
+mod means;
 pub mod phases;
 pub mod preparation;
 pub mod progress;

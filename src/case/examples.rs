@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 19] = [
+pub const EXAMPLES: [Example; 20] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -87,6 +87,11 @@ pub const EXAMPLES: [Example; 19] = [
         name: "dry-incline",
         summary: "two blocks on an incline: one sticks, one slides with the exact acceleration",
         text: include_str!("examples/dry-incline.json"),
+    },
+    Example {
+        name: "flume",
+        summary: "a bed of discs under a laminar stream: shear stress, Shields number and bedload",
+        text: include_str!("examples/flume.json"),
     },
     Example {
         name: "scour",

@@ -132,6 +132,53 @@ pub enum ProbeAt {
         /// The face.
         face: Face,
     },
+    /// A bed of grains under a stream on a lattice: surface, scour, shear stress, Shields number and bedload. `summary.json` and the table at the
+    /// end have the means over time.
+    Bed(Bed),
+    /// Grains in a box: number, solid fraction, coordination number, mean stress (compression positive) and d50, also of the grains that
+    /// regions removed. `summary.json` and the table at the end have the means over time.
+    Grains(Fabric),
+}
+
+/// Grains in a box. A grain counts if its centre lies in the box.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Fabric {
+    /// The box [m]. The stress is a mean over all of it, pores included. Default: the whole domain.
+    pub part: Option<Extent>,
+    /// Start of the means over time [s]. Default: half of `time.end`.
+    #[schemars(extend("minimum" = 0))]
+    pub mean_from: Option<f64>,
+}
+
+/// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed lies there. The shear stress by
+/// the balance of forces, and the Shields number of it, hold where the stream is steady in the mean: choose `mean_from` so.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Bed {
+    /// Axis of the stream.
+    #[serde(default = "along_x")]
+    pub flow_axis: Axis,
+    /// Part of the domain that is measured [m]. Vertically, the surface of the bed is looked for within it; the stream above the bed is
+    /// measured up to the top of the domain. Default: the whole domain.
+    #[serde(default)]
+    pub part: Option<Extent>,
+    /// Solid fraction at the surface of the bed, of a mean over two diameters along the bed and one across it [1]. Solids are grains, bodies
+    /// and structures. Default: 0.4 in 2-D and 0.3 in 3-D, half of that inside a bed.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+    pub threshold: Option<f64>,
+    /// Diameter of the Shields number and of the dimensionless flux [m]. Default: the median d50 by volume of the grains present.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub diameter: Option<f64>,
+    /// Height from which scour is measured [m]. Default: the mean height of the bed surface in the first sample.
+    #[serde(default)]
+    pub level: Option<f64>,
+    /// Start of the means over time [s]. Default: half of `time.end`.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
+    pub mean_from: Option<f64>,
 }
 
 /// Output fields and their intervals. Only the fields named here are written.

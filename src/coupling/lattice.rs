@@ -67,6 +67,9 @@ macro_rules! view_of_lattice {
             self.fluid
                 .stress(self.fluid.populations().interior_cell(cell))
         }
+        fn force(&self) -> [f64; 3] {
+            self.fluid.last_force()
+        }
         fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
             let cell = self.fluid.populations().interior_cell(cell);
             self.fluid.eddy_viscosity(cell)

@@ -142,6 +142,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
+    /// Force of the shear spring \[N\] on the second partner.
+    fn shear_spring(history: &Self::History) -> S::Tangent;
     /// Normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap, those at the deepest one
     /// that is expected.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];

@@ -12,11 +12,15 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
+//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
+//! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
 //! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
-//! cells whose centre is in the fluid count. **Faces**: see [`wall`].
+//! cells whose centre is in the fluid count. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
+mod bed;
+mod fabric;
 mod points;
 mod seepage;
 mod wall;
@@ -32,9 +36,11 @@ use crate::lbm::links::Load;
 use crate::number::real;
 use crate::output::view::View;
 use crate::plan::Plan;
-use crate::scene::observe::ProbeAt;
+use crate::scene::observe::{Action, ProbeAt};
 use crate::units::LatticeUnits;
+use bed::Bed;
 use decomposition::{Domain, ExactSum};
+use fabric::Fabric;
 use io::Table;
 use points::{Points, along, clamped};
 use seepage::Section;
@@ -70,6 +76,8 @@ enum At {
     Pores([f64; 3]),
     Section(Section),
     Wall(Box<Wall>),
+    Bed(Box<Bed>),
+    Grains(Box<Fabric>),
 }
 
 /// A column and its unit.
@@ -94,7 +102,7 @@ impl Probe {
         let probes = plan.scene.probes.iter();
         probes
             .map(|probe| {
-                let at = At::new(plan, &probe.at, domain, resumed_at)?;
+                let mut at = At::new(plan, &probe.at, folder, domain, resumed_at)?;
                 let headings = at.headings(plan.scene.grid.dimension);
                 let path = folder.join(format!("probe_{}.csv", probe.name));
                 let every = Some(plan.clock.every(probe.every));
@@ -103,6 +111,9 @@ impl Probe {
                 let written = group.on_root(|| {
                     let (opened, written) = open(&path, &headings, resumed_at, at.rows() as u64)?;
                     table = Some(opened);
+                    if resumed_at.is_some() {
+                        at.remember(&path)?;
+                    }
                     Ok(written)
                 })?;
                 let schedule = match resumed_at {
@@ -199,6 +210,7 @@ impl At {
     fn new(
         plan: &Plan,
         at: &ProbeAt,
+        folder: &Path,
         domain: &Domain,
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
@@ -236,7 +248,28 @@ impl At {
                     resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0)),
                 )))
             }
+            ProbeAt::Grains { part, .. } => {
+                let removes = |action: &Action| matches!(action, Action::Remove { .. });
+                let removes = scene.regions.iter().any(|region| removes(&region.action));
+                Self::Grains(Box::new(Fabric::new(
+                    *part,
+                    removes.then(|| folder.join("removed.csv")),
+                )))
+            }
+            ProbeAt::Bed(bed) => Self::Bed(Box::new(Bed::new(bed))),
         })
+    }
+
+    /// Takes from the rows of an earlier part of the run what later rows depend on.
+    fn remember(&mut self, path: &Path) -> io::Result<()> {
+        if let Self::Bed(bed) = self
+            && bed.level.is_none()
+        {
+            let rows = io::table::read(path)?;
+            let surfaces = rows.column("surface_height").unwrap_or_default();
+            bed.level = surfaces.into_iter().find(|height| height.is_finite());
+        }
+        Ok(())
     }
 
     /// Rows of one sample.
@@ -252,6 +285,8 @@ impl At {
         let (force, torque) = (force_unit(dimension), torque_unit(dimension));
         let mut headings = vec![TIME];
         match self {
+            Self::Bed(_) => return bed::HEADINGS.to_vec(),
+            Self::Grains(_) => return fabric::HEADINGS.to_vec(),
             Self::Point(_) => {
                 headings.extend(VELOCITY);
                 headings.push(("pressure", "Pa"));
@@ -328,7 +363,7 @@ impl At {
 
     /// Appends this step's values to the rows, which hold the time, on rank 0; whether there is anything to sample.
     /// Collective.
-    fn sample<S: Space>(&self, view: &View<S>, rows: &mut [Vec<f64>]) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &View<S>, rows: &mut [Vec<f64>]) -> Result<bool, Error> {
         match self {
             Self::Point(points) => {
                 let samples = points.sample(fluid(view)?, view.domain)?;
@@ -371,6 +406,14 @@ impl At {
             }
             Self::Body(id) => {
                 let values = body(view, *id)?;
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Grains(grains) => {
+                let values = grains.sample(view);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Bed(bed) => {
+                let values = bed.sample(view)?;
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Wall(wall) => {

@@ -9,6 +9,7 @@ use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
+use crate::scene::observe::ProbeAt;
 use serde::Serialize;
 
 /// A model and its reason.
@@ -240,6 +241,23 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             );
         }
         _ => choose("contact law", "none".into(), "nothing moves freely".into()),
+    }
+    for probe in &scene.probes {
+        if let ProbeAt::Bed(bed) = &probe.at {
+            let [along, across, _] = bed.axes.map(|axis| ["x", "y", "z"][axis]);
+            choose(
+                "bed",
+                format!(
+                    "probe `{}`: stream along {along}, bed across {across}",
+                    probe.name
+                ),
+                format!(
+                    "surface at a solid fraction of {}, means from {} s on",
+                    number(bed.threshold),
+                    number(bed.mean_from)
+                ),
+            );
+        }
     }
     choose(
         "slabs",

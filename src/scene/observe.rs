@@ -1,5 +1,7 @@
 //! Regions, probes, outputs and analysis of a scene.
 
+mod bed;
+
 use super::block::Block;
 use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
@@ -12,7 +14,9 @@ use crate::case::fluid::Fluid;
 use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
 use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
+use crate::dem::contact::Contact;
 use crate::error::Remedy;
+pub use bed::Bed;
 use serde::Serialize;
 
 /// A box in which something happens to grains.
@@ -100,6 +104,15 @@ pub enum ProbeAt {
     },
     /// Force on a face.
     Wall(Face),
+    /// A bed of grains.
+    Bed(Box<Bed>),
+    /// Grains in a box.
+    Grains {
+        /// The box.
+        part: Block,
+        /// Start of the means over time \[s\].
+        mean_from: f64,
+    },
 }
 
 /// Erosion law analysis.
@@ -207,7 +220,7 @@ pub(crate) fn probes(
             }
             point
         };
-        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. });
+        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. } | WrittenAt::Grains { .. });
         if needs_fluid && case.fluid.is_none() {
             findings.error(
                 &format!("{path}.at"),
@@ -349,6 +362,41 @@ pub(crate) fn probes(
                 }
                 ProbeAt::Wall(*face)
             }
+            WrittenAt::Grains(written) => {
+                let path = format!("{path}.at.grains");
+                if case.grains.is_none() {
+                    findings.error(
+                        &path,
+                        "there are no grains in this case",
+                        "add `grains`, or remove the probe",
+                    );
+                }
+                if matches!(case.contact, Some(Contact::Blocks(_))) {
+                    findings.error(
+                        &path,
+                        "the law `blocks` has contacts over areas, of which the stress of single forces and the number of contacts say nothing",
+                        "use another law, or remove the probe",
+                    );
+                }
+                ProbeAt::Grains {
+                    part: match &written.part {
+                        Some(part) => Block::resolve(grid, part, &format!("{path}.part"), findings),
+                        None => Block {
+                            from: [0.0; 3],
+                            to: grid.size,
+                            dimension: grid.dimension,
+                        },
+                    },
+                    mean_from: means(case, written.mean_from, &path, findings),
+                }
+            }
+            WrittenAt::Bed(written) => {
+                let path = format!("{path}.at.bed");
+                match bed::resolve(case, grid, written, &path, findings) {
+                    Some(bed) => ProbeAt::Bed(Box::new(bed)),
+                    None => continue,
+                }
+            }
         };
         probes.push(Probe {
             name: probe.name.clone(),
@@ -357,6 +405,20 @@ pub(crate) fn probes(
         });
     }
     probes
+}
+
+/// Start of the means over time of a probe \[s\].
+fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
+    let end = case.time.end;
+    if from.is_some_and(|from| from >= end) {
+        findings.error(
+            &format!("{path}.mean_from"),
+            format!("the run ends at {} s, before the means begin", number(end)),
+            Remedy::from(format!("use less than {end}"))
+                .set(format!("{path}.mean_from"), 0.5 * end),
+        );
+    }
+    from.unwrap_or(0.5 * end)
 }
 
 /// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
@@ -496,6 +558,20 @@ pub(crate) fn erosion_law(
             &format!("{path}.flow_axis"),
             "there is no z in a 2-D problem",
             "use x or y",
+        );
+    }
+    // A hole has two faces; a stream above a bed has one.
+    let across = usize::from(flow_axis == 0);
+    if flow_axis < grid.dimension
+        && (hole.from[across] < grid.spacing || hole.to[across] > grid.size[across] - grid.spacing)
+    {
+        findings.error(
+            &format!("{path}.hole"),
+            format!(
+                "the hole reaches the face of the domain across the flow, along {}, so that it does not have two faces of grains and its width and shear stress are not defined",
+                ["x", "y"][across]
+            ),
+            "leave grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
         );
     }
     for (what, there) in [

@@ -63,6 +63,8 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
         ],
         // Seepage is in equilibrium in every step.
         ProbeAt::Section { .. } => Vec::new(),
+        // Grains fluctuate; the means over their own window are in the summary.
+        ProbeAt::Bed(_) | ProbeAt::Grains { .. } => Vec::new(),
         ProbeAt::Body(_) | ProbeAt::Structure(_) => vec![(
             "fluid_force",
             &["fluid_force_x", "fluid_force_y", "fluid_force_z"],

@@ -32,6 +32,16 @@ EXAMPLES = {
     "first-flow": (1, _fluid(0.02)),
     "fissure-clay": (1, _fluid(0.0006, **{"output.grains.every": 0.0003, "output.contacts.every": 0.0003})),
     "fissure-sand": (1, _fluid(0.0006, **{"output.grains.every": 0.0003, "output.contacts.every": 0.0003})),
+    "flume": (
+        1,
+        {
+            "time.end": 0.002,
+            "probes[0]": '{"name": "bed", "every": 0.001, "at": {"bed": {}}}',
+            "grains.initial.deposition.stop.at_most_steps": 2000,
+            "output.fluid.every": 0.001,
+            "output.grains.every": 0.001,
+        },
+    ),
     "incline": (1, _fluid(0.005, **{"time.warm_up": "null", "output.blocks.every": 0.0025})),
     "piping": (
         2,

@@ -9,6 +9,7 @@
 
 mod architecture;
 mod automatic;
+mod bed;
 mod borders;
 mod broken_on_ranks;
 mod case_broken;

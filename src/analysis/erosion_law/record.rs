@@ -98,8 +98,9 @@ pub struct ErosionRecord {
     step: u64 = "step",
     /// Time since the flow was started, s.
     time: f64 = "time [s]",
-    /// Mass that left through the outlet so far, M_e, kg/m.
-    eroded_mass: f64 = "eroded_mass [kg/m]",
+    /// Mass that left through the outlet so far, M_e, kg; in 2-D kg/m. Earlier versions named the column `eroded_mass [kg/m]`.
+    #[serde(alias = "eroded_mass [kg/m]")]
+    eroded_mass: f64 = "eroded_mass [kg; 2-D kg/m]",
     /// M_e / M_0, M_0 the mass of the grains at the start of the flow.
     eroded_fraction: f64 = "eroded_fraction [1]",
     /// Grains that left through the outlet so far.
@@ -234,9 +235,9 @@ pub struct ErosionSummary {
     pub pressure_difference: f64,
     /// Time at which a ramp of the pressure ends, s; 0 without a ramp.
     pub ramp_end: f64,
-    /// Mass of the grains at the start of the flow, M_0, kg/m.
+    /// Mass of the grains at the start of the flow, M_0, kg; in 2-D kg/m.
     pub initial_mass: f64,
-    /// Mass that left through the outlet, kg/m.
+    /// Mass that left through the outlet, kg; in 2-D kg/m.
     pub eroded_mass: f64,
     /// Initial hole width d_h, m.
     pub hole_width: f64,
@@ -265,7 +266,10 @@ fn unknown() -> f64 {
 const ADDED: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
 
 /// Columns that earlier versions wrote under another name: that name and the present one.
-const RENAMED: [(&str, &str); 1] = [("mach [1]", "lattice_velocity [1]")];
+const RENAMED: [(&str, &str); 2] = [
+    ("mach [1]", "lattice_velocity [1]"),
+    ("eroded_mass [kg/m]", "eroded_mass [kg; 2-D kg/m]"),
+];
 
 /// Reads a CSV file whose first line is the header of the row. Column names of earlier versions are accepted.
 ///

@@ -442,6 +442,10 @@ impl<S: Space> ContactLaw<S> for Blocks {
         constants.law.stiffness(area)[0] * overlap
     }
 
+    fn shear_spring(history: &History) -> S::Tangent {
+        out_of_space(&history.spring())
+    }
+
     /// Over the section of the sphere: no patch of what is inside it is larger.
     fn stiffness(constants: &Constants) -> [f64; 2] {
         let radius = constants.scale.radius;

@@ -340,6 +340,10 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             .fold(0.0, f64::max)
     }
 
+    fn shear_spring(history: &History<S>) -> S::Tangent {
+        history.shear
+    }
+
     fn stiffness(c: &Constants) -> [f64; 2] {
         [c.normal, c.shear]
     }

@@ -513,6 +513,10 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
 
     /// Tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
     /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
+    fn shear_spring(history: &History<S>) -> S::Tangent {
+        history.shear
+    }
+
     fn stiffness(c: &Constants) -> [f64; 2] {
         let mass = c.scale.mass * c.scale.mass / c.scale.radius;
         let overlap = deepest(mass, c.normal, c.impact_speed);

@@ -352,6 +352,10 @@ impl<S: Space> ContactLaw<S> for Linear {
         c.slide(&mut history.shear, kinematics)
     }
 
+    fn shear_spring(history: &History<S>) -> S::Tangent {
+        history.shear
+    }
+
     fn stiffness(c: &Constants) -> [f64; 2] {
         [c.normal, c.shear]
     }

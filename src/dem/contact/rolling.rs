@@ -223,6 +223,10 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         L::normal_spring(&c.law, &history.law, overlap)
     }
 
+    fn shear_spring(history: &Self::History) -> S::Tangent {
+        L::shear_spring(&history.law)
+    }
+
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         self.law.widest_opening(diameters)
     }

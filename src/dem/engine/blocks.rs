@@ -304,6 +304,7 @@ impl<S: Space> Bodies<S> for Blocks {
             normal: S::from_volume(&normal),
             position: particles.location(first) + S::from_volume(&arm),
             normal_force: engine.rows.at(pair.row).stiffness(touch.area)[0] * touch.depth,
+            shear_force: S::Vector::default(),
             bonded: false,
         })
     }
@@ -328,6 +329,7 @@ impl<S: Space> Bodies<S> for Blocks {
             normal: wall.normal,
             position: particles.location(k) + S::from_volume(&touch.arm),
             normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
+            shear_force: S::Vector::default(),
             bonded: false,
         })
     }
@@ -358,6 +360,7 @@ impl<S: Space> Bodies<S> for Blocks {
                     normal: S::from_volume(&-touch.normal),
                     position: particles.location(k) + S::from_volume(&touch.arm),
                     normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
+                    shear_force: S::Vector::default(),
                     bonded: false,
                 });
             }

@@ -40,6 +40,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             normal,
             position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
             normal_force: L::normal_spring(&constants, &pair.history, overlap),
+            shear_force: S::embed(&L::shear_spring(&pair.history), &normal),
             bonded,
         })
     }
@@ -65,6 +66,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             normal: wall.normal,
             position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
             normal_force: L::normal_spring(&pair.constants, &pair.history, overlap),
+            shear_force: S::embed(&L::shear_spring(&pair.history), &wall.normal),
             bonded,
         })
     }
@@ -122,6 +124,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     normal,
                     position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
                     normal_force: L::normal_spring(&pair.constants, &history, overlap),
+                    shear_force: S::embed(&L::shear_spring(&history), &normal),
                     bonded,
                 });
             }

@@ -3,6 +3,7 @@
 use super::super::agreement;
 use super::super::blocks;
 use super::super::energy;
+use super::super::means;
 use super::super::progress::clock;
 use super::super::settled;
 use super::super::versions::versions;
@@ -100,13 +101,17 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             });
         }
         // The first rank alone has the files of the probes, and alone speaks of them.
-        let settled = if communicator.rank() == 0 {
+        let (settled, means) = if communicator.rank() == 0 {
             let (plan, time) = (&simulation.now.plan, simulation.now.time());
-            settled::read(plan, self.folder.path(), time)
+            let folder = self.folder.path();
+            (settled::read(plan, folder, time), means::read(plan, folder))
         } else {
-            Vec::new()
+            (Vec::new(), Vec::new())
         };
         summary["settled"] = json!(settled);
+        if !means.is_empty() {
+            summary["means"] = json!(means);
+        }
         let particles = &simulation.now.particles;
         if simulation.now.dem.is_some() {
             summary["kinetic_energy"] = energy::of_motion(particles, communicator).into();
@@ -178,6 +183,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
                     balance.closure, balance.reynolds
                 ));
+            }
+            for line in means::lines(&means) {
+                self.progress.note(&line);
             }
             for line in settled::lines(&simulation.now.plan, &settled) {
                 self.progress.note(&line);

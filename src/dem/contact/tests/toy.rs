@@ -111,6 +111,10 @@ impl<S: Space> ContactLaw<S> for Toy {
         }
     }
 
+    fn shear_spring((): &()) -> S::Tangent {
+        S::Tangent::default()
+    }
+
     fn stiffness([stiffness, deepest]: &Self::Constants) -> [f64; 2] {
         [2.0 * stiffness * deepest, 0.0]
     }

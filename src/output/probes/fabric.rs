@@ -1,0 +1,179 @@
+//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the domain.
+//!
+//! Grains count where their centre lies in the box, of volume V (2-D: area).
+//!
+//! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number.
+//! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981) 339):
+//!
+//!   ```text
+//!   sigma_ij = 1/V sum over grains, sum over their contacts: f_i r_j
+//!   ```
+//!
+//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that **compression is positive**, as
+//!   in soil mechanics. The pressure is the mean of the diagonal. The forces are those of the springs, without dashpots, and the momentum that moving grains
+//!   carry is left out: the stress is that of slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest
+//!   both are equal. It is a mean over the whole of V, pores included.
+//! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions removed so far,
+//!   from `removed.csv`.
+//!
+//! Sums are exact, so that no value depends on the number of ranks.
+
+use super::bed::median_diameter;
+use super::{Heading, TIME};
+use crate::dem::space::{Components, Space};
+use crate::number::real;
+use crate::output::grains::space_vector;
+use crate::output::view::View;
+use crate::scene::block::Block;
+use crate::scene::grid::Grid;
+use decomposition::ExactSum;
+use std::path::{Path, PathBuf};
+
+/// Components of the stress in their order.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
+
+/// Columns of the table.
+pub(super) const HEADINGS: [Heading; 14] = [
+    TIME,
+    ("number", "-"),
+    ("solid_fraction", "-"),
+    ("coordination_number", "-"),
+    ("mean_pressure", "Pa"),
+    ("stress_xx", "Pa"),
+    ("stress_yy", "Pa"),
+    ("stress_zz", "Pa"),
+    ("stress_xy", "Pa"),
+    ("stress_yz", "Pa"),
+    ("stress_xz", "Pa"),
+    ("d50", "m"),
+    ("removed_number", "-"),
+    ("removed_d50", "m"),
+];
+
+/// The grains in a box.
+#[derive(Debug)]
+pub(super) struct Fabric {
+    block: Block,
+    /// The record of what left; none where no region removes grains.
+    removed: Option<PathBuf>,
+}
+
+impl Fabric {
+    pub(super) fn new(block: Block, removed: Option<PathBuf>) -> Self {
+        Self { block, removed }
+    }
+
+    /// The columns of this step without the time; those of what left only on rank 0. Collective.
+    pub(super) fn sample<S: Space>(&self, view: &View<S>) -> [f64; 13] {
+        let (scene, particles) = (&view.plan.scene, view.particles);
+        let grid = &scene.grid;
+        let counts = |k: usize| {
+            particles.body[k].id >= scene.first_grain()
+                && self.holds(grid, &particles.motion[k].position)
+        };
+        let mut radii = Vec::new();
+        let mut volume = ExactSum::new();
+        for k in (0..particles.owned()).filter(|&k| counts(k)) {
+            radii.extend_from_slice(&particles.body[k].radius.to_le_bytes());
+            volume.add(S::measure(particles.body[k].radius));
+        }
+        let mut ends = 0_u64;
+        let mut stress: [ExactSum; 6] = std::array::from_fn(|_| ExactSum::new());
+        if let Some(dem) = view.dem {
+            dem.for_each_contact(particles, |contact| {
+                let normal = space_vector(&contact.normal);
+                let shear = space_vector(&contact.shear_force);
+                let force: [f64; 3] =
+                    std::array::from_fn(|a| contact.normal_force * normal[a] + shear[a]);
+                for k in [Some(contact.grain), contact.other].into_iter().flatten() {
+                    if !counts(k) {
+                        continue;
+                    }
+                    ends += 1;
+                    // Force and arm of the second grain are both reversed.
+                    let arm = particles.body[k].radius - 0.5 * contact.overlap;
+                    for (sum, (i, j)) in stress.iter_mut().zip(PAIRS) {
+                        let both = force[i] * normal[j] + force[j] * normal[i];
+                        sum.add(0.5 * arm * both);
+                    }
+                }
+            });
+        }
+        let communicator = view.domain.communicator();
+        let sum = |mut sum: ExactSum| {
+            sum.all_reduce(communicator);
+            sum.value()
+        };
+        let whole = self.block.measure();
+        let solid = sum(volume) / whole;
+        let stress = stress.map(|component| sum(component) / whole);
+        let ends = communicator.all_reduce_sum_u64(ends);
+        let mut all = Vec::new();
+        for bytes in communicator.all_gather_bytes(&radii) {
+            all.extend(
+                bytes
+                    .as_chunks::<8>()
+                    .0
+                    .iter()
+                    .copied()
+                    .map(f64::from_le_bytes),
+            );
+        }
+        let number = real(all.len());
+        let trace: f64 = stress[..grid.dimension].iter().sum();
+        let mut left = match &self.removed {
+            Some(path) if communicator.rank() == 0 => removed_radii(path),
+            _ => Vec::new(),
+        };
+        let [xx, yy, zz, xy, yz, xz] = stress;
+        [
+            number,
+            solid,
+            real(ends) / number,
+            trace / real(grid.dimension),
+            xx,
+            yy,
+            zz,
+            xy,
+            yz,
+            xz,
+            median_diameter(&mut all, S::measure),
+            real(left.len()),
+            median_diameter(&mut left, S::measure),
+        ]
+    }
+
+    /// Whether a position lies in the box; periodic axes are wrapped, upper ends at the domain belong to it.
+    fn holds<V: Components>(&self, grid: &Grid, position: &V) -> bool {
+        (0..grid.dimension).all(|axis| {
+            let mut x = position.get(axis);
+            if grid.periodic[axis] {
+                x -= (x / grid.size[axis]).floor() * grid.size[axis];
+            }
+            (self.block.from[axis]..self.block.to[axis]).contains(&x)
+        })
+    }
+}
+
+/// Radii in the record of what left; none where there is no record yet.
+fn removed_radii(path: &Path) -> Vec<f64> {
+    let Ok(text) = io::plain::text(path, io::plain::LONGEST_TABLE) else {
+        return Vec::new();
+    };
+    let Some(mut reader) = io::csv::Reader::new(&text) else {
+        return Vec::new();
+    };
+    let names = reader.names();
+    let Some(place) = names.iter().position(|name| name.starts_with("radius")) else {
+        return Vec::new();
+    };
+    let mut radii = Vec::new();
+    while let Some(row) = reader.row() {
+        radii.extend(
+            row.cells()
+                .nth(place)
+                .and_then(|cell| cell.parse::<f64>().ok()),
+        );
+    }
+    radii
+}

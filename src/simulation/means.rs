@@ -1,0 +1,141 @@
+//! Means over time of the probes that state a window for them: beds and grains.
+//!
+//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+
+use crate::number::real;
+use crate::plan::Plan;
+use crate::scene::observe::ProbeAt;
+use io::table::{self, Rows};
+use serde::Serialize;
+use std::path::Path;
+
+/// The means of a probe.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Means {
+    /// Name of the probe.
+    pub(super) probe: String,
+    /// First time \[s\].
+    pub(super) from: f64,
+    /// Last time \[s\].
+    pub(super) to: f64,
+    /// Samples between them.
+    pub(super) samples: usize,
+    /// Its columns.
+    pub(super) values: Vec<Mean>,
+}
+
+/// The mean of a column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Mean {
+    /// Name of the column.
+    pub(super) quantity: String,
+    /// Its unit.
+    pub(super) unit: String,
+    /// Mean over the samples that have a value; none where no sample has one.
+    pub(super) mean: Option<f64>,
+    /// The last one.
+    pub(super) last: Option<f64>,
+}
+
+/// The means of all probes with a window, from the folder of a run.
+pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
+    let mut all = Vec::new();
+    for probe in &plan.scene.probes {
+        let from = match &probe.at {
+            ProbeAt::Bed(bed) => bed.mean_from,
+            ProbeAt::Grains { mean_from, .. } => *mean_from,
+            _ => continue,
+        };
+        let path = folder.join(format!("probe_{}.csv", probe.name));
+        match table::read(&path) {
+            // A sample may lie half a step beside its time.
+            Ok(rows) => all.extend(of(&probe.name, &rows, from - 0.5 * plan.clock.time_step)),
+            Err(error) => log::warn!("its means are not known: {error}"),
+        }
+    }
+    all
+}
+
+/// The means of the rows from a time on; none without such rows.
+fn of(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
+    let times = rows.column("time")?;
+    let first = times.iter().position(|&time| time >= from)?;
+    let quantities = rows.columns.iter().zip(&rows.units);
+    let values = quantities.filter(|(name, _)| !["step", "time"].contains(&name.as_str()));
+    let values = values.filter_map(|(name, unit)| {
+        let column = rows.column(name)?;
+        let known: Vec<f64> = column[first..]
+            .iter()
+            .copied()
+            .filter(|x| x.is_finite())
+            .collect();
+        Some(Mean {
+            quantity: name.clone(),
+            unit: unit.clone(),
+            mean: (!known.is_empty()).then(|| known.iter().sum::<f64>() / real(known.len())),
+            last: column.last().copied().filter(|x| x.is_finite()),
+        })
+    });
+    Some(Means {
+        probe: probe.to_owned(),
+        from: times[first],
+        to: *times.last()?,
+        samples: times.len() - first,
+        values: values.collect(),
+    })
+}
+
+/// A table of them.
+pub(super) fn lines(all: &[Means]) -> Vec<String> {
+    let mut lines = Vec::new();
+    for one in all {
+        lines.push(format!(
+            "probe `{}`, {} samples from {:.4} s to {:.4} s:",
+            one.probe, one.samples, one.from, one.to
+        ));
+        lines.push(format!("{:<24} {:>12} {:>12}", "", "mean", "last"));
+        for value in &one.values {
+            let number = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.4e}"));
+            lines.push(format!(
+                "{:<24} {:>12} {:>12} {}",
+                value.quantity.replace('_', " "),
+                number(value.mean),
+                number(value.last),
+                if value.unit == "-" { "" } else { &value.unit }
+            ));
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_leaves_out_what_comes_before_and_what_is_not_known() {
+        let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
+        let rows = Rows {
+            columns: names(&["step", "time", "height", "shear"]),
+            units: names(&["-", "s", "m", "Pa"]),
+            steps: vec![0, 1, 2, 3],
+            values: vec![
+                vec![0.0, 9.0, 5.0],
+                vec![0.5, 1.0, f64::NAN],
+                vec![1.0, 2.0, 4.0],
+                vec![1.5, 3.0, f64::NAN],
+            ],
+        };
+        let means = of("bed", &rows, 0.5).unwrap();
+        assert_eq!((means.from, means.to, means.samples), (0.5, 1.5, 3));
+        let value = |n: usize| (means.values[n].mean, means.values[n].last);
+        assert_eq!(value(0), (Some(2.0), Some(3.0)));
+        assert_eq!(value(1), (Some(4.0), None));
+        assert!(of("bed", &rows, 2.0).is_none());
+        let lines = lines(&[means]).join("\n");
+        assert!(
+            lines.contains("height") && lines.contains("2.0000e0"),
+            "{lines}"
+        );
+    }
+}
