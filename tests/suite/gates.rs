@@ -11,8 +11,8 @@ fn study() -> Study {
             ("walls[2].until", "0.004"),
             (
                 "walls[3]",
-                r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.001], "to": [0.022, 0.021, 0.002]}},
-                    "material": "soil", "from": 0.003, "until": 0.009}"#,
+                r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.0029], "to": [0.022, 0.021, 0.0039]}},
+                    "material": "soil", "from": 0.003, "until": 0.011}"#,
             ),
             ("contact.contact_bond.tensile_strength", "0.001"),
             ("contact.contact_bond.shear_strength", "0.001"),
@@ -46,7 +46,7 @@ fn walls_that_come_and_go_keep_the_bits() {
     // Before the floor goes, between, and after the shelf has gone.
     study.run("parts", 2, 1, &["time.end=0.002"]);
     study.restart("parts", 1, &["time.end=0.006"]).expect(0);
-    study.restart("parts", 3, &["time.end=0.011"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
     study.restart("parts", 1, &["time.end=0.014"]).expect(0);
     study.same("straight", "parts");
     // Each of the walls acts.
