@@ -36,7 +36,8 @@ use std::borrow::Cow;
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured.
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured. Of a body that
+    /// crosses cells it is that of the mean force over some cells: in the single steps the force swings as nodes are covered and laid bare.
     pub promised: Option<f64>,
     /// Every choice with its reason.
     pub reasons: Vec<Reason>,

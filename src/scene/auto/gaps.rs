@@ -32,6 +32,8 @@ pub(crate) struct Gap {
     pub(crate) beside: f64,
     /// Whether a solid beside it is not round.
     pub(crate) faces: bool,
+    /// One over the sum of the curvatures of both sides \[m\]: the radius beside a flat wall, half of it between equal discs.
+    pub(crate) radius: f64,
 }
 
 /// The gaps that matter to the flow.
@@ -67,6 +69,14 @@ impl Solid {
                 .iter()
                 .map(nalgebra::Matrix::norm)
                 .fold(0.0, f64::max),
+        }
+    }
+
+    /// One over the radius of a round solid; a hull is taken for flat [1/m].
+    fn curvature(&self) -> f64 {
+        match &self.form {
+            Form::Ball(radius) => 1.0 / radius,
+            Form::Hull(..) => 0.0,
         }
     }
 
@@ -225,23 +235,18 @@ enum Other {
 impl Link {
     fn gap(&self, solids: &[Solid]) -> Gap {
         let one = &solids[self.one];
-        let (name, beside, faces) = match self.other {
-            Other::Wall(side) => (Places::name(side), one.width, false),
-            Other::Solid(k, _) if k == self.one => ("its periodic image".into(), one.width, false),
-            Other::Solid(k, _) => {
-                let faces = matches!(solids[k].form, Form::Hull(..));
-                (
-                    format!("`{}`", solids[k].name),
-                    solids[k].width.min(one.width),
-                    faces,
-                )
-            }
+        let (name, other) = match self.other {
+            Other::Wall(side) => (Places::name(side), None),
+            Other::Solid(k, _) if k == self.one => ("its periodic image".into(), Some(one)),
+            Other::Solid(k, _) => (format!("`{}`", solids[k].name), Some(&solids[k])),
         };
+        let sides = || std::iter::once(one).chain(other);
         Gap {
             what: format!("gap between `{}` and {name}", one.name),
             width: self.width,
-            beside,
-            faces: faces || matches!(one.form, Form::Hull(..)),
+            beside: sides().map(|side| side.width).fold(f64::INFINITY, f64::min),
+            faces: sides().any(|side| matches!(side.form, Form::Hull(..))),
+            radius: 1.0 / sides().map(Solid::curvature).sum::<f64>(),
         }
     }
 
@@ -579,6 +584,21 @@ mod tests {
         let both: Vec<_> = wires.into_iter().chain(second).collect();
         let gaps = found(&case([2.0, 1.0], &["x"], &both), 1.0);
         assert_relative_eq!(gaps.ways[0].1.width, 0.07, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn a_gap_is_as_curved_as_both_of_its_sides() {
+        let radius = |periodic: &[&str], discs: &[_]| {
+            let gaps = found(&case([4.0, 1.0], periodic, discs), 1.0);
+            gaps.ways[0].1.radius
+        };
+        let wall = radius(&["x"], &[fixed([2.0, 0.45], 0.35)]);
+        assert_relative_eq!(wall, 0.35, epsilon = 1e-12);
+        let image = radius(&["x", "y"], &[fixed([2.0, 0.45], 0.45)]);
+        assert_relative_eq!(image, 0.225, epsilon = 1e-12);
+        let unequal = [fixed([2.0, 0.2], 0.25), fixed([2.0, 0.75], 0.2)];
+        let [a, b]: [f64; 2] = [0.25, 0.2];
+        assert_relative_eq!(radius(&["x"], &unequal), a * b / (a + b), epsilon = 1e-12);
     }
 
     #[test]

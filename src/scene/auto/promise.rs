@@ -1,16 +1,17 @@
 //! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
 //!
 //! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice. Where a feature, an operator or a motion lies outside what was measured, nothing is promised, and the plan
-//! says what is new.
+//! compressibility of the lattice. Where a feature, an operator or a motion lies outside what was measured, or sound of a sudden start has not
+//! died away, nothing is promised, and the plan says why.
 
 use super::bound::Bound;
 use super::features::{self, Feature};
-use super::step;
+use super::{sound, step};
 use crate::case::Case;
 use crate::case::fluid::LatticeBoltzmann;
 use crate::case::grains::GrainSource;
 use crate::scene::Scene;
+use crate::scene::bodies::{Body, Mobility};
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 
@@ -43,6 +44,7 @@ pub(crate) fn judge(
     let mut new = Vec::new();
     new.extend(of_models(flow, lattice_velocity));
     new.extend(of_motion(case));
+    new.extend(of_sound(scene, flow, target));
     if !case.structures.is_empty() {
         new.push("no error was measured for structures and the gaps beside them".to_owned());
     }
@@ -72,8 +74,14 @@ pub(crate) fn judge(
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
+    let crosses = |body: &Body| body.mobility != Mobility::Fixed && body.velocity != [0.0; 3];
+    let means = if scene.bodies.iter().any(crosses) {
+        "; of bodies that cross cells for the mean force over some cells, not for that of a step"
+    } else {
+        ""
+    };
     let text = format!(
-        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %",
+        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %{means}",
         bound.rows,
         shortened(&bound.problems),
         number(100.0 * error),
@@ -170,6 +178,22 @@ fn of_models(flow: &Flow, lattice_velocity: f64) -> Vec<String> {
 /// Relaxation times of the rows.
 const LEAST_TAU: f64 = 0.51;
 const MOST_TAU: f64 = 1.5 + 1e-9;
+
+/// Sound of a sudden start swings in the forces until it dies away.
+fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
+    let (body, left) = sound::left_of_a_start(scene, flow)?;
+    (left > SOUND * target).then(|| {
+        format!(
+            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a shorter time step",
+            number(100.0 * left),
+            body.name,
+            number(100.0 * SOUND * target)
+        )
+    })
+}
+
+/// Part of the target that the sound of a sudden start may be.
+const SOUND: f64 = 0.25;
 
 /// Grains that come together leave gaps that no cells resolve.
 fn of_motion(case: &Case) -> Option<String> {

@@ -12,13 +12,24 @@
 //! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the way, lubrication gives
 //! I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the two sides. After m T the pressure is built up
 //! to exp(-m).
+//!
+//! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction at walls and bodies
+//! damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L between walls. Beside a surface S round a volume
+//! V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210 (1868) 177-193, without conduction of heat)
+//!
+//! γ = (S/2V) (ν ω/2)^½,
+//!
+//! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
 
 use super::gaps::Gap;
 use crate::lbm::boundary::{Inflow, Strength};
 use crate::number::real;
 use crate::scene::Scene;
+use crate::scene::bodies::{Body, Mobility};
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
+use crate::scene::initial::Initial;
+use std::f64::consts::PI;
 
 /// Passages of sound between openings until a start has settled to 1.3 %.
 const PASSAGES: f64 = 4.0;
@@ -61,6 +72,58 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((what, step))
 }
 
+/// The rate \[1/s\] with which sound of this angular frequency dies away beside a surface over its volume \[1/m\].
+#[must_use]
+pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
+    let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
+    let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
+    let swinging = layers.max(filled);
+    if swinging > frequency {
+        0.5 * frequency * frequency / swinging
+    } else {
+        swinging
+    }
+}
+
+/// A body that starts at once, and the part of its sound that is left when values matter; none where sound leaves through openings.
+pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a Body, f64)> {
+    if flow.patches().any(|p| p.condition.model().passes_water()) {
+        return None;
+    }
+    let Initial::Uniform { velocity, .. } = flow.initial else {
+        return None;
+    };
+    let started = |body: &&Body| {
+        let moves = body.mobility != Mobility::Fixed;
+        body.velocity != velocity && (moves || velocity != [0.0; 3])
+    };
+    let body = scene.bodies.iter().find(started)?;
+    let grid = &scene.grid;
+    let axes = 0..grid.dimension;
+    let volume: f64 = axes.clone().map(|axis| grid.size[axis]).product();
+    let walls = axes.clone().filter(|axis| !grid.periodic[*axis]);
+    let walls: f64 = walls.map(|axis| 2.0 * volume / grid.size[axis]).sum();
+    let (mut surface, mut open) = (walls, volume);
+    for radius in scene.bodies.iter().map(|body| body.radius) {
+        let (of_it, inside) = if grid.dimension == 2 {
+            (2.0 * PI * radius, PI * radius * radius)
+        } else {
+            (4.0 * PI * radius * radius, 4.0 / 3.0 * PI * radius.powi(3))
+        };
+        surface += of_it;
+        open -= inside;
+    }
+    let sound = grid.spacing / (3.0_f64.sqrt() * flow.time_step);
+    let frequency = axes.map(|axis| {
+        let waves = if grid.periodic[axis] { 2.0 } else { 1.0 };
+        waves * PI * sound / grid.size[axis]
+    });
+    let slowest = frequency.fold(f64::INFINITY, f64::min);
+    let over = surface / open.max(0.1 * volume);
+    let rate = damping(slowest, flow.kinematic_viscosity, over);
+    Some((body, (-rate * when(scene)).exp()))
+}
+
 /// A narrow way of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
@@ -84,9 +147,7 @@ pub enum Beside {
 pub fn resistance(way: &Way) -> f64 {
     let Way { width, beside } = *way;
     match beside {
-        Beside::Round(radius) => {
-            3.0 * std::f64::consts::PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3)
-        }
+        Beside::Round(radius) => 3.0 * PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3),
         Beside::Flat(length) => length / width.powi(3),
     }
 }
@@ -111,13 +172,16 @@ pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap)
     let beside = if gap.faces {
         Beside::Flat(gap.beside)
     } else {
-        Beside::Round(0.5 * gap.beside)
+        Beside::Round(gap.radius)
     };
     let way = Way {
         width: gap.width,
         beside,
     };
-    let across = scene.grid.size[1 - axis].min(gap.beside + gap.width);
+    let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
+    let across = sides
+        .map(|side| scene.grid.size[side])
+        .fold(gap.beside + gap.width, f64::min);
     let time = when(scene);
     let scale = (scene.grid.spacing, viscosity, time);
     let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
@@ -143,7 +207,7 @@ mod tests {
         };
         let (spacing, viscosity) = (2e-5, 1e-6);
         let measured = 0.325;
-        let chamber = 4.5e-3 * 1.12e-3 - 0.5 * std::f64::consts::PI * 2.5e-7;
+        let chamber = 4.5e-3 * 1.12e-3 - 0.5 * PI * 2.5e-7;
         let step = filling(
             &way,
             1,
@@ -168,5 +232,27 @@ mod tests {
         let diffusivity = sound * sound * width * width / (12.0 * viscosity);
         let constant = length * length / diffusivity;
         approx::assert_relative_eq!(time, TIME_CONSTANTS * constant, max_relative = 1e-12);
+    }
+
+    /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C. Kosten, Sound absorbing
+    /// materials, 1949, without conduction of heat). The imaginary part of ω is the rate.
+    #[test]
+    fn sound_dies_away_as_between_plates() {
+        type Complex = nalgebra::Complex<f64>;
+        let (height, length, viscosity) = (5.5e-3, 1e-2, 1e-4_f64);
+        for sound in [2.0, 8.0, 32.0] {
+            let wave = 2.0 * PI / length * sound;
+            let next = |omega: Complex| {
+                let z = (Complex::i() * omega / viscosity).sqrt() * (0.5 * height);
+                (Complex::from(1.0) - z.tanh() / z).sqrt() * wave
+            };
+            let mut omega = Complex::from(wave);
+            for _ in 0..200 {
+                omega = (omega + next(omega)) * 0.5;
+            }
+            assert!((next(omega) - omega).norm() < 1e-9 * wave, "{omega}");
+            let rate = damping(wave, viscosity, 2.0 / height);
+            approx::assert_relative_eq!(rate, omega.im, max_relative = 0.1);
+        }
     }
 }
