@@ -189,7 +189,7 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
             findings.error(
                 &path,
                 "a wall of the preparation is gone as the run begins",
-                Remedy::take_out("remove it, or `during`", &*path),
+                Remedy::take_out("remove it, or `during`", &path),
             );
         } else if time >= end {
             let what = if field == "from" { "comes" } else { "goes" };

@@ -172,7 +172,9 @@ impl Seconds {
             all.grains = solid_steps * (SOLID_STEP + amounts.grains * grain + others);
         }
         if let Some(grains) = &scene.grains {
-            all.preparation = amounts.prepared * grain * prepared_in(scene, clock, &grains.source);
+            // Bonds are made afterwards.
+            all.preparation =
+                amounts.prepared * GRAIN[three] * prepared_in(scene, clock, &grains.source);
         }
         let output = &scene.output;
         let intervals = [

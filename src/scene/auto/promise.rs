@@ -74,7 +74,9 @@ pub(crate) fn judge(
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
-    let crosses = |body: &Body| body.mobility != Mobility::Fixed && body.velocity != [0.0; 3];
+    let crosses = |body: &Body| {
+        body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
+    };
     let means = if scene.bodies.iter().any(crosses) {
         "; of bodies that cross cells for the mean force over some cells, not for that of a step"
     } else {

@@ -95,7 +95,8 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
     };
     let started = |body: &&Body| {
         let moves = body.mobility != Mobility::Fixed;
-        body.velocity != velocity && (moves || velocity != [0.0; 3])
+        let differs = (body.velocity.iter().zip(&velocity)).any(|(a, b)| (a - b).abs() > 0.0);
+        differs && (moves || velocity.iter().any(|u| u.abs() > 0.0))
     };
     let body = scene.bodies.iter().find(started)?;
     let grid = &scene.grid;

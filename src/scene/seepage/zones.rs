@@ -48,7 +48,8 @@ impl Seepage {
                 findings.error(
                     &path,
                     "the zone states neither a permeability nor a porosity: it changes nothing",
-                    Remedy::take_out("state one, or remove the zone", &*path),
+                    Remedy::from("state one, for example a porosity of 0.4, or remove the zone")
+                        .set(format!("{path}.porosity"), 0.4),
                 );
             }
             if let Some(ZonePermeability::Resistance(law)) = zone.permeability
@@ -207,7 +208,7 @@ fn raster(
             findings.error(
                 &path,
                 format!("the raster states the {field} as well"),
-                Remedy::take_out("leave one of them out", &*path),
+                Remedy::take_out("leave one of them out", &path),
             );
         }
     }
