@@ -127,7 +127,7 @@ impl Members {
         for ratio in ratios {
             let name = format!("{}-grid-{ratio:.3}", list.len() + 1);
             let case = grids::on_cells(stated, plan, *ratio, scaling);
-            let member = member(name, case, unstable);
+            let member = member(name, case, plan.estimate.machine, unstable);
             if member.prepared.is_none() {
                 let mut problems = member.problems;
                 problems.retain(|problem| problem.severity != Severity::Warning);
@@ -158,7 +158,7 @@ impl Members {
         };
         for setting in settings::of(&case, plan, self.scaling) {
             let name = format!("{}-{}", self.list.len() + 1, setting.folder);
-            let member = member(name, setting.case.clone(), true);
+            let member = member(name, setting.case.clone(), plan.estimate.machine, true);
             self.settings.push((setting, self.list.len()));
             self.list.push(member);
         }
@@ -234,9 +234,12 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// A run of a changed case; its input files have absolute paths already.
-fn member(name: String, case: Value, unstable: bool) -> Member {
-    let planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
+/// A run of a changed case on a machine of this speed; its input files have absolute paths already.
+fn member(name: String, case: Value, machine: f64, unstable: bool) -> Member {
+    let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
+    if let Ok(plan) = &mut planned {
+        plan.measured_speed(machine * plan.estimate.mlups);
+    }
     let problems = match &planned {
         Ok(plan) => plan.warnings.clone(),
         Err(problems) => problems.clone(),

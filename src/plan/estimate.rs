@@ -36,6 +36,8 @@ pub struct Estimate {
     pub disk_bytes: f64,
     /// Million lattice updates per second of one core, without solids; 0 without a lattice.
     pub mlups: f64,
+    /// Speed of the fluid on the machine at hand over that of the reference machine; 1 where it was not measured.
+    pub machine: f64,
     /// Time of each phase on one core \[s\].
     pub seconds: Seconds,
     /// Time of the run on one core \[s\].
@@ -137,6 +139,7 @@ impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
         let amounts = Amounts::of(scene);
         let mut estimate = Self {
+            machine: 1.0,
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
                 time::mlups(flow.lattice, flow.storage, flow.turbulence.is_some())
@@ -166,6 +169,7 @@ impl Estimate {
     /// change in the same ratio.
     pub fn measured(&mut self, scene: &Scene, clock: &Clock, mlups: f64) {
         if mlups > 0.0 && mlups.is_finite() && self.mlups > 0.0 {
+            self.machine *= mlups / self.mlups;
             self.mlups = mlups;
             self.count_time(scene, clock);
         }
