@@ -89,7 +89,7 @@ pub struct Case {
     /// Faces of the domain that act as walls for grains and blocks.
     #[serde(default)]
     pub box_walls: Vec<Face>,
-    /// Material of the `box_walls`. Default: the material of the grains, or of the blocks.
+    /// Material of the `box_walls`. Default: the material of the grains, else of the blocks, else of the first free body.
     #[serde(default)]
     pub box_wall_material: Option<String>,
     /// Named solids in the fluid.

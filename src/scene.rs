@@ -37,6 +37,7 @@ use crate::case::Case;
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Fluid;
 use crate::case::observe::Output;
+use crate::case::solids;
 use crate::case::time::{Checkpoint, Guards, SolidSteps, Time};
 use crate::dem::contact::{blocks as law_of_blocks, linear};
 use crate::dem::polyhedron::Solid;
@@ -373,7 +374,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         || case
             .bodies
             .iter()
-            .any(|b| matches!(b.motion, crate::case::solids::Motion::Free { .. }));
+            .any(|b| matches!(b.motion, solids::Motion::Free { .. }));
     let polyhedra = has_polyhedra(case);
     let flat = case.domain.size.0.len() == 2;
     of_covered_cells(case, findings);
@@ -495,6 +496,22 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
 /// Whether the case has a law of blocks.
 pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
+}
+
+/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else of the first free body,
+/// else of the first body.
+pub(crate) fn usual_material(case: &Case) -> Option<&str> {
+    let of_grains = case.grains.as_ref().map(|grains| &grains.material);
+    let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
+    let free = |body: &&solids::Body| matches!(body.motion, solids::Motion::Free { .. });
+    let of_bodies = || {
+        let free = case.bodies.iter().find(free);
+        free.or(case.bodies.first()).map(|body| &body.material)
+    };
+    of_grains
+        .or_else(of_blocks)
+        .or_else(of_bodies)
+        .map(String::as_str)
 }
 
 /// The index of a material, or a finding.

@@ -43,13 +43,13 @@
 //! | stage | begins when | reason for the criterion |
 //! |---|---|---|
 //! | t1 hidden hole | n grains have left through one point, or its void has the volume of a cell | single grains in the opening leave in any case |
-//! | t2 arch | the front over one point reaches half of its cover | the ground above the void moves as a whole, the surface does not yet |
+//! | t2 arch | over a point with a void of the volume of a cell the front reaches half of the cover, while no column of the surface has sunk as at t3 | the ground above the void moves as a whole, the surface does not yet |
 //! | t3 sinkhole | a column of the surface has settled by a mean diameter (its elevation and its own grains) | smaller values are the settling of grains into pores |
 //! | t4 extension | the longest depression is 1.5 times the length or width of the sinkhole at t3, and the soil beside it moves in | the depression grows along the fissure and not around the hole |
 //!
-//! A stage begins at the first of three consecutive samples that meet its criterion, and only once. The criteria of t1 to t3 are
-//! independent of each other, so that the order of the stages is a result; t4 needs t3, because it compares lengths. All thresholds
-//! are fields of the case.
+//! A stage begins at the first of three consecutive samples that meet its criterion, and only once. t1 and t3 do not depend on each other. t2 asks for a
+//! void and for a surface at rest: ground that sinks as a whole has no arch. t4 needs t3, because it compares lengths. The shapes of the front at t2
+//! and t3 are written beside the times. All thresholds are fields of the case.
 //!
 //! # Reproducibility
 //!

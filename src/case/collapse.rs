@@ -69,9 +69,12 @@ pub struct StageThresholds {
     /// load and below one grain spacing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub moving_diameters: f64,
-    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover [1].
+    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover, while the surface stands [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub arch_reach: f64,
+    /// Stage t2 also requires a void of this volume over that point [m3]. Default: the volume of one cell.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub arch_void: Option<f64>,
     /// Stage t3, sinkhole: settlement of a surface column in mean diameters, measured by its elevation and by its initial surface grains
     /// [1]. Columns beyond it form the depression.
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -92,6 +95,7 @@ impl Default for StageThresholds {
             hole_volume: None,
             moving_diameters: 0.25,
             arch_reach: 0.5,
+            arch_void: None,
             sinkhole_diameters: 1.0,
             extension_ratio: 1.5,
             inward_diameters: 0.1,

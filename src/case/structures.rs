@@ -13,7 +13,7 @@ pub struct Structure {
     pub name: String,
     /// Shape and position.
     pub shape: Shape,
-    /// Material in contacts. Default: the material of the grains, or of the blocks.
+    /// Material in contacts. Default: the material of the grains, else of the blocks, else of the first free body.
     #[serde(default)]
     pub material: Option<String>,
     /// What the structure stops.

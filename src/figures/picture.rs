@@ -5,6 +5,7 @@
 //! SVG; text and streamlines are vector graphics.
 
 mod faces;
+mod overlays;
 mod section;
 mod streamlines;
 
@@ -16,6 +17,7 @@ use faces::{Faces, id_of};
 use io::Moment;
 use io::fields::{Values, inspect, read_column};
 use io::{Alone, Series};
+use overlays::{Arrows, Network};
 use section::Section;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -38,6 +40,12 @@ pub struct PictureOptions {
     /// Column that colours grains and blocks [default: none in the plane, velocity in space].
     #[arg(long, value_name = "COLUMN")]
     pub colour: Option<String>,
+    /// Vector of each grain to draw as an arrow, such as displacement or velocity.
+    #[arg(long, value_name = "COLUMN")]
+    pub arrows: Option<String>,
+    /// Draw contacts as lines, wider where the normal force is larger, red in tension.
+    #[arg(long)]
+    pub contacts: bool,
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
     pub view: View,
@@ -83,6 +91,13 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .filter(|series| series.moments().next().is_some())
     };
     let (fluid, grains, blocks) = (open("fluid"), open("grains"), open("blocks"));
+    let contacts = request.contacts.then(|| open("contacts")).flatten();
+    if request.contacts && contacts.is_none() {
+        return Err(failed(
+            run,
+            "holds no contacts.xmf with outputs: set output.contacts",
+        ));
+    }
     let structures = open("structures")
         .map(|series| Faces::read(&series.heavy(0), "structure"))
         .transpose()?
@@ -114,7 +129,13 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
                 .map(|path| Water::read(&path, &request.field, request.streamlines))
                 .transpose()?,
             grains: file(&grains)
-                .map(|path| Grains::read(&path, colour, &shaped.unwrap_or_default()))
+                .map(|path| {
+                    let arrows = request.arrows.as_deref();
+                    Grains::read(&path, colour, arrows, &shaped.unwrap_or_default())
+                })
+                .transpose()?,
+            contacts: file(&contacts)
+                .map(|path| Network::read(&path))
                 .transpose()?,
             faces,
             structures: structures.clone(),
@@ -161,6 +182,7 @@ struct Scene {
     time: f64,
     water: Option<Water>,
     grains: Option<Grains>,
+    contacts: Option<Network>,
     faces: Option<Faces>,
     /// What never moves; a section leaves it out, where the water shows it.
     structures: Option<Rc<Faces>>,
@@ -176,6 +198,9 @@ impl Scene {
             self.water = section.water(water);
             if let Some(grains) = &mut self.grains {
                 section.grains(grains);
+            }
+            if let Some(contacts) = &mut self.contacts {
+                contacts.cut(section);
             }
             // Blocks are what is solid in the water.
             self.faces = None;
@@ -249,12 +274,18 @@ struct Grains {
     values: Option<Vec<f64>>,
     quantity: String,
     units: String,
+    arrows: Option<Arrows>,
     flat: bool,
 }
 
 impl Grains {
     /// The grains of an output but those that are drawn with their faces.
-    fn read(path: &Path, colour: Option<&str>, shaped: &BTreeSet<i64>) -> Result<Self, Error> {
+    fn read(
+        path: &Path,
+        colour: Option<&str>,
+        arrows: Option<&str>,
+        shaped: &BTreeSet<i64>,
+    ) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
         let positions: Vec<[f64; 3]> = read_column(path, "position")
             .map_err(wrong)?
@@ -273,6 +304,7 @@ impl Grains {
             values: column.as_ref().map(|c| magnitudes(c, positions.len())),
             quantity: quantity.unwrap_or_default().to_owned(),
             units: column.and_then(|c| c.units).unwrap_or_default(),
+            arrows: arrows.map(|name| Arrows::read(path, name)).transpose()?,
             positions,
             radii,
             flat,
@@ -290,6 +322,9 @@ impl Grains {
         self.radii = kept.iter().map(|&k| self.radii[k]).collect();
         if let Some(values) = &mut self.values {
             *values = kept.iter().map(|&k| values[k]).collect();
+        }
+        if let Some(arrows) = &mut self.arrows {
+            arrows.vectors = kept.iter().map(|&k| arrows.vectors[k]).collect();
         }
     }
 }
@@ -462,6 +497,15 @@ impl Raster {
         }
     }
 
+    /// Where a point of the scene lies \[pixels from the upper left corner\].
+    fn pixel_of(&self, frame: &Frame, p: [f64; 3]) -> [f64; 2] {
+        let [x, y] = frame.place(p);
+        [
+            (x - frame.low[0]) / self.pixel,
+            (frame.high[1] - y) / self.pixel,
+        ]
+    }
+
     /// Where the middle of a pixel lies in the frame.
     fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
         [
@@ -608,6 +652,11 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
             )
             .flatten(),
     );
+    // One scale in all panels.
+    let arrows = |s: &Scene| Some(s.grains.as_ref()?.arrows.as_ref()?.longest());
+    let longest = scenes.iter().filter_map(arrows).fold(0.0, f64::max);
+    let forces = scenes.iter().filter_map(|s| s.contacts.as_ref());
+    let largest = forces.map(Network::largest).fold(0.0, f64::max);
     let mut panels = Vec::new();
     for scene in scenes {
         let mut raster = Raster::new(&frame, request.width.into());
@@ -641,7 +690,8 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
                 ]
             })
         });
-        panels.push((scene.time, raster, lines));
+        let over = over(scene, [longest, largest], &frame, &raster);
+        panels.push((scene.time, raster, lines.unwrap_or_default() + &over));
     }
     let Some((_, first, _)) = panels.first() else {
         return Err(Error::Io("there is nothing to draw".into()));
@@ -673,7 +723,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
             "<text x=\"{x}\" y=\"{}\">t = {time:.4} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
             y - 6
         );
-        if let Some(lines) = lines {
+        if !lines.is_empty() {
             let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
         }
     }
@@ -707,6 +757,34 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     }
     svg.push_str("</svg>\n");
     Ok(svg)
+}
+
+/// Arrows and contacts of a panel, with what the longest arrow and the widest line stand for.
+fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Raster) -> String {
+    let (mut text, mut key) = (String::new(), Vec::new());
+    if let Some(network) = &scene.contacts {
+        text += &network.draw(largest, frame, raster);
+        key.push(format!("widest line {largest:.2e} {}", network.units));
+    }
+    if let Some(grains) = &scene.grains
+        && let Some(arrows) = &grains.arrows
+    {
+        text += &arrows.draw(&grains.positions, longest, frame, raster);
+        let name = arrows.quantity.replace('_', " ");
+        key.push(format!(
+            "longest arrow {longest:.2e} {} of {name}",
+            arrows.units
+        ));
+    }
+    if !key.is_empty() {
+        let _ = writeln!(
+            text,
+            "<text x=\"{}\" y=\"-6\" font-size=\"11\" text-anchor=\"end\">{}</text>",
+            raster.width,
+            key.join(", ")
+        );
+    }
+    text
 }
 
 /// A bar of colours with its ends.
@@ -760,12 +838,34 @@ mod tests {
         assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
     }
 
+    /// A scene of ten by ten metres without values.
+    pub(super) fn square() -> Scene {
+        let corner = |x: f64| [x, x, 0.0];
+        Scene {
+            time: 0.0,
+            water: None,
+            grains: Some(Grains {
+                positions: vec![corner(1.0), corner(9.0)],
+                radii: vec![1.0; 2],
+                values: None,
+                quantity: String::new(),
+                units: String::new(),
+                arrows: None,
+                flat: true,
+            }),
+            contacts: None,
+            faces: None,
+            structures: None,
+        }
+    }
+
     #[test]
     fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
         let scene = |grains| Scene {
             time: 0.0,
             water: None,
             grains: Some(grains),
+            contacts: None,
             faces: None,
             structures: None,
         };
@@ -775,6 +875,7 @@ mod tests {
             values: Some(vec![0.0, 1.0]),
             quantity: "speed".into(),
             units: "m/s".into(),
+            arrows: None,
             flat: false,
         };
         let scenes = [scene(grains)];
@@ -806,6 +907,7 @@ mod tests {
                 values: None,
                 quantity: String::new(),
                 units: String::new(),
+                arrows: None,
                 flat: false,
             };
             let f = Frame::new(
@@ -813,6 +915,7 @@ mod tests {
                     time: 0.0,
                     water: None,
                     grains: Some(ball),
+                    contacts: None,
                     faces: None,
                     structures: None,
                 }],

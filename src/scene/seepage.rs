@@ -25,6 +25,8 @@ pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
+const USUAL_DIAMETERS: f64 = 4.0;
 
 /// A resolved seepage, in SI.
 #[derive(Clone, Debug, Serialize)]
@@ -222,14 +224,16 @@ impl Seepage {
                 }
             }
             for a in (0..grid.dimension).filter(|&a| a != axis) {
-                if boundary.patch.is_some() && (to[a] - from[a]) % 2 == 1 && to[a] - from[a] > 1 {
+                let across = to[a] - from[a];
+                if boundary.patch.is_some() && across % 2 == 1 && across < self.cells[a] {
                     findings.warn(
                         &format!("{path}.patch"),
                         format!(
-                            "an odd number of cells ({}) across an opening loads the grains unevenly",
-                            to[a] - from[a]
+                            "an odd number of cells ({}) along {} across an opening loads the grains unevenly",
+                            across,
+                            ["x", "y", "z"][a]
                         ),
-                        "use an even number",
+                        "use an even number: a wider opening or finer cells",
                     );
                 }
             }
@@ -390,6 +394,32 @@ impl Seepage {
                     format!("use cells of at least {} m", number(diameter)),
                 );
             }
+        }
+        let widest = (0..grid.dimension)
+            .map(|a| self.spacing[a])
+            .fold(0.0, f64::max);
+        // Of all grains the percentiles are asked for only where the smallest one could be too small.
+        if let Some(grains) = grains
+            && grains
+                .radii
+                .is_some_and(|(least, _)| widest > USUAL_DIAMETERS * 2.0 * least)
+            && let Some(sizes) = grains.percentiles(grid.dimension)
+            && widest > USUAL_DIAMETERS * sizes.d50 * (1.0 + 1e-9)
+        {
+            findings.warn(
+                &path,
+                format!(
+                    "a cell of the seepage has an edge of {} m, {} times the median diameter d50 of {} m: pressure and porosity are means over \
+                     the cell, which does not see smaller voids and openings",
+                    number(widest),
+                    number(widest / sizes.d50),
+                    number(sizes.d50)
+                ),
+                format!(
+                    "use cells of 1 to {USUAL_DIAMETERS} median diameters, at most {} m",
+                    number(USUAL_DIAMETERS * sizes.d50)
+                ),
+            );
         }
         if (0..grid.dimension).any(|a| self.cells[a] < 5) {
             findings.warn(

@@ -2,7 +2,7 @@
 
 use super::findings::{Findings, number};
 use super::grid::Grid;
-use super::{material, stl, unique};
+use super::{material, stl, unique, usual_material};
 use crate::case::Case;
 use crate::case::structures::Stops;
 use crate::error::Remedy;
@@ -37,8 +37,7 @@ pub(crate) fn structures(
     findings: &mut Findings,
 ) -> Vec<Structure> {
     let mut known: Vec<&str> = case.walls.iter().map(|wall| wall.name.as_str()).collect();
-    let of_grains = case.grains.as_ref().map(|grains| &grains.material);
-    let of_solids = of_grains.or(case.blocks.as_ref().map(|blocks| &blocks.material));
+    let usual = usual_material(case);
     let mut all = Vec::new();
     for (n, written) in case.structures.iter().enumerate() {
         let path = format!("structures[{n}]");
@@ -47,20 +46,11 @@ pub(crate) fn structures(
         let Some(images) = images(case, grid, &written.shape, &shape, findings) else {
             continue;
         };
-        let index = match (&written.material, of_solids) {
+        let index = match (&written.material, usual) {
             (Some(name), _) => material(names, name, &format!("{path}.material"), findings),
             (None, Some(name)) => names.iter().position(|known| known == name),
             (None, None) => None,
         };
-        let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
-        if index.is_none() && written.material.is_none() && moving && written.stops.grains() {
-            findings.error(
-                &format!("{path}.material"),
-                "the structure needs a material: there are no grains or blocks to take it from",
-                Remedy::from("name a material, or write \"stops\": \"water\"")
-                    .set(format!("{path}.stops"), "water"),
-            );
-        }
         if written.stops == Stops::Water && case.fluid.is_none() {
             findings.error(
                 &format!("{path}.stops"),

@@ -8,7 +8,7 @@ use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::structures::Structure;
-use super::{material, stl, unique};
+use super::{material, stl, unique, usual_material};
 use crate::case::Case;
 use crate::case::geometry::Face;
 use crate::case::grains::GrainSource;
@@ -119,8 +119,7 @@ pub(crate) fn walls(
         });
     }
     walls.extend(in_water::of_structures(case, grid, solids, findings));
-    let grains = case.grains.as_ref().map(|g| g.material.as_str());
-    let of_grains = grains.or(case.blocks.as_ref().map(|b| b.material.as_str()));
+    let usual = usual_material(case);
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {
         let path = format!("box_walls[{n}]");
@@ -135,14 +134,14 @@ pub(crate) fn walls(
         } else if std::mem::replace(&mut taken[face.index()], true) {
             findings.error(&path, "this face is named twice", "remove one of them");
         }
-        let index = match (&case.box_wall_material, of_grains) {
+        let index = match (&case.box_wall_material, usual) {
             (Some(name), _) => material(names, name, "box_wall_material", findings),
             (None, Some(name)) => names.iter().position(|known| known == name),
             (None, None) => {
                 if n == 0 {
                     findings.error(
                         "box_wall_material",
-                        "the walls need a material: there are no grains or blocks to take it from",
+                        "the walls need a material: there are no grains, blocks or bodies to take it from",
                         match names.first() {
                             Some(first) => Remedy::from(format!(
                                 "add `box_wall_material`, for example `{first}`"

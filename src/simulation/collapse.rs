@@ -343,6 +343,8 @@ impl CollapseRecorder {
             arch,
             sinkhole,
             extension,
+            arch_shape: self.state.stages.shapes[0],
+            sinkhole_shape: self.state.stages.shapes[1],
         }
     }
 
@@ -413,16 +415,17 @@ impl CollapseRecorder {
         let seen = ground.measure(grains, &points, &limits, sphere_box);
         let thresholds = thresholds(asked, start, ground);
         let cells = ground.cells;
-        let evidence = self.evidence(&seen);
+        let evidence = self.evidence(&seen, &thresholds);
         for stage in self.state.stages.note(time, &evidence, &thresholds) {
             let began = self.state.stages.times[stage].unwrap_or(time);
             self.news.push(format!(
-                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover moves, settled {:.2e} m, depression {:.2e} m long",
+                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
                 stage + 1,
                 NAMES[stage],
                 evidence.eroded_grains,
                 evidence.void_volume,
                 100.0 * evidence.front,
+                evidence.shape,
                 evidence.settlement,
                 evidence.longest
             ));
@@ -493,7 +496,12 @@ impl CollapseRecorder {
         append(&mut self.tables.clusters, &lines)
     }
 
-    fn evidence(&self, seen: &Sample) -> Evidence {
+    fn evidence(&self, seen: &Sample, from: &Thresholds) -> Evidence {
+        let arched = seen
+            .points
+            .iter()
+            .filter(|above| above.void_volume >= from.arch_void)
+            .max_by(|a, b| a.front.total_cmp(&b.front));
         let most = |value: fn(&Above) -> f64| seen.points.iter().map(value).fold(0.0, f64::max);
         Evidence {
             eroded_grains: self
@@ -504,7 +512,8 @@ impl CollapseRecorder {
                 .max()
                 .unwrap_or(0),
             void_volume: most(|above| above.void_volume),
-            front: most(|above| above.front),
+            front: arched.map_or(0.0, |above| above.front),
+            shape: arched.map_or(f64::NAN, |above| above.front_shape),
             settlement: seen.settlement_max,
             longest: seen.depression.longest,
             width: seen.depression.width,
@@ -557,6 +566,7 @@ fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Threshol
         eroded_grains: u64::from(stages.hole_grains),
         void_volume: stages.hole_volume.unwrap_or(ground.cells.volume()),
         front: stages.arch_reach,
+        arch_void: stages.arch_void.unwrap_or(ground.cells.volume()),
         settlement: stages.sinkhole_diameters * start.diameter,
         extension: stages.extension_ratio,
         inward: stages.inward_diameters * start.diameter,

@@ -7,6 +7,7 @@
 //!   check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16 and 24 ns (one core of
 //!   a busy machine). A step reads and writes the populations, so that a check every 100 steps costs 0.6 to 0.9 % of memory-bound
 //!   steps, and less otherwise.
+//! * *Mach number*: a lattice velocity above 0.1, a Mach number above 0.17, is reported once and at the end.
 //! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]). A check ends the run if it
 //!   is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through it.
 //! * *Openings*: at each check inflow and outflow are compared ([`openings`]).
@@ -31,6 +32,7 @@ use crate::error::Error;
 use crate::lbm::boundary::{from_quanta, quanta};
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
+use crate::plan::envelope::USUAL_LATTICE_VELOCITY;
 use decomposition::{Communicator, Domain};
 pub use failure::of_solids;
 use failure::{Failure, Kind};
@@ -60,6 +62,7 @@ pub struct State {
     squeezed: Option<(Option<f64>, Option<u64>)>,
     openings: openings::State,
     warned: [bool; 2],
+    fast: bool,
     overlap: Option<f64>,
 }
 
@@ -85,6 +88,8 @@ pub struct Guards {
     overlap: Option<f64>,
     /// The compression, and the openings, have been warned of.
     warned: [bool; 2],
+    /// A Mach number above the usual one has been warned of.
+    fast: bool,
     news: Vec<String>,
     look: Look,
     /// Moments of one row of cells: room that is kept.
@@ -112,6 +117,7 @@ impl Guards {
             squeezed: self.squeezed[1].map(|at| (Some(at.value), Some(at.cell))),
             openings: self.openings.state(),
             warned: self.warned,
+            fast: self.fast,
             overlap: self.overlap,
         }
     }
@@ -127,6 +133,7 @@ impl Guards {
             .map(|(value, cell)| At { value, cell });
         self.openings.restore(state.openings);
         self.warned = state.warned;
+        self.fast = state.fast;
         self.overlap = state.overlap;
     }
 
@@ -215,7 +222,10 @@ impl Guards {
     /// The part about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
-            [Some(now), Some(most)] => format!("lattice velocity {now:.3} (largest {most:.3})"),
+            [Some(now), Some(most)] => format!(
+                "lattice velocity {now:.3} (largest {most:.3}, Mach number {:.3})",
+                mach(most)
+            ),
             _ => "lattice velocity -".into(),
         };
         text += "  density ";
@@ -259,6 +269,11 @@ impl Guards {
                 failure::density(at.value, plan),
                 guards.warn_compression
             ));
+        }
+        if let Some(speed) = self.speed[1]
+            && speed > USUAL_LATTICE_VELOCITY
+        {
+            all.push(too_fast(speed));
         }
         all.extend(self.unbalanced(plan));
         let single = plan
@@ -532,6 +547,15 @@ impl Guards {
                 ));
             }
         }
+        if let [Some(speed), _] = self.speed
+            && speed > USUAL_LATTICE_VELOCITY
+            && failure.is_none()
+            && !self.fast
+        {
+            self.fast = true;
+            self.news
+                .push(format!("{when}: warning: {}", too_fast(speed)));
+        }
         let text = match (failure, flow) {
             (Some(failure), Some(flow)) => {
                 let told = self.flows(plan);
@@ -542,6 +566,19 @@ impl Guards {
         };
         Err(Error::Numerical(format!("{when}: {text}")))
     }
+}
+
+/// Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
+pub(super) fn mach(lattice_velocity: f64) -> f64 {
+    3.0_f64.sqrt() * lattice_velocity
+}
+
+/// The warning of a speed whose square is no longer small beside that of sound.
+fn too_fast(speed: f64) -> String {
+    format!(
+        "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: above {USUAL_LATTICE_VELOCITY} the error of compressibility, which grows with its square, exceeds a few per cent; half the time step halves both",
+        mach(speed)
+    )
 }
 
 /// When a look is taken.

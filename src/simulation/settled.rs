@@ -1,6 +1,7 @@
 //! How far forces, fluxes and pressures of the probes are from settled at the end of a run.
 //!
-//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is measured. The
+//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is measured. Where a probe
+//! has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared; with fewer still nothing is known. The
 //! numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
 
 use crate::number::real;
@@ -14,6 +15,8 @@ use std::path::Path;
 
 /// Relative drift and swing from which the end of a run names a value.
 const SETTLED: f64 = 0.01;
+/// Parts of the run that are compared, and their names.
+const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Samples of a window at least.
 const FEWEST: usize = 2;
 /// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has nothing to settle.
@@ -23,7 +26,7 @@ const ROUNDING: f64 = 1e-9;
 /// Values that the end of a run names, at most.
 const NAMED: usize = 5;
 
-/// A value of a probe over the last tenth of a run.
+/// A value of a probe over the last part of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Settled {
     /// Name of the probe.
@@ -32,14 +35,24 @@ pub(super) struct Settled {
     pub(super) quantity: &'static str,
     /// Its unit.
     pub(super) unit: String,
-    /// Mean over the last tenth of the run, of a vector each component.
+    /// Part of the run that the means are taken over: a tenth, or more where the probe has few samples.
+    pub(super) window: f64,
+    /// Mean over the last part of the run, of a vector each component.
     pub(super) value: Vec<f64>,
-    /// Difference of the means over the last tenth and the tenth before, over the value.
+    /// Difference of the means over the last part and the part before, over the value.
     pub(super) drift: f64,
-    /// Half the range of the last tenth, over the value.
+    /// Half the range of the last part, over the value.
     pub(super) swing: f64,
-    /// Period of what oscillates \[s\], where the last fifth of the run holds one.
+    /// Period of what oscillates \[s\], where the last two parts of the run hold one.
     pub(super) period: Option<f64>,
+}
+
+/// What the probes say about the end of a run.
+#[derive(Clone, Debug, Default)]
+pub(super) struct End {
+    pub(super) values: Vec<Settled>,
+    /// Probes with too few samples for a judgement.
+    pub(super) unknown: Vec<String>,
 }
 
 /// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
@@ -78,11 +91,11 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
 }
 
 /// The values of all probes of a run that is at `time`, from its folder; without a lattice none.
-pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> Vec<Settled> {
+pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
     let Some(units) = &plan.units else {
-        return Vec::new();
+        return End::default();
     };
-    let mut all = Vec::new();
+    let (mut all, mut unknown) = (Vec::new(), Vec::new());
     for probe in &plan.scene.probes {
         let quantities = quantities(&probe.at, units);
         if quantities.is_empty() {
@@ -91,24 +104,32 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> Vec<Settled> {
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
             Ok(rows) => {
+                let known = all.len();
                 let seen = quantities.iter().filter_map(|quantity| {
                     let seen = look(&rows, quantity, time)?;
                     Some((probe.name.clone(), *quantity, seen))
                 });
                 all.extend(seen);
+                if all.len() == known {
+                    unknown.push(probe.name.clone());
+                }
             }
             Err(error) => log::warn!("whether its values have settled is not known: {error}"),
         }
     }
-    judge(all)
+    End {
+        values: judge(all),
+        unknown,
+    }
 }
 
-/// The last fifth of a quantity.
+/// The end of a quantity.
 struct Seen {
     unit: String,
-    /// Mean of each component over the last tenth.
+    window: f64,
+    /// Mean of each component over the last window.
     value: Vec<f64>,
-    /// Difference from the mean over the tenth before.
+    /// Difference from the mean over the window before.
     drift: f64,
     swing: f64,
     period: Option<f64>,
@@ -118,11 +139,17 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
     vector.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The last two tenths of a quantity before `end`; none where they have too few samples.
-fn look(rows: &Rows, (_, names, _): &Quantity, end: f64) -> Option<Seen> {
+/// The last two windows of a quantity before `end`, the shortest that have enough samples; none where none have.
+fn look(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
+    let mut windows = WINDOWS.iter();
+    windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
+}
+
+fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Option<Seen> {
     let times = rows.column("time")?;
     let mut seen = Seen {
         unit: String::new(),
+        window,
         value: Vec::new(),
         drift: 0.0,
         swing: 0.0,
@@ -138,7 +165,8 @@ fn look(rows: &Rows, (_, names, _): &Quantity, end: f64) -> Option<Seen> {
                 .map(|(t, x)| (*t, *x))
                 .collect()
         };
-        let (before, last) = (between(0.8, 0.9), between(0.9, 1.0 + 1e-9));
+        let before = between(1.0 - 2.0 * window, 1.0 - window);
+        let last = between(1.0 - window, 1.0 + 1e-9);
         if before.len() < FEWEST || last.len() < FEWEST {
             return None;
         }
@@ -200,6 +228,7 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
             probe,
             quantity,
             unit: seen.unit,
+            window: seen.window,
             value: seen.value,
             drift: seen.drift / scale,
             swing: seen.swing / scale,
@@ -209,13 +238,14 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
     judged.collect()
 }
 
-/// Sentences about what has not settled; none where the drive itself oscillates.
-pub(super) fn lines(plan: &Plan, all: &[Settled]) -> Vec<String> {
+/// Sentences about what has not settled and what is not known to have; none where the drive itself oscillates.
+pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
     let force = plan.scene.flow.as_ref().map(|flow| &flow.body_force);
     if matches!(force, Some(BodyForce::Oscillating { .. })) {
         return Vec::new();
     }
-    let mut moving: Vec<&Settled> = all
+    let mut moving: Vec<&Settled> = end
+        .values
         .iter()
         .filter(|one| one.drift > SETTLED || one.swing > SETTLED)
         .collect();
@@ -228,6 +258,16 @@ pub(super) fn lines(plan: &Plan, all: &[Settled]) -> Vec<String> {
             100.0 * SETTLED
         ));
     }
+    if !end.unknown.is_empty() {
+        let names: Vec<String> = (end.unknown.iter().take(NAMED))
+            .map(|name| format!("`{name}`"))
+            .collect();
+        lines.push(format!(
+            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the run; a shorter `every` tells",
+            names.join(", "),
+            if end.unknown.len() > NAMED { " and others" } else { "" }
+        ));
+    }
     lines
 }
 
@@ -236,13 +276,18 @@ fn line(one: &Settled) -> String {
         probe,
         quantity,
         unit,
+        window,
         value,
         drift,
         swing,
         period,
     } = one;
+    let part = WINDOWS
+        .iter()
+        .find(|(part, _)| part >= window)
+        .map_or("part", |(_, name)| name);
     let what = format!(
-        "{} of probe `{probe}` ({:.3e} {unit} over the last tenth of the run)",
+        "{} of probe `{probe}` ({:.3e} {unit} over the last {part} of the run)",
         quantity.replace('_', " "),
         if let [value] = value[..] {
             value
@@ -255,7 +300,7 @@ fn line(one: &Settled) -> String {
     });
     if *drift > SETTLED {
         format!(
-            "not settled: {what} differs by {:.1} % from the tenth before, and swings by {:.1} %{round}",
+            "not settled: {what} differs by {:.1} % from the {part} before, and swings by {:.1} %{round}",
             100.0 * drift,
             100.0 * swing
         )
@@ -311,6 +356,23 @@ mod tests {
         approx::assert_relative_eq!(one.period.unwrap(), 0.25, max_relative = 0.02);
         assert!(one.drift < 1e-3, "{one:?}");
         assert!(line(&one).contains("swings by 10.0 %"), "{}", line(&one));
+    }
+
+    /// A value that swings is seen with ten samples and with six; two say nothing.
+    #[test]
+    fn few_samples_are_judged_over_longer_parts() {
+        for (every, window) in [(10, 0.1), (100, 0.2), (160, 1.0 / 3.0)] {
+            let mut few = rows(|t| [5.0 + t.cos(), 0.0]);
+            few.values = few.values.into_iter().step_by(every).collect();
+            few.steps = few.steps.into_iter().step_by(every).collect();
+            let seen = look(&few, &FORCE, 10.0).unwrap();
+            approx::assert_relative_eq!(seen.window, window);
+            let one = judge(vec![("p".into(), FORCE, seen)]).remove(0);
+            assert!(one.swing.max(one.drift) > SETTLED, "{every}: {one:?}");
+        }
+        let mut two = rows(|_| [5.0, 0.0]);
+        two.values = two.values.into_iter().step_by(999).collect();
+        assert!(look(&two, &FORCE, 10.0).is_none());
     }
 
     /// Few samples say nothing; nothing beside a larger one has nothing to settle.

@@ -93,6 +93,47 @@ fn examples_without_their_numerics_still_plan() {
     assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
 }
 
+/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two stiffnesses, cohesion, friction), with
+/// geometry, grading, densities and pressure: nothing else is needed.
+#[test]
+fn the_hole_erosion_test_needs_five_physical_parameters() {
+    let text = r#"{
+      "domain": {"size": [0.0084, 0.004]},
+      "materials": {"soil": {"density": 2650}},
+      "fluid": {"lattice_boltzmann": {
+        "density": 1000, "kinematic_viscosity": 1e-6,
+        "boundaries": [
+          {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 0.2}}},
+          {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+        ]
+      }},
+      "grains": {
+        "material": "soil",
+        "initial": {"growth": {"amount": {"solid_fraction": 0.84}, "radii": {"uniform": {"min": 7.5e-5, "max": 1.25e-4}}, "seed": 1}},
+        "cut": [
+          {"name": "inlet chamber", "box": {"from": [0, 0], "to": [0.0012, 0.004]}},
+          {"name": "outlet chamber", "box": {"from": [0.0072, 0], "to": [0.0084, 0.004]}},
+          {"name": "hole", "box": {"from": [0.0012, 0.0016], "to": [0.0072, 0.0024]}}
+        ],
+        "bond_at_start": true
+      },
+      "contact": {"cohesive_frictional": {
+        "normal_stiffness": {"per_diameter": 1.5e8}, "shear_to_normal_stiffness": 0.4, "friction_angle_degrees": 20,
+        "cohesion": {"per_diameter": 0.506}
+      }},
+      "box_walls": ["x_min", "y_min", "y_max"],
+      "time": {"end": 6},
+      "regions": [{"name": "outlet", "box": {"from": [0.0083, 0], "to": [0.0084, 0.004]}, "action": {"remove": {"when": "touches"}}}],
+      "analysis": {"erosion_law": {
+        "hole": {"from": [0.0012, 0.0016], "to": [0.0072, 0.0024]}, "flow_axis": "x", "every": 0.02, "outlet": "outlet"
+      }}
+    }"#;
+    let plan = Plan::prepare(Document::read(text, &[], Path::new("")).unwrap()).unwrap();
+    let scene = &plan.scene;
+    assert!(scene.coupling.is_some() && scene.grains.is_some());
+    assert!(plan.margins.iter().all(|margin| margin.used < 1.0 + 1e-9));
+}
+
 #[test]
 fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do() {
     let folder = root().join("flume");

@@ -331,3 +331,114 @@ fn a_contact_that_is_pierced_is_named() {
     strict["guards"] = json!({"max_overlap": 0.01});
     ran(0, &strict, &[]).done.expect(4);
 }
+
+/// The Mach number is beside the lattice velocity in the log and in the summary; above a lattice velocity of 0.1 the log says so once.
+#[test]
+fn a_mach_number_above_the_usual_is_said() {
+    let case = |speed: f64| {
+        json!({
+            "domain": {"size": [0.4, 0.1], "spacing": 0.01, "periodic": ["x"]},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-2, "time_step": 1e-3,
+                "initial": {"uniform": {"velocity": [speed, 0]}},
+                "boundaries": [
+                    {"name": "low", "face": "y_min", "condition": {"free_slip": {}}},
+                    {"name": "high", "face": "y_max", "condition": {"free_slip": {}}}
+                ]
+            }},
+            "guards": {"limits": "warn"},
+            "time": {"end": 0.3}
+        })
+    };
+    // C = 10 m/s.
+    let fast = ran(0, &case(1.5), &[]);
+    assert!((fast.number("lattice_velocity") - 0.15).abs() < 1e-9);
+    assert!((fast.number("mach") - 0.15 * 3.0_f64.sqrt()).abs() < 1e-9);
+    assert!(fast.warned("was up to 0.150, the Mach number 0.260: above 0.1"));
+    let said = fast.done.expect(0).stdout;
+    assert!(
+        said.contains("largest lattice velocity 1.5e-1, largest Mach number 2.6e-1"),
+        "{said}"
+    );
+    let once = |words: &str| said.lines().filter(|line| line.contains(words)).count();
+    assert_eq!(
+        once(": warning: the lattice velocity |u| dt/h was up to"),
+        1,
+        "{said}"
+    );
+    let slow = ran(0, &case(0.9), &[]);
+    assert!(!slow.warned("Mach number"));
+}
+
+/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing from step to step, and leaves
+/// the mean.
+#[test]
+fn the_force_of_two_half_steps_swings_less() {
+    let force = |average: bool| {
+        let ran = ran(
+            0,
+            &json!({
+                "domain": {"size": [0.006, 0.003], "spacing": 1e-4},
+                "materials": {"steel": {"density": 7800}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "collision": {"trt": {}}
+                }},
+                "coupling": {"bounce_back": {"scheme": "half_way", "force_average": average}},
+                "bodies": [{
+                    "name": "disc", "shape": {"disc": {"radius": 4.3e-4}}, "position": [0.002, 0.0015],
+                    "motion": {"driven": {"velocity": [0.03, 0]}}, "material": "steel"
+                }],
+                "time": {"end": 0.05},
+                "probes": [{"name": "disc", "every": 1e-4, "at": {"body": {"name": "disc"}}}]
+            }),
+            &[],
+        );
+        let file = ran.folder.path().join("run/probe_disc.csv");
+        ran.done.expect(0);
+        let rows = io::table::read(&file).unwrap();
+        let forces = rows.column("fluid_force_x").unwrap();
+        let settled = forces[forces.len() / 3..].to_vec();
+        let count = f64::from(u32::try_from(settled.len()).unwrap());
+        let mean = settled.iter().sum::<f64>() / count;
+        let swing = settled.windows(2).map(|two| (two[1] - two[0]).powi(2));
+        ((swing.sum::<f64>() / count).sqrt() / mean.abs(), mean)
+    };
+    let ((with, mean), (without, same)) = (force(true), force(false));
+    println!("swing from step to step over the mean: {with} and {without}");
+    assert!(with < 0.6 * without, "{with} {without}");
+    assert!((mean / same - 1.0).abs() < 1e-3, "{mean} {same}");
+}
+
+/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed less.
+#[test]
+fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
+    let squeezed = |limit: u32| {
+        let ran = ran(
+            0,
+            &json!({
+                "domain": {"size": [0.006, 0.003], "spacing": 1e-4},
+                "materials": {"steel": {"density": 7800}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "collision": {"trt": {}}
+                }},
+                "coupling": {"bounce_back": {"scheme": "half_way", "drop_wall_velocity_at_solid_neighbours": limit}},
+                "bodies": [
+                    {"name": "moving", "shape": {"disc": {"radius": 4.3e-4}}, "position": [0.002, 0.0015],
+                     "motion": {"driven": {"velocity": [0.03, 0]}}, "material": "steel"},
+                    {"name": "fixed", "shape": {"disc": {"radius": 4.3e-4}}, "position": [0.00403, 0.00152],
+                     "motion": {"fixed": {}}, "material": "steel"}
+                ],
+                "guards": {"check_every_steps": 1},
+                "time": {"end": 0.0385}
+            }),
+            &[],
+        );
+        (ran.number("compression"), ran.number("lattice_velocity"))
+    };
+    let ((driven, fast), (dropped, slow)) = (squeezed(0), squeezed(5));
+    println!("compression {driven} and {dropped}, lattice velocity {fast} and {slow}");
+    assert!(
+        dropped < 0.9 * driven && slow < 0.9 * fast,
+        "{driven} {dropped} {fast} {slow}"
+    );
+}

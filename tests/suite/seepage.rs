@@ -183,3 +183,37 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     study.restart("parts", 3, &["time.end=0.003"]).expect(0);
     study.same("straight", "parts");
 }
+
+/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number across an opening, cells of at
+/// most four median diameters.
+#[test]
+fn a_coarse_or_uneven_grid_is_warned_of() {
+    let warnings = |set: &[&str]| -> Vec<(String, String)> {
+        let text = solver::case::examples::find("fissure-sand").unwrap().text;
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document = solver::case::Document::read(text, &set, std::path::Path::new("")).unwrap();
+        let plan = solver::plan::Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"));
+        (plan.warnings.into_iter())
+            .map(|warning| (warning.path, warning.reason))
+            .collect()
+    };
+    let has = |all: &[(String, String)], path: &str, words: &str| {
+        assert!(
+            all.iter()
+                .any(|(p, r)| p.contains(path) && r.contains(words)),
+            "{path}, {words}: {all:#?}"
+        );
+    };
+    assert!(warnings(&[]).is_empty());
+    let coarse = warnings(&["fluid.darcy.grid.cells=[3, 10, 3]"]);
+    has(&coarse, "grid.cells", "fewer than 5 cells");
+    has(&coarse, "grid.cells", "times the median diameter d50");
+    let uneven = warnings(&[
+        r#"fluid.darcy.boundaries[1].patch={"from": [0.016, 0.02, 0.01], "to": [0.024, 0.05, 0.01]}"#,
+    ]);
+    has(
+        &uneven,
+        "boundaries[1].patch",
+        "an odd number of cells (3) along y",
+    );
+}

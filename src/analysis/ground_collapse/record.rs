@@ -148,6 +148,12 @@ pub struct StageTimes {
     pub sinkhole: Option<f64>,
     /// t4.
     pub extension: Option<f64>,
+    /// Shape of the moving front at t2: 1/3 is a triangle with its apex up, 1 a rectangle.
+    #[serde(default)]
+    pub arch_shape: Option<f64>,
+    /// Shape of the moving front at t3.
+    #[serde(default)]
+    pub sinkhole_shape: Option<f64>,
 }
 
 /// What left through one point.

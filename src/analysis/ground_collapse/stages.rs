@@ -12,8 +12,10 @@ pub struct Evidence {
     pub eroded_grains: u64,
     /// Volume of the void over one point \[m3\].
     pub void_volume: f64,
-    /// Part of the cover that moves.
+    /// Part of the cover that moves, over points with a void of [`Thresholds::arch_void`]; 0 where there is none.
     pub front: f64,
+    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN where nothing moves.
+    pub shape: f64,
     /// Settlement of one column \[m\].
     pub settlement: f64,
     /// Longest depression along the long axis \[m\].
@@ -35,6 +37,8 @@ pub struct Thresholds {
     pub void_volume: f64,
     /// t2: part of the cover.
     pub front: f64,
+    /// t2: over a void of this volume \[m3\].
+    pub arch_void: f64,
     /// t3: settlement \[m\].
     pub settlement: f64,
     /// t4: length over that of the sinkhole at t3.
@@ -51,6 +55,9 @@ struct Streak {
     time: f64,
     /// Longer side of the depression at the first of them \[m\].
     extent: f64,
+    /// Shape of the front at the first of them.
+    #[serde(default)]
+    shape: Option<f64>,
 }
 
 /// The stages so far; a restart needs it.
@@ -61,6 +68,9 @@ pub struct Stages {
     streaks: [Streak; 4],
     /// Longer side of the sinkhole at t3 \[m\].
     sinkhole: Option<f64>,
+    /// Shapes of the front when arch and sinkhole began.
+    #[serde(default)]
+    pub shapes: [Option<f64>; 2],
 }
 
 impl Stages {
@@ -77,7 +87,8 @@ impl Stages {
             .is_some_and(|sinkhole| seen.longest >= from.extension * sinkhole);
         let shown = [
             seen.eroded_grains >= from.eroded_grains || seen.void_volume >= from.void_volume,
-            seen.front >= from.front,
+            // Ground that moves together over a void while the surface stands.
+            seen.front >= from.front && seen.settlement < from.settlement,
             seen.settlement >= from.settlement,
             wide && seen.inward >= from.inward,
         ];
@@ -96,11 +107,15 @@ impl Stages {
                     samples: 0,
                     time,
                     extent: seen.longest.max(seen.width),
+                    shape: Some(seen.shape).filter(|shape| shape.is_finite()),
                 };
             }
             streak.samples += 1;
             if streak.samples >= from.samples {
                 self.times[stage] = Some(streak.time);
+                if stage == 1 || stage == 2 {
+                    self.shapes[stage - 1] = streak.shape;
+                }
                 if stage == 2 {
                     self.sinkhole = Some(streak.extent);
                 }
@@ -120,6 +135,7 @@ mod tests {
         eroded_grains: 10,
         void_volume: 1e-6,
         front: 0.5,
+        arch_void: 1e-6,
         settlement: 0.01,
         extension: 1.5,
         inward: 0.001,
@@ -166,6 +182,29 @@ mod tests {
         stages.note(6.0, &seen, &FROM);
         assert_eq!(stages.note(7.0, &seen, &FROM), [3]);
         assert_eq!(stages.times, [None, None, Some(0.0), Some(6.0)]);
+    }
+
+    /// Ground that moves up to a surface that has sunk is no arch; the shapes are those of the first samples.
+    #[test]
+    fn an_arch_stands_under_a_surface_at_rest() {
+        let moves = |settlement, shape| Evidence {
+            front: 0.9,
+            shape,
+            settlement,
+            ..Evidence::default()
+        };
+        let mut late = Stages::default();
+        for n in 0..4 {
+            late.note(f64::from(n), &moves(0.02, 0.8), &FROM);
+        }
+        assert_eq!(late.times, [None, None, Some(0.0), None]);
+        let mut stages = Stages::default();
+        stages.note(0.0, &moves(0.0, 0.35), &FROM);
+        stages.note(1.0, &moves(0.0, 0.5), &FROM);
+        stages.note(2.0, &moves(0.02, 0.9), &FROM);
+        stages.note(3.0, &moves(0.02, 1.0), &FROM);
+        assert_eq!(stages.times, [None, Some(0.0), Some(2.0), None]);
+        assert_eq!(stages.shapes, [Some(0.35), Some(0.9)]);
     }
 
     #[test]

@@ -449,3 +449,91 @@ fn numbers_that_are_not_finite_are_refused() {
         Err(Error::NotConverged { .. })
     ));
 }
+
+/// The Darcy example of the manual of PFC: a box of 0.10 x 0.20 x 0.10 m, 1e-5 m3/s through the whole face y = 0, an outlet of 0.02 x 0.02 m at y =
+/// 0.2 m held at zero pressure, grains of 5 mm, no gravity. Beside over-relaxation of the same balances, and of the exact mean gradient.
+#[test]
+fn a_box_with_a_small_outlet() {
+    const FLOW: f64 = 1e-5;
+    const OUTLET: std::ops::Range<usize> = 4..6;
+    let grid = grid([10, 20, 10], [0.01; 3]);
+    let outlet = Patch {
+        axis: 1,
+        upper: true,
+        from: [OUTLET.start, 0, OUTLET.start],
+        to: [OUTLET.end, 20, OUTLET.end],
+        condition: Condition::Pressure { value: 0.0 },
+    };
+    let inlet = Condition::Flux {
+        value: FLOW / (0.1 * 0.1),
+    };
+    let patches = vec![patch(&grid, 1, false, inlet), outlet];
+    let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-12)).unwrap();
+    let k = kozeny_carman(0.4, 5e-3);
+    let n = grid.count();
+    let report = solver
+        .solve(&vec![k; n], &vec![0.4; n], None, None)
+        .unwrap();
+    assert!((report.inflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
+    assert!((report.outflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
+
+    // The same flow passes every section: the mean pressure falls as in a column.
+    let mean = |layer: usize| {
+        let cells = (0..n).filter(|i| grid.cell(*i)[1] == layer);
+        cells.map(|i| solver.pressure(i)).sum::<f64>() / 100.0
+    };
+    let gradient = WATER.viscosity * FLOW / (0.1 * 0.1) / k;
+    for layer in 0..19 {
+        let fall = (mean(layer) - mean(layer + 1)) / 0.01;
+        assert!(
+            (fall / gradient - 1.0).abs() < 1e-7,
+            "{layer}: {fall} {gradient}"
+        );
+    }
+
+    // Conductance of a face over that of all faces, 1; half a cell to the outlet, 2.
+    let source = WATER.viscosity * FLOW / 100.0 / (k * 0.01);
+    let mut p = vec![0.0_f64; n];
+    for _ in 0..4000 {
+        let mut most = 0.0_f64;
+        for i in 0..n {
+            let cell = grid.cell(i);
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for axis in 0..3 {
+                for up in [false, true] {
+                    let mut other = cell;
+                    if up && cell[axis] + 1 < grid.cells[axis] {
+                        other[axis] += 1;
+                    } else if !up && cell[axis] > 0 {
+                        other[axis] -= 1;
+                    } else {
+                        continue;
+                    }
+                    sum += p[grid.index(other)];
+                    weight += 1.0;
+                }
+            }
+            if cell[1] == 0 {
+                sum += source;
+            } else if cell[1] == 19 && OUTLET.contains(&cell[0]) && OUTLET.contains(&cell[2]) {
+                weight += 2.0;
+            }
+            let change = 1.9 * (sum / weight - p[i]);
+            p[i] += change;
+            most = most.max(change.abs());
+        }
+        if most < 1e-12 * source {
+            break;
+        }
+    }
+    let highest = p.iter().copied().fold(0.0, f64::max);
+    for (i, p) in p.iter().enumerate() {
+        assert!(
+            (solver.pressure(i) - p).abs() < 1e-7 * highest,
+            "{i}: {p} of {highest}"
+        );
+    }
+    // The way to the small outlet costs more than the length of the box.
+    let column = gradient * 0.2;
+    assert!(mean(0) > 1.3 * column, "{} {column}", mean(0));
+}

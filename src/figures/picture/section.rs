@@ -39,7 +39,7 @@ impl Section {
     }
 
     /// The axes to the right and up.
-    fn plane(self) -> [usize; 2] {
+    pub(super) fn plane(self) -> [usize; 2] {
         match self.axis {
             0 => [1, 2],
             1 => [0, 2],
@@ -89,6 +89,13 @@ impl Section {
         for (p, r) in grains.positions.iter_mut().zip(&mut grains.radii) {
             *r = (*r * *r - away(p).powi(2)).sqrt();
             *p = [p[right], p[up], 0.0];
+        }
+        for v in grains
+            .arrows
+            .iter_mut()
+            .flat_map(|arrows| &mut arrows.vectors)
+        {
+            *v = [v[right], v[up], 0.0];
         }
         grains.flat = true;
     }

@@ -3,6 +3,7 @@
 use super::super::agreement;
 use super::super::blocks;
 use super::super::energy;
+use super::super::guards;
 use super::super::means;
 use super::super::progress::clock;
 use super::super::settled;
@@ -62,6 +63,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "mass_change": drift / real(cells.max(1)),
             "momentum_error": simulation.guards.momentum_error(),
             "lattice_velocity": simulation.guards.lattice_velocity(),
+            "mach": simulation.guards.lattice_velocity().map(guards::mach),
             "compression": simulation.guards.compression(),
             "overlap": simulation.guards.overlap(),
             "inflow": null,
@@ -106,9 +108,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let folder = self.folder.path();
             (settled::read(plan, folder, time), means::read(plan, folder))
         } else {
-            (Vec::new(), Vec::new())
+            (settled::End::default(), Vec::new())
         };
-        summary["settled"] = json!(settled);
+        summary["settled"] = json!(settled.values);
+        summary["not_known_to_have_settled"] = json!(settled.unknown);
         if !means.is_empty() {
             summary["means"] = json!(means);
         }
@@ -166,8 +169,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             ));
             let named = |name: &str| measured(summary[name].as_f64());
             self.progress.note(&format!(
-                "largest lattice velocity {}, largest compression {}, inflow {}, outflow {} {}",
+                "largest lattice velocity {}, largest Mach number {}, largest compression {}, inflow {}, outflow {} {}",
                 named("lattice_velocity"),
+                named("mach"),
                 named("compression"),
                 named("inflow"),
                 named("outflow"),
