@@ -238,6 +238,9 @@ fn run(
     for assignment in set {
         command.arg("--set").arg(assignment);
     }
+    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts in a quarter of the time.
+    command.env("OMPI_MCA_ess_singleton_isolated", "1");
+    command.env("OMPI_MCA_pml", "ob1");
     for rank in [
         "OMPI_COMM_WORLD_RANK",
         "PMIX_RANK",
