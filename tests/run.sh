@@ -21,9 +21,9 @@ if [ -w /dev/shm ] && [ "$(df --output=avail -k /dev/shm | tail -n 1)" -gt 40000
   memory=$(mktemp -d /dev/shm/solver-tests.XXXXXX)
   export TMPDIR=$memory
 fi
-# Jobs of the tests run on this machine alone: looking for the hardware of clusters takes most of a start, a single process needs no
-# daemon of Open MPI, ranks bound to cores would all share the first ones, and one that waits lets another run.
-export OMPI_MCA_pml=ob1 OMPI_MCA_btl=self,vader OMPI_MCA_ess_singleton_isolated=1 OMPI_MCA_hwloc_base_binding_policy=none
+# Jobs of the tests run on this machine alone: looking for the hardware of clusters takes most of a start, ranks bound
+# to cores would all share the first ones, and one that waits lets another run.
+export OMPI_MCA_pml=ob1 OMPI_MCA_btl=self,vader OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_mpi_yield_when_idle=1 PMIX_MCA_psec=native
 work=$(mktemp -d)
 trap 'rm -rf "$work" "${memory:-$work}"' EXIT

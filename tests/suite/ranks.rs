@@ -62,7 +62,7 @@ impl Drop for Cores {
 }
 
 /// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one machine.
-pub(crate) const ENVIRONMENT: [(&str, &str); 9] = [
+pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
@@ -71,8 +71,6 @@ pub(crate) const ENVIRONMENT: [(&str, &str); 9] = [
     // Ranks share memory: looking for the hardware of clusters takes most of a start.
     ("OMPI_MCA_pml", "ob1"),
     ("OMPI_MCA_btl", "self,vader"),
-    // Without mpirun no daemon of Open MPI is started beside the program.
-    ("OMPI_MCA_ess_singleton_isolated", "1"),
     // mpirun binds the first rank of every job to the first core: jobs beside each other would share it.
     ("OMPI_MCA_hwloc_base_binding_policy", "none"),
     // Ranks outnumber cores here: one that waits lets another run.
