@@ -37,6 +37,10 @@ fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
         // A socket of Munge that nobody answers costs two seconds at every start.
         .env("PMIX_MCA_psec", "native")
+        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first cores.
+        .env("OMPI_MCA_pml", "ob1")
+        .env("OMPI_MCA_btl", "self,vader")
+        .env("OMPI_MCA_hwloc_base_binding_policy", "none")
         // A rank that waits lets another run, and mpirun waits twice this long [s] at an end other than success.
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .env("OMPI_MCA_odls_base_sigkill_timeout", "1")

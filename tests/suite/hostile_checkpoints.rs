@@ -6,7 +6,7 @@
 //! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
 
 use crate::dice::Dice;
-use crate::ranks::{SOLVER, Study, beside_others};
+use crate::ranks::{ENVIRONMENT, SOLVER, Study, beside_others};
 use io::checkpoint::Manifest;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -103,13 +103,8 @@ impl Copy {
             ["restart", self.folder.to_str().unwrap(), "--threads", "1"].map(str::to_owned),
         );
         let mut command = Command::new("timeout");
-        for (key, value) in [
-            ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-            ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-            ("OMPI_MCA_mpi_yield_when_idle", "1"),
-        ] {
-            command.env(key, value);
-        }
+        command.envs(ENVIRONMENT);
+        command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
         let done = command.args(&words).output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         (done.status.code(), told)

@@ -15,7 +15,7 @@
 
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;
-use crate::ranks::SOLVER;
+use crate::ranks::{ENVIRONMENT, SOLVER};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::{EXAMPLES, STUDY};
@@ -525,12 +525,7 @@ fn through_binary(arguments: &[String]) -> Result<i32, String> {
         &format!("ulimit -v {MEMORY}; exec \"$0\" \"$@\""),
         SOLVER,
     ]);
-    for (key, value) in [
-        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-    ] {
-        command.env(key, value);
-    }
+    command.envs(ENVIRONMENT);
     let done = command.args(arguments).output().unwrap();
     match done.status.code() {
         Some(code @ (0 | 2 | 3 | 4 | 5 | 75)) => Ok(code),

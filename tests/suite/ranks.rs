@@ -61,28 +61,57 @@ impl Drop for Cores {
     }
 }
 
-/// The program on `ranks` ranks, with the environment that `jobs/install.sh` gives; 0 is without mpirun.
+/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one machine.
+pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
+    ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+    ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+    ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
+    // A socket of Munge that nobody answers costs two seconds at every start.
+    ("PMIX_MCA_psec", "native"),
+    // Ranks share memory: looking for the hardware of clusters takes most of a start.
+    ("OMPI_MCA_pml", "ob1"),
+    ("OMPI_MCA_btl", "self,vader"),
+    // mpirun binds the first rank of every job to the first core: jobs beside each other would share it.
+    ("OMPI_MCA_hwloc_base_binding_policy", "none"),
+    // Ranks outnumber cores here: one that waits lets another run.
+    ("OMPI_MCA_mpi_yield_when_idle", "1"),
+];
+
+/// The program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
+    let mut command = launcher(ranks);
+    command.arg(SOLVER);
+    // mpirun waits twice this long at every end other than success.
+    command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
+    command
+}
+
+/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has spoken and
+/// ended before mpirun kills whoever is left.
+const FIRST_RANK_ENDS_FIRST: &str = r#"
+[ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
+"$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
+
+/// As [`command`], for jobs that nobody signals: mpirun need not wait at an error.
+fn prompt_command(ranks: usize) -> Command {
+    let mut command = launcher(ranks);
+    if ranks > 1 {
+        command.args(["bash", "-c", FIRST_RANK_ENDS_FIRST]);
+    }
+    command.arg(SOLVER);
+    command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
+    command
+}
+
+/// What starts programs on `ranks` ranks.
+fn launcher(ranks: usize) -> Command {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &limit()]);
     if ranks > 0 {
         command.args(["mpirun", "--oversubscribe", "-n"]);
         command.arg(ranks.to_string());
     }
-    command.arg(SOLVER);
-    for (name, value) in [
-        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-        ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
-        // A socket of Munge that nobody answers costs two seconds at every start.
-        ("PMIX_MCA_psec", "native"),
-        // Ranks outnumber cores here: one that waits lets another run.
-        ("OMPI_MCA_mpi_yield_when_idle", "1"),
-        // mpirun waits twice this long at every end other than success.
-        ("OMPI_MCA_odls_base_sigkill_timeout", "1"),
-    ] {
-        command.env(name, value);
-    }
+    command.envs(ENVIRONMENT);
     // Of a job within which the tests may run.
     for name in [
         "OMPI_COMM_WORLD_RANK",
@@ -159,13 +188,13 @@ fn begin(mut command: Command, arguments: &[String]) -> Running {
 /// Runs the program to its end.
 pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
     let _cores = Cores::of(ranks);
-    start(ranks, arguments).wait()
+    begin(prompt_command(ranks), arguments).wait()
 }
 
 /// As [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
     let _cores = Cores::of(ranks);
-    let mut command = command(ranks);
+    let mut command = prompt_command(ranks);
     command.envs(more.iter().copied());
     begin(command, arguments).wait()
 }
