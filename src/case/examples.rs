@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 20] = [
+pub const EXAMPLES: [Example; 23] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -67,6 +67,21 @@ pub const EXAMPLES: [Example; 20] = [
         name: "sheet-pile",
         summary: "seepage under a sheet pile, beside the solution by conformal mapping (Harr 1962)",
         text: include_str!("examples/sheet-pile.json"),
+    },
+    Example {
+        name: "cut-off",
+        summary: "a cut-off wall under a dam on layered ground, beside the exact solution for its equivalent permeability (Harr 1962)",
+        text: include_str!("examples/cut-off.json"),
+    },
+    Example {
+        name: "filter",
+        summary: "sand on a layer of gravel under seepage, beside Terzaghi's criterion for a filter",
+        text: include_str!("examples/filter.json"),
+    },
+    Example {
+        name: "weir",
+        summary: "a stream over a weir in a bed of discs: force on the weir, bedload and scour",
+        text: include_str!("examples/weir.json"),
     },
     Example {
         name: "deposition",

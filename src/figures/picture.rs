@@ -706,9 +706,13 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     let rows = panels.len().div_ceil(columns);
     const GAP: usize = 24;
     const HEAD: usize = 22;
+    const BAR: usize = 52;
+    let bars = usize::from(water.is_some()) + usize::from(grains.is_some());
+    // Right of the length, which needs some room in narrow pictures.
+    let x = GAP + (width / 3).max(110);
     let total = [
-        columns * width + (columns + 1) * GAP,
-        rows * (height + HEAD + GAP) + 60,
+        (columns * width + (columns + 1) * GAP).max(x + 160 + GAP),
+        rows * (height + HEAD + GAP) + 16 + BAR * bars.max(1),
     ];
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
@@ -720,8 +724,9 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         let data = base64::engine::general_purpose::STANDARD.encode(raster.to_png()?);
         let _ = writeln!(
             svg,
-            "<text x=\"{x}\" y=\"{}\">t = {time:.4} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
-            y - 6
+            "<text x=\"{x}\" y=\"{}\">t = {} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
+            y - 6,
+            short(*time, 4)
         );
         if !lines.is_empty() {
             let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
@@ -735,17 +740,24 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         real(GAP) + length / pixel,
         foot + 20
     );
-    let mut x = GAP + width / 3;
+    let mut y = foot;
+    let named = |quantity: &str, of: &str| {
+        if bars > 1 {
+            format!("{quantity}, {of}")
+        } else {
+            quantity.to_owned()
+        }
+    };
     if let (Some(scale), Some(field)) = (water, scenes.iter().find_map(|s| s.water.as_ref())) {
         bar(
             &mut svg,
-            [x, foot],
-            &request.field,
+            [x, y],
+            &named(&request.field, "water"),
             &field.units,
             scale,
             water_colour,
         );
-        x += width / 3;
+        y += BAR;
     }
     let of_grains = scenes.iter().find_map(|s| s.grains.as_ref());
     let of_faces = scenes.iter().find_map(|s| s.faces.as_ref());
@@ -753,7 +765,14 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         .map(|faces| (&faces.quantity, &faces.units))
         .or(of_grains.map(|all| (&all.quantity, &all.units)));
     if let (Some(scale), Some((quantity, units))) = (grains, legend) {
-        bar(&mut svg, [x, foot], quantity, units, scale, grain_colour);
+        bar(
+            &mut svg,
+            [x, y],
+            &named(quantity, "grains"),
+            units,
+            scale,
+            grain_colour,
+        );
     }
     svg.push_str("</svg>\n");
     Ok(svg)
@@ -764,7 +783,11 @@ fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Ras
     let (mut text, mut key) = (String::new(), Vec::new());
     if let Some(network) = &scene.contacts {
         text += &network.draw(largest, frame, raster);
-        key.push(format!("widest line {largest:.2e} {}", network.units));
+        key.push(format!(
+            "widest line {} {}",
+            short(largest, 3),
+            network.units
+        ));
     }
     if let Some(grains) = &scene.grains
         && let Some(arrows) = &grains.arrows
@@ -772,7 +795,8 @@ fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Ras
         text += &arrows.draw(&grains.positions, longest, frame, raster);
         let name = arrows.quantity.replace('_', " ");
         key.push(format!(
-            "longest arrow {longest:.2e} {} of {name}",
+            "longest arrow {} {} of {name}",
+            short(longest, 3),
             arrows.units
         ));
     }
@@ -787,7 +811,7 @@ fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Ras
     text
 }
 
-/// A bar of colours with its ends.
+/// A bar of colours with ticks at its ends and its middle.
 fn bar(
     svg: &mut String,
     [x, y]: [usize; 2],
@@ -807,14 +831,59 @@ fn bar(
             y - 8
         );
     }
+    let largest = scale[0].abs().max(scale[1].abs());
+    for (place, anchor, value) in [
+        (0, "start", scale[0]),
+        (STEPS / 2, "middle", f64::midpoint(scale[0], scale[1])),
+        (STEPS, "end", scale[1]),
+    ] {
+        let x = x + place * STEP;
+        let _ = writeln!(
+            svg,
+            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
+            y - 8,
+            y + 5,
+            y + 16,
+            // A rounding error is zero.
+            short(
+                if value.abs() < 1e-9 * largest {
+                    0.0
+                } else {
+                    value
+                },
+                3
+            )
+        );
+    }
     let quantity = quantity.replace('_', " ");
     let _ = writeln!(
         svg,
-        "<text x=\"{x}\" y=\"{}\">{quantity} {:.3e} … {:.3e} {units}</text>",
-        y + 20,
-        scale[0],
-        scale[1]
+        "<text x=\"{x}\" y=\"{}\">{quantity} [{units}]</text>",
+        y + 32
     );
+}
+
+/// A number with this many digits, without zeros at its end.
+fn short(value: f64, digits: usize) -> String {
+    let scientific = format!("{value:.*e}", digits - 1);
+    let (mantissa, power) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let power: i32 = power.parse().unwrap_or(0);
+    let trim = |text: &str| {
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text.to_owned()
+        }
+    };
+    match usize::try_from(power) {
+        _ if value == 0.0 => "0".into(),
+        Ok(up) if up < 5 => trim(&format!("{value:.*}", (digits - 1).saturating_sub(up))),
+        Err(_) if power >= -3 => {
+            let down = usize::try_from(-power).unwrap_or(0);
+            trim(&format!("{value:.*}", digits - 1 + down))
+        }
+        _ => format!("{}e{power}", trim(mantissa)),
+    }
 }
 
 #[cfg(test)]
@@ -826,6 +895,29 @@ mod tests {
             .zip(times)
             .map(|(step, &time)| Moment { step, time })
             .collect()
+    }
+
+    #[test]
+    fn numbers_are_short_at_every_size() {
+        let three = [
+            0.0,
+            1e-5,
+            0.000_123_4,
+            0.001_234,
+            0.05,
+            0.5,
+            12.34,
+            6.0,
+            -11_710.0,
+            21_250.0,
+            2.5e7,
+        ];
+        let texts = [
+            "0", "1e-5", "1.23e-4", "0.00123", "0.05", "0.5", "12.3", "6", "-11710", "21250",
+            "2.5e7",
+        ];
+        assert_eq!(three.map(|value| short(value, 3)), texts);
+        assert_eq!(short(0.300_112, 4), "0.3001");
     }
 
     #[test]

@@ -37,5 +37,6 @@ mod speaking;
 mod stopping;
 mod structures;
 mod sweep;
+mod tutorial;
 mod usage;
 mod verification;

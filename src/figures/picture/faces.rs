@@ -1,6 +1,6 @@
 //! Faces of blocks in a picture: plane convex polygons with their edges, hidden by nearer faces.
 
-use super::{Frame, Raster, dot, failed, magnitudes};
+use super::{Frame, Raster, dot, failed, magnitudes, real};
 use crate::error::Error;
 use crate::number::whole;
 use io::fields::read_column;
@@ -112,11 +112,15 @@ impl Raster {
         let columns = span(low[0] - frame.low[0], high[0] - frame.low[0], self.width);
         let rows = span(frame.high[1] - high[1], frame.high[1] - low[1], self.height);
         let away = dot(corners[0], frame.near);
+        // A sheet thinner than a pixel lies between the middles of pixels and would not be seen.
+        let count = real(at.len());
+        let centre = [0, 1].map(|axis| at.iter().map(|p| p[axis]).sum::<f64>() / count);
+        let margin = (0.5 * self.pixel - clearance(&at, centre).max(0.0)).max(0.0);
         for row in rows {
             for column in columns.clone() {
                 let here = self.middle(frame, column, row);
                 let inside = clearance(&at, here);
-                if inside < 0.0 {
+                if inside < -margin {
                     continue;
                 }
                 let [x, y] = [here[0] - at[0][0], here[1] - at[0][1]];
@@ -151,7 +155,7 @@ fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PAPER, Scene, View, real};
+    use super::super::{PAPER, Scene, View};
     use super::*;
 
     /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the triangle hides.
