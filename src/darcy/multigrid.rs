@@ -30,8 +30,10 @@ const LEAST: f64 = 0.35;
 pub(super) struct Matrix<T> {
     /// Per axis, of the lower face of each cell.
     pub(super) t: [Vec<T>; 3],
-    /// Sums over the faces of each cell; in the cycle 1 for a cell without any.
+    /// Sums over the faces of each cell; 1 for a cell without any.
     pub(super) diagonal: Vec<T>,
+    /// Of the faces of each cell with an imposed pressure.
+    pub(super) leak: Vec<T>,
 }
 
 /// A face with an imposed pressure: position of its cell, axis, conductance.
@@ -42,6 +44,7 @@ impl<T: Copy + Default> Matrix<T> {
         Self {
             t: std::array::from_fn(|_| vec![T::default(); layout.len()]),
             diagonal: vec![T::default(); layout.len()],
+            leak: vec![T::default(); layout.len()],
         }
     }
 }
@@ -59,9 +62,12 @@ pub(super) trait Real:
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// What the neighbours of the cells of a row send in: sum of t x over the faces, handed to `put(place in row, sum)`.
+/// What flows into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, handed to `put(place in row, sum)`.
+///
+/// Differences before products: where free water lies beside soil its large conductances multiply differences near zero, and what the
+/// soil passes is not lost in rounding.
 #[inline(always)]
-pub(super) fn neighbours<'a, T: Real>(
+pub(super) fn inflow<'a, T: Real>(
     matrix: &'a Matrix<T>,
     layout: &Layout,
     x: &'a [T],
@@ -83,14 +89,17 @@ pub(super) fn neighbours<'a, T: Real>(
         cut(start, &matrix.t[2][..]),
         cut(start + sz, &matrix.t[2][..]),
     );
+    let here = cut(start, x);
     let (xw, xe) = (cut(start - 1, x), cut(start + 1, x));
     let (xs, xn) = (cut(start - sy, x), cut(start + sy, x));
     let (xb, xa) = (cut(start - sz, x), cut(start + sz, x));
     for i in 0..length {
+        let x = here[i];
         put(
             i,
-            ((west[i] * xw[i] + east[i] * xe[i]) + (south[i] * xs[i] + north[i] * xn[i]))
-                + (below[i] * xb[i] + above[i] * xa[i]),
+            ((west[i] * (xw[i] - x) + east[i] * (xe[i] - x))
+                + (south[i] * (xs[i] - x) + north[i] * (xn[i] - x)))
+                + (below[i] * (xb[i] - x) + above[i] * (xa[i] - x)),
         );
     }
 }
@@ -270,7 +279,13 @@ impl Multigrid {
         for (i, &at) in self.positions.iter().enumerate() {
             for (j, &other) in self.positions[..=i].iter().enumerate() {
                 self.factor[row(i) + j] = if i == j {
-                    f64::from(level.matrix.diagonal[at])
+                    // Of the same conductances in double precision, so that cells of free water do not round away what the soil passes.
+                    let faces = (0..3).flat_map(|a| [(a, at), (a, at + stride[a])]);
+                    let sum: f64 = faces
+                        .map(|(a, face)| f64::from(level.matrix.t[a][face]))
+                        .sum();
+                    let sum = sum + f64::from(level.matrix.leak[at]);
+                    if sum > 0.0 { sum } else { 1.0 }
                 } else {
                     let face = (0..3).find(|&a| other + stride[a] == at);
                     face.map_or(0.0, |a| -f64::from(level.matrix.t[a][at]))
@@ -372,7 +387,7 @@ impl Multigrid {
 impl Level {
     fn diagonal(&mut self) {
         let layout = self.layout;
-        let Matrix { t, diagonal } = &mut self.matrix;
+        let Matrix { t, diagonal, leak } = &mut self.matrix;
         let [sx, sy, sz] = layout.stride;
         for row in layout.rows(&layout.whole()) {
             for i in row {
@@ -380,8 +395,10 @@ impl Level {
                     + (t[2][i] + t[2][i + sz]);
             }
         }
+        leak.fill(0.0);
         for &(at, _, g) in &self.ground {
             diagonal[at] += single(g);
+            leak[at] += single(g);
         }
         for row in layout.rows(&layout.whole()) {
             for i in row {
@@ -463,9 +480,9 @@ impl Level {
         layout.sweep(part, &mut self.y, |start, out| {
             let n = out.len();
             let (x_row, b) = (&x[start..start + n], &b[start..start + n]);
-            let inverse = &inverse[start..start + n];
-            neighbours(matrix, layout, x, start, n, |i, sum| {
-                out[i] = x_row[i] + weight * (inverse[i] * (b[i] + sum) - x_row[i]);
+            let (inverse, leak) = (&inverse[start..start + n], &matrix.leak[start..start + n]);
+            inflow(matrix, layout, x, start, n, |i, sum| {
+                out[i] = x_row[i] + weight * (inverse[i] * ((b[i] - leak[i] * x_row[i]) + sum));
             });
         });
         std::mem::swap(&mut self.x, &mut self.y);
@@ -495,9 +512,9 @@ impl Level {
         layout.sweep(part, &mut self.y, |start, out| {
             let n = out.len();
             let (x_row, b) = (&x[start..start + n], &b[start..start + n]);
-            let diagonal = &matrix.diagonal[start..start + n];
-            neighbours(matrix, layout, x, start, n, |i, sum| {
-                out[i] = (b[i] - diagonal[i] * x_row[i]) + sum;
+            let leak = &matrix.leak[start..start + n];
+            inflow(matrix, layout, x, start, n, |i, sum| {
+                out[i] = (b[i] - leak[i] * x_row[i]) + sum;
             });
         });
     }

@@ -65,9 +65,11 @@ pub trait Law {
         }
     }
 
-    /// The largest relative change from the permeabilities that are given to those of the bed.
+    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient of the cell over the
+    /// largest: the error of the gradient that it makes. In free water, whose gradient is rounding, nothing depends on it.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
+        let steepest = bed.steepest();
         for (cell, before) in permeability.iter().enumerate() {
             let next = self.permeability(
                 bed.porosity[cell],
@@ -75,10 +77,18 @@ pub trait Law {
                 liquid,
                 bed.gradient[cell],
             );
-            change = change.max((next / before - 1.0).abs());
+            change = larger(
+                change,
+                bed.weight(cell, steepest) * (next / before - 1.0).abs(),
+            );
         }
         change
     }
+}
+
+/// The larger of two numbers; NaN where one is.
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
 }
 
 /// What the permeability of every cell depends on.
@@ -90,6 +100,22 @@ pub struct BedOfCells<'a> {
     pub diameter: &'a [f64],
     /// Size of the gradient of the reduced pressure \[Pa/m\].
     pub gradient: &'a [f64],
+}
+
+impl BedOfCells<'_> {
+    /// The largest gradient \[Pa/m\].
+    pub(super) fn steepest(&self) -> f64 {
+        self.gradient.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Gradient of a cell over the largest; 1 where there is none.
+    pub(super) fn weight(&self, cell: usize, steepest: f64) -> f64 {
+        if steepest > 0.0 {
+            self.gradient[cell] / steepest
+        } else {
+            1.0
+        }
+    }
 }
 
 /// A law of resistance with the limits of the porosity.

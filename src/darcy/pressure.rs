@@ -508,8 +508,10 @@ impl Pressure {
                     + (t[2][i] + t[2][i + sz]);
             }
         }
+        self.matrix.leak.fill(0.0);
         for &(at, _, g) in &self.ground {
             self.matrix.diagonal[at] += g;
+            self.matrix.leak[at] += g;
         }
         for row in self.layout.rows(&whole) {
             for i in row {

@@ -20,7 +20,7 @@
 
 use super::Liquid;
 use super::grid::Grid;
-use super::permeability::{BedOfCells, Law, Resistance};
+use super::permeability::{BedOfCells, Law, Resistance, larger};
 use std::collections::BTreeMap;
 
 /// The permeability of a zone.
@@ -483,7 +483,7 @@ impl Conduct {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
     }
 
-    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed.
+    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed, weighted as in [`Law::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
@@ -498,12 +498,14 @@ impl Conduct {
         self.replace(zones, law, bed, liquid, &mut next);
         std::mem::swap(&mut self.ratios, &mut self.next_ratios);
         let mut change = 0.0_f64;
-        for (next, before) in next.iter().zip(permeability) {
-            change = change.max((next / before - 1.0).abs());
+        let steepest = bed.steepest();
+        for (cell, (next, before)) in next.iter().zip(permeability).enumerate() {
+            let weight = bed.weight(cell, steepest);
+            change = larger(change, weight * (next / before - 1.0).abs());
         }
         let ratios = self.next_ratios.iter().zip(&self.ratios);
         for (next, before) in ratios.flat_map(|(next, before)| next.iter().zip(before)) {
-            change = change.max((next / before - 1.0).abs());
+            change = larger(change, (next / before - 1.0).abs());
         }
         self.next = next;
         change

@@ -497,11 +497,11 @@ impl CollapseRecorder {
     }
 
     fn evidence(&self, seen: &Sample, from: &Thresholds) -> Evidence {
-        let arched = seen
-            .points
-            .iter()
-            .filter(|above| above.void_volume >= from.arch_void)
-            .max_by(|a, b| a.front.total_cmp(&b.front));
+        let farthest = |void: f64| {
+            let over = (seen.points.iter()).filter(|above| above.void_volume >= void);
+            over.max_by(|a, b| a.front.total_cmp(&b.front))
+        };
+        let arched = farthest(from.arch_void);
         let most = |value: fn(&Above) -> f64| seen.points.iter().map(value).fold(0.0, f64::max);
         Evidence {
             eroded_grains: self
@@ -513,7 +513,9 @@ impl CollapseRecorder {
                 .unwrap_or(0),
             void_volume: most(|above| above.void_volume),
             front: arched.map_or(0.0, |above| above.front),
-            shape: arched.map_or(f64::NAN, |above| above.front_shape),
+            shape: arched
+                .or(farthest(0.0))
+                .map_or(f64::NAN, |above| above.front_shape),
             settlement: seen.settlement_max,
             longest: seen.depression.longest,
             width: seen.depression.width,

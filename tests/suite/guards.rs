@@ -234,7 +234,7 @@ fn what_was_not_measured_is_none() {
         "{said}"
     );
     assert!(
-        said.contains("largest lattice velocity -, largest compression -, inflow -, outflow -"),
+        said.contains("largest lattice velocity -, largest Mach number -, largest compression -, inflow -, outflow -"),
         "{said}"
     );
 }

@@ -205,7 +205,7 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
         );
     };
     assert!(warnings(&[]).is_empty());
-    let coarse = warnings(&["fluid.darcy.grid.cells=[3, 10, 3]"]);
+    let coarse = warnings(&["fluid.darcy.grid.cells=[3, 6, 3]"]);
     has(&coarse, "grid.cells", "fewer than 5 cells");
     has(&coarse, "grid.cells", "times the median diameter d50");
     let uneven = warnings(&[
@@ -215,5 +215,33 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
         &uneven,
         "boundaries[1].patch",
         "an odd number of cells (3) along y",
+    );
+}
+
+/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than that of the sand it passes on
+/// the heads, and what seeps is what the mapping of Harr (1962) says.
+#[test]
+fn water_ponded_over_the_ground_passes_on_its_head() {
+    let _beside = beside_others();
+    let sand = r#"[{"name": "sand", "region": {"layer": {"from": 0, "to": 1}}, "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]"#;
+    let solids = r#"[{"name": "wall", "shape": {"box": {"from": [2.9999, 0.5], "to": [3.0001, 1.3]}}},
+        {"name": "dam", "shape": {"box": {"from": [2.5, 1.0], "to": [3.5, 1.3]}}}]"#;
+    let study = Study::of(
+        "cut-off",
+        &[
+            ("domain.size", "[6, 1.2]"),
+            ("domain.spacing", "0.025"),
+            ("fluid.darcy.zones", sand),
+            ("structures", solids),
+        ],
+    );
+    study.run("pond", 1, 1, &[]);
+    let summary = study.summary("pond");
+    let flow = |name: &str| summary["seepage"][name].as_f64().unwrap();
+    let exact = 4.064e-5;
+    assert!((flow("outflow") / exact - 1.0).abs() < 0.02, "{summary:#}");
+    assert!(
+        (flow("inflow") / flow("outflow") - 1.0).abs() < 1e-4,
+        "{summary:#}"
     );
 }

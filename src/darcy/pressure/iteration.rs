@@ -5,7 +5,7 @@
 
 use super::Pressure;
 use crate::darcy::Error;
-use crate::darcy::multigrid::neighbours;
+use crate::darcy::multigrid::inflow;
 use crate::darcy::reproducible::{dot, power_above};
 use crate::number::single;
 
@@ -74,9 +74,9 @@ impl Pressure {
             let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
             layout.sweep(here.1, &mut self.product, |start, out| {
                 let n = out.len();
-                let (diagonal, row) = (&matrix.diagonal[start..start + n], &p[start..start + n]);
-                neighbours(matrix, layout, p, start, n, |i, sum| {
-                    out[i] = diagonal[i] * row[i] - sum;
+                let (leak, row) = (&matrix.leak[start..start + n], &p[start..start + n]);
+                inflow(matrix, layout, p, start, n, |i, sum| {
+                    out[i] = leak[i] * row[i] - sum;
                 });
             });
             let energy = dot(here, &self.direction, &self.product, &self.communicator);
@@ -173,10 +173,10 @@ impl Pressure {
         let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
         layout.sweep(&self.part, &mut self.residual, |start, out| {
             let n = out.len();
-            let (diagonal, row) = (&matrix.diagonal[start..start + n], &phi[start..start + n]);
+            let (leak, row) = (&matrix.leak[start..start + n], &phi[start..start + n]);
             let right = &right[start..start + n];
-            neighbours(matrix, layout, phi, start, n, |i, sum| {
-                out[i] = (right[i] - diagonal[i] * row[i]) + sum;
+            inflow(matrix, layout, phi, start, n, |i, sum| {
+                out[i] = (right[i] - leak[i] * row[i]) + sum;
             });
         });
         let mut most = 0.0_f64;

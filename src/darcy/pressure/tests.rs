@@ -537,3 +537,47 @@ fn a_box_with_a_small_outlet() {
     let column = gradient * 0.2;
     assert!(mean(0) > 1.3 * column, "{} {column}", mean(0));
 }
+
+/// Free water up to a hundred million times as permeable as the soil, above it and in a pocket within it: what passes is what the soil passes.
+#[test]
+fn free_water_beside_soil() {
+    const SOIL: f64 = 1e-11;
+    let grid = grid([24, 1, 40], [0.0125, 1.0, 0.0125]);
+    let water = |cell: usize| {
+        let [x, _, z] = grid.cell(cell);
+        z >= 30 || ((8..14).contains(&x) && (10..16).contains(&z))
+    };
+    let permeability = |ratio: f64| -> Vec<f64> {
+        let of = |cell| if water(cell) { ratio * SOIL } else { SOIL };
+        (0..grid.count()).map(of).collect()
+    };
+    let flow = |ratio: f64| {
+        let patches = between(
+            &grid,
+            2,
+            Condition::Pressure { value: 0.0 },
+            Condition::Pressure { value: 1e4 },
+        );
+        let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-8)).unwrap();
+        let eps = vec![0.4; grid.count()];
+        let report = solver
+            .solve(&permeability(ratio), &eps, None, None)
+            .unwrap();
+        assert!(
+            (report.inflow / report.outflow - 1.0).abs() < 1e-4,
+            "{ratio:e} {report:?}"
+        );
+        println!("{ratio:e} {report:?}");
+        report.outflow
+    };
+    let flows = [1e3, 1e5, 1e7, 1e8].map(flow);
+    println!("{flows:?}");
+    for (n, next) in flows.windows(2).enumerate() {
+        // The resistance of the water falls with the ratio.
+        let change = (next[1] / next[0] - 1.0).abs();
+        assert!(
+            change < 3.0 * 10.0_f64.powi(-3 - 2 * i32::try_from(n).unwrap()).max(1e-8),
+            "{n}: {change}"
+        );
+    }
+}

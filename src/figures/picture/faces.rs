@@ -181,6 +181,7 @@ mod tests {
             time: 0.0,
             water: None,
             grains: None,
+            contacts: None,
             faces: Some(faces),
             structures: None,
         }];
