@@ -37,7 +37,7 @@ pub struct PictureOptions {
     /// Field of the water.
     #[arg(long, default_value = "velocity")]
     pub field: String,
-    /// Column that colours grains and blocks [default: none in the plane, velocity in space].
+    /// Column that colours grains and blocks [default: none in the plane and with contacts, velocity in space].
     #[arg(long, value_name = "COLUMN")]
     pub colour: Option<String>,
     /// Vector of each grain to draw as an arrow, such as displacement or velocity.
@@ -131,6 +131,12 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             grains: file(&grains)
                 .map(|path| {
                     let arrows = request.arrows.as_deref();
+                    // Lines of contacts are seen on grains of one light colour.
+                    let colour = match (colour, request.contacts) {
+                        (Some(column), _) => Some(Some(column)),
+                        (None, true) => Some(None),
+                        (None, false) => None,
+                    };
                     Grains::read(&path, colour, arrows, &shaped.unwrap_or_default())
                 })
                 .transpose()?,
@@ -193,19 +199,22 @@ impl Scene {
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();
-        let section = section.or(deep.filter(|_| alone).map(Section::middle));
-        if let (Some(section), Some(water)) = (section, deep) {
+        // A scene without water at this time is cut all the same: all panels show the same plane.
+        let Some(section) = section.or(deep.filter(|_| alone).map(Section::middle)) else {
+            return self;
+        };
+        if let Some(water) = deep {
             self.water = section.water(water);
-            if let Some(grains) = &mut self.grains {
-                section.grains(grains);
-            }
-            if let Some(contacts) = &mut self.contacts {
-                contacts.cut(section);
-            }
-            // Blocks are what is solid in the water.
-            self.faces = None;
-            self.structures = None;
         }
+        if let Some(grains) = self.grains.as_mut().filter(|grains| !grains.flat) {
+            section.grains(grains);
+        }
+        if let Some(contacts) = &mut self.contacts {
+            contacts.cut(section);
+        }
+        // Blocks are what is solid in the water.
+        self.faces = None;
+        self.structures = None;
         self
     }
 }
@@ -279,10 +288,11 @@ struct Grains {
 }
 
 impl Grains {
-    /// The grains of an output but those that are drawn with their faces.
+    /// The grains of an output but those that are drawn with their faces. `colour`: the column, or none for one colour; by default the velocity
+    /// in space.
     fn read(
         path: &Path,
-        colour: Option<&str>,
+        colour: Option<Option<&str>>,
         arrows: Option<&str>,
         shaped: &BTreeSet<i64>,
     ) -> Result<Self, Error> {
@@ -295,7 +305,7 @@ impl Grains {
             .collect();
         let radii = read_column(path, "radius").map_err(wrong)?.values;
         let flat = positions.iter().all(|p| p[2] == 0.0);
-        let quantity = colour.or((!flat).then_some("velocity"));
+        let quantity = colour.unwrap_or((!flat).then_some("velocity"));
         let column = quantity
             .map(|name| read_column(path, name))
             .transpose()
@@ -707,12 +717,15 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     const GAP: usize = 24;
     const HEAD: usize = 22;
     const BAR: usize = 52;
+    let key = key(scenes, [longest, largest]);
     let bars = usize::from(water.is_some()) + usize::from(grains.is_some());
     // Right of the length, which needs some room in narrow pictures.
     let x = GAP + (width / 3).max(110);
     let total = [
-        (columns * width + (columns + 1) * GAP).max(x + 160 + GAP),
-        rows * (height + HEAD + GAP) + 16 + BAR * bars.max(1),
+        (columns * width + (columns + 1) * GAP)
+            .max(x + 160 + GAP)
+            .max(2 * GAP + 6 * key.len()),
+        rows * (height + HEAD + GAP) + 16 + BAR * bars.max(1) + if key.is_empty() { 0 } else { 20 },
     ];
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
@@ -774,41 +787,46 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
             grain_colour,
         );
     }
+    if !key.is_empty() {
+        let y = total[1] - 8;
+        let _ = writeln!(
+            svg,
+            "<text x=\"{GAP}\" y=\"{y}\" font-size=\"11\">{key}</text>"
+        );
+    }
     svg.push_str("</svg>\n");
     Ok(svg)
 }
 
-/// Arrows and contacts of a panel, with what the longest arrow and the widest line stand for.
+/// Arrows and contacts of a panel.
 fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Raster) -> String {
-    let (mut text, mut key) = (String::new(), Vec::new());
+    let mut text = String::new();
     if let Some(network) = &scene.contacts {
         text += &network.draw(largest, frame, raster);
-        key.push(format!(
-            "widest line {} {}",
-            short(largest, 3),
-            network.units
-        ));
     }
     if let Some(grains) = &scene.grains
         && let Some(arrows) = &grains.arrows
     {
         text += &arrows.draw(&grains.positions, longest, frame, raster);
-        let name = arrows.quantity.replace('_', " ");
-        key.push(format!(
-            "longest arrow {} {} of {name}",
-            short(longest, 3),
-            arrows.units
-        ));
-    }
-    if !key.is_empty() {
-        let _ = writeln!(
-            text,
-            "<text x=\"{}\" y=\"-6\" font-size=\"11\" text-anchor=\"end\">{}</text>",
-            raster.width,
-            key.join(", ")
-        );
     }
     text
+}
+
+/// What the longest arrow and the widest line of any panel stand for; empty without them.
+fn key(scenes: &[Scene], [longest, largest]: [f64; 2]) -> String {
+    let mut parts = Vec::new();
+    let arrows = |s: &'_ Scene| -> Option<String> {
+        let arrows = s.grains.as_ref()?.arrows.as_ref()?;
+        let (name, length) = (arrows.quantity.replace('_', " "), short(longest, 3));
+        Some(format!("longest arrow: {name} {length} {}", arrows.units))
+    };
+    let network = |s: &'_ Scene| -> Option<String> {
+        let units = &s.contacts.as_ref()?.units;
+        Some(format!("widest line: {} {units}", short(largest, 3)))
+    };
+    parts.extend(scenes.iter().find_map(arrows));
+    parts.extend(scenes.iter().find_map(network));
+    parts.join("; ")
 }
 
 /// A bar of colours with ticks at its ends and its middle.

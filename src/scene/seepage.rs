@@ -398,8 +398,11 @@ impl Seepage {
         let widest = (0..grid.dimension)
             .map(|a| self.spacing[a])
             .fold(0.0, f64::max);
-        // Of all grains the percentiles are asked for only where the smallest one could be too small.
+        // A bed of grains has more of them than cells; a few stand for a continuum. The percentiles are asked for only where the smallest
+        // grain could be too small.
+        let cells: usize = self.cells.iter().product();
         if let Some(grains) = grains
+            && grains.expected >= cells
             && grains
                 .radii
                 .is_some_and(|(least, _)| widest > USUAL_DIAMETERS * 2.0 * least)
