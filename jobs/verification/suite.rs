@@ -238,7 +238,11 @@ fn run(
     for assignment in set {
         command.arg("--set").arg(assignment);
     }
-    // One process needs none of the hardware of clusters, and starts sooner without looking for it.
+    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without a daemon all
+    // such processes share one session folder, and one that ends removes it under another that starts: each has its own.
+    let session = tempfile::tempdir().map_err(|e| format!("session folder: {e}"))?;
+    command.env("OMPI_MCA_ess_singleton_isolated", "1");
+    command.env("OMPI_MCA_orte_tmpdir_base", session.path());
     command.env("OMPI_MCA_pml", "ob1");
     for rank in [
         "OMPI_COMM_WORLD_RANK",

@@ -79,8 +79,16 @@ def _make(solver, folder, name):
     command = [*launch, solver, str(case), "--output", str(folder / name), "--threads", "1", "--no-final-checkpoint"]
     for path, value in changes.items():
         command += ["--set", f"{path}={value}"]
+    environment = dict(os.environ)
+    if ranks == 1:
+        # Without the daemon of Open MPI a start is short. Such processes share one session folder unless each has its own.
+        environment["OMPI_MCA_ess_singleton_isolated"] = "1"
+        environment["OMPI_MCA_orte_tmpdir_base"] = str(folder / f"{name}-session")
     patience = float(os.environ.get("SOLVER_TEST_PATIENCE", "1"))
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300 * patience)
+    limit = 300 * patience
+    done = subprocess.run(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=limit
+    )
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}"
 
 

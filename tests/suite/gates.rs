@@ -12,12 +12,12 @@ fn study() -> Study {
             (
                 "walls[3]",
                 r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.0029], "to": [0.022, 0.021, 0.0039]}},
-                    "material": "soil", "from": 0.003, "until": 0.011}"#,
+                    "material": "soil", "from": 0.003, "until": 0.008}"#,
             ),
             ("contact.contact_bond.tensile_strength", "0.001"),
             ("contact.contact_bond.shear_strength", "0.001"),
-            ("time.end", "0.014"),
-            ("output.grains.every", "0.007"),
+            ("time.end", "0.010"),
+            ("output.grains.every", "0.005"),
             ("checkpoint", r#"{"every": 0.002}"#),
         ],
     )
@@ -45,9 +45,9 @@ fn walls_that_come_and_go_keep_the_bits() {
     }
     // Before the floor goes, between, and after the shelf has gone.
     study.run("parts", 2, 1, &["time.end=0.002"]);
-    study.restart("parts", 1, &["time.end=0.006"]).expect(0);
-    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
-    study.restart("parts", 1, &["time.end=0.014"]).expect(0);
+    study.restart("parts", 1, &["time.end=0.005"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.009"]).expect(0);
+    study.restart("parts", 1, &["time.end=0.010"]).expect(0);
     study.same("straight", "parts");
     // Each of the walls acts.
     for (name, set) in [

@@ -27,7 +27,7 @@ const SETTINGS: [(&str, &str); 9] = [
         "grains.zones",
         r#"[{"name": "lens", "material": "lens", "region": {"box": {"from": [0.008, 0, 0.004], "to": [0.016, 0.02, 0.008]}}}]"#,
     ),
-    ("time.end", "0.006"),
+    ("time.end", "0.004"),
 ];
 
 #[test]
@@ -52,7 +52,7 @@ fn a_layered_ground_has_the_same_bits_on_any_ranks() {
         study.same("straight", name);
     }
     study.run("parts", 3, 1, &["time.end=0.002"]);
-    study.restart("parts", 2, &["time.end=0.006"]).expect(0);
+    study.restart("parts", 2, &["time.end=0.004"]).expect(0);
     study.same("straight", "parts");
 }
 

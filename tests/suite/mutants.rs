@@ -15,7 +15,7 @@
 
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;
-use crate::ranks::{ENVIRONMENT, SOLVER};
+use crate::ranks::{ENVIRONMENT, SOLVER, without_daemon};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::{EXAMPLES, STUDY};
@@ -526,6 +526,8 @@ fn through_binary(arguments: &[String]) -> Result<i32, String> {
         SOLVER,
     ]);
     command.envs(ENVIRONMENT);
+    let session = tempfile::tempdir().unwrap();
+    without_daemon(&mut command, session.path());
     let done = command.args(arguments).output().unwrap();
     match done.status.code() {
         Some(code @ (0 | 2 | 3 | 4 | 5 | 75)) => Ok(code),

@@ -77,6 +77,13 @@ pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
+/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share one session
+/// folder, and the one that ends first removes it while another is about to use it: here each has its own in `folder`.
+pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
+    command.env("OMPI_MCA_ess_singleton_isolated", "1");
+    command.env("OMPI_MCA_orte_tmpdir_base", folder);
+}
+
 /// The program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
@@ -162,18 +169,26 @@ pub(crate) struct Running {
 /// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by
 /// a rank can delay the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
-    begin(command(ranks), arguments)
+    begin(command(ranks), ranks, arguments)
 }
 
 /// As [`start`], but mpirun kills the other ranks at once when one has ended with an error.
 pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
     let mut command = command(ranks);
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
-    begin(command, arguments)
+    begin(command, ranks, arguments)
 }
 
-fn begin(mut command: Command, arguments: &[String]) -> Running {
+/// As [`start`], for jobs that nobody signals: mpirun need not wait at an error.
+pub(crate) fn start_prompt(ranks: usize, arguments: &[String]) -> Running {
+    begin(prompt_command(ranks), ranks, arguments)
+}
+
+fn begin(mut command: Command, ranks: usize, arguments: &[String]) -> Running {
     let logs = tempfile::tempdir().unwrap();
+    if ranks == 0 {
+        without_daemon(&mut command, logs.path());
+    }
     let file = |name: &str| File::create(logs.path().join(name)).unwrap();
     command.args(arguments);
     command.stdout(file("stdout")).stderr(file("stderr"));
@@ -188,7 +203,7 @@ fn begin(mut command: Command, arguments: &[String]) -> Running {
 /// Runs the program to its end.
 pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
     let _cores = Cores::of(ranks);
-    begin(prompt_command(ranks), arguments).wait()
+    start_prompt(ranks, arguments).wait()
 }
 
 /// As [`run`], with more variables of the environment.
@@ -196,7 +211,7 @@ pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]
     let _cores = Cores::of(ranks);
     let mut command = prompt_command(ranks);
     command.envs(more.iter().copied());
-    begin(command, arguments).wait()
+    begin(command, ranks, arguments).wait()
 }
 
 impl Running {

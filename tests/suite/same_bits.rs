@@ -357,8 +357,8 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
         study.run(name, ranks, threads, &[set]);
         study.same("straight", name);
     }
-    study.run("parts", 2, 1, &["time.end=0.02"]);
-    study.restart("parts", 3, &["time.end=0.04"]).expect(0);
+    study.run("parts", 2, 1, &["time.end=0.01"]);
+    study.restart("parts", 3, &["time.end=0.02"]).expect(0);
     study.same("straight", "parts");
     // The other operators, in water thick enough for the matched one.
     let thick = "fluid.lattice_boltzmann.kinematic_viscosity=0.02";
@@ -369,6 +369,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
             thick,
             trt,
             "fluid.lattice_boltzmann.turbulence=null",
+            "time.end=0.01",
             &chosen,
         ];
         study.run(&format!("{operator} alone"), 1, 1, &set);
@@ -396,8 +397,8 @@ fn blocks_with_bouncing_links_on_any_ranks() {
     study.run("straight", 1, 1, &[]);
     study.run("three", 3, 1, &["domain.split=y"]);
     study.same("straight", "three");
-    study.run("parts", 2, 1, &["time.end=0.02"]);
-    study.restart("parts", 3, &["time.end=0.04"]).expect(0);
+    study.run("parts", 2, 1, &["time.end=0.01"]);
+    study.restart("parts", 3, &["time.end=0.02"]).expect(0);
     study.same("straight", "parts");
 }
 
@@ -456,12 +457,12 @@ const SCOUR: &str = r#"{
   },
   "box_walls": ["z_min"],
   "coupling": {"partially_saturated": {}},
-  "time": {"end": 0.04},
+  "time": {"end": 0.02},
   "guards": {"max_lattice_velocity": 0.3},
-  "probes": [{"name": "plucked", "every": 0.004, "at": {"body": {"name": "plucked"}}}],
+  "probes": [{"name": "plucked", "every": 0.002, "at": {"body": {"name": "plucked"}}}],
   "output": {
-    "fluid": {"every": 0.02, "fields": ["velocity", "eddy_viscosity"], "precision": "f64"},
-    "blocks": {"every": 0.02}
+    "fluid": {"every": 0.01, "fields": ["velocity", "eddy_viscosity"], "precision": "f64"},
+    "blocks": {"every": 0.01}
   },
-  "checkpoint": {"every": 0.01}
+  "checkpoint": {"every": 0.006}
 }"#;

@@ -1,7 +1,7 @@
 //! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
 //! going on gives the bits of the run that was never interrupted.
 
-use crate::ranks::{Running, Study, alone, signal, start};
+use crate::ranks::{Done, Running, Study, alone, beside_others, run, signal, start, start_prompt};
 use io::Alone;
 use serde_json::Value;
 use std::path::Path;
@@ -27,7 +27,7 @@ fn study(more: &[(&str, &str)]) -> Study {
     Study::eroding(&set)
 }
 
-/// The study with its uninterrupted run, made once; hold [`alone`].
+/// The study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -77,8 +77,8 @@ fn goes_on(study: &Study, name: &str, ranks: usize) {
 
 /// A request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the user.
 #[track_caller]
-fn stops(study: &Study, name: &str, running: Running, code: i32) {
-    let done = running.wait().expect(code);
+fn stops(study: &Study, name: &str, done: Done, code: i32) {
+    let done = done.expect(code);
     let summary: Value = study.summary(name);
     assert_eq!(summary["outcome"], "stopped", "{summary:#}");
     let step = summary["steps"].as_u64().unwrap();
@@ -96,7 +96,7 @@ fn sigterm_to_the_program() {
     reaches(&mut running, &study.path("term"), 50);
     let ranks = running.ranks(0);
     signal(ranks[0], "TERM");
-    stops(study, "term", running, 75);
+    stops(study, "term", running.wait(), 75);
     goes_on(study, "term", 2);
 }
 
@@ -107,7 +107,7 @@ fn sigusr2_to_mpirun() {
     let mut running = start(2, &study.arguments("usr2", 1, &[]));
     reaches(&mut running, &study.path("usr2"), 50);
     signal(running.mpirun(), "USR2");
-    stops(study, "usr2", running, 75);
+    stops(study, "usr2", running.wait(), 75);
     goes_on(study, "usr2", 1);
 }
 
@@ -144,21 +144,16 @@ fn sigusr1_asks_for_a_checkpoint_and_no_more() {
 
 #[test]
 fn a_file_named_stop_and_the_walltime() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = shared();
     let folder = study.path("file");
     std::fs::create_dir(&folder).unwrap();
     std::fs::write(folder.join("STOP"), "").unwrap();
-    stops(
-        study,
-        "file",
-        start(2, &study.arguments("file", 1, &[])),
-        75,
-    );
+    stops(study, "file", run(2, &study.arguments("file", 1, &[])), 75);
     assert!(!folder.join("STOP").exists(), "the next run would stop too");
     let mut arguments = study.arguments("walltime", 1, &[]);
     arguments.extend(["--max-walltime".into(), "0:00:01".into()]);
-    stops(study, "walltime", start(2, &arguments), 75);
+    stops(study, "walltime", run(2, &arguments), 75);
     goes_on(study, "walltime", 2);
 }
 
@@ -176,9 +171,9 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
         // attempt gets further than the one before.
         let done = if attempt == 0 {
             std::fs::write(folder.join("STOP"), "").unwrap();
-            start(ranks, &study.arguments("parts", 1, &[])).wait()
+            run(ranks, &study.arguments("parts", 1, &[]))
         } else {
-            let running = start(ranks, &study.restart_arguments("parts", &[]));
+            let running = start_prompt(ranks, &study.restart_arguments("parts", &[]));
             std::thread::sleep(Duration::from_millis(600));
             if attempt < 12 {
                 std::fs::write(folder.join("STOP"), "").unwrap();
@@ -330,7 +325,7 @@ impl Drop for Disk<'_> {
 
 #[test]
 fn a_full_disk_stops_an_output_and_spares_what_was_saved() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = study(&[("time.end", "0.04"), ("output.fluid.every", "0.002")]);
     study.run("straight", 2, 1, &[]);
     let place = study.path("disk");
@@ -338,7 +333,7 @@ fn a_full_disk_stops_an_output_and_spares_what_was_saved() {
         return;
     };
     let arguments = study.arguments("disk/run", 1, &[]);
-    let done = start(2, &arguments).wait().expect(5);
+    let done = run(2, &arguments).expect(5);
     assert!(done.stderr.contains("disk/run"), "{}", done.stderr);
     let summary = study.summary("disk/run");
     assert_eq!(summary["outcome"], "failed", "{summary:#}");
@@ -351,7 +346,7 @@ fn a_full_disk_stops_an_output_and_spares_what_was_saved() {
 
 #[test]
 fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = study(&[
         ("time.end", "8"),
         ("output", "{}"),
@@ -369,8 +364,8 @@ fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on
         return;
     };
     let mut arguments = study.arguments("disk/run", 1, &[]);
-    arguments.extend(["--max-walltime".into(), "0:00:04".into()]);
-    let done = start(2, &arguments).wait().expect(5);
+    arguments.extend(["--max-walltime".into(), "0:00:02".into()]);
+    let done = run(2, &arguments).expect(5);
     assert!(
         done.stderr.contains("no space for a checkpoint")
             && done.stderr.contains("there is no earlier checkpoint"),
@@ -382,16 +377,14 @@ fn a_stop_without_room_for_its_checkpoint_is_an_error_and_no_invitation_to_go_on
 
 #[test]
 fn a_checkpoint_that_does_not_fit_is_left_out_and_the_run_goes_on() {
-    let _alone = alone();
+    let _beside = beside_others();
     let study = study(&[("time.end", "0.04"), ("output", "{}")]);
     study.run("straight", 2, 1, &[]);
     let place = study.path("disk");
     let Some(_disk) = Disk::mount(&place, "size=2500k") else {
         return;
     };
-    let done = start(2, &study.arguments("disk/run", 1, &[]))
-        .wait()
-        .expect(0);
+    let done = run(2, &study.arguments("disk/run", 1, &[])).expect(0);
     assert!(
         done.stdout.contains("no checkpoint at step"),
         "{}",

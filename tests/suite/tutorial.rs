@@ -1,7 +1,7 @@
 //! The lessons of `jobs/tutorial`: reduced runs agree with the numbers that the texts state.
 
 use super::verification::{short_forms, suite};
-use crate::ranks::beside_others;
+use crate::ranks::{ENVIRONMENT, beside_others, without_daemon};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -36,7 +36,7 @@ fn the_numbers_of_the_lessons_are_those_of_their_runs() {
             lesson.display()
         );
     }
-    let (cases, compared) = short_forms(&root());
+    let (cases, compared) = short_forms(&root(), 0, 1);
     assert_eq!((cases, compared), (5, stated));
 }
 
@@ -47,7 +47,11 @@ fn the_lesson_on_clusters_ends_in_the_same_state() {
     let work = tempfile::tempdir().unwrap();
     let case = root().join("6-cluster/case.json");
     let run = |folder: &str, arguments: &[&str]| {
-        let done = Command::new(env!("CARGO_BIN_EXE_solver"))
+        let session = tempfile::tempdir().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_solver"));
+        command.envs(ENVIRONMENT);
+        without_daemon(&mut command, session.path());
+        let done = command
             .args(arguments)
             .args(["--threads", "1"])
             .current_dir(work.path())
