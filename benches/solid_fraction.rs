@@ -82,13 +82,34 @@ fn show(name: &str, form: &Form, volume: f64) {
     }
     if let Form::Ball { centre, radius } = *form {
         let mut table = BallTable::default();
-        let places: Vec<[usize; 3]> = surface
+        // The same cells row by row, as the program asks for them: from the first to the last of the surface, and not those between.
+        let mut rows: Vec<(usize, usize, Vec<std::ops::Range<usize>>)> = Vec::new();
+        let mut places: Vec<[usize; 3]> = surface
             .iter()
             .map(|(cell, _)| cell.map(|x| x as usize))
             .collect();
+        places.sort_unstable();
+        for [x, y, z] in places {
+            match rows.last_mut() {
+                Some((i, j, runs)) if (*i, *j) == (x, y) => match runs.last_mut() {
+                    Some(run) if run.end == z => run.end += 1,
+                    _ => runs.push(z..z + 1),
+                },
+                _ => rows.push((x, y, vec![z..z + 1])),
+            }
+        }
+        let mut row = Vec::new();
         let time = per_cell(surface.len(), || {
-            table.fill(centre, radius, [0; 3], CELLS);
-            places.iter().map(|&cell| table.fraction(cell)).sum()
+            table.fill(centre, radius, [0; 3], CELLS, [0, 1, 2]);
+            let mut sum = 0.0;
+            for (i, j, runs) in &rows {
+                table.layer(*i);
+                for run in runs {
+                    table.row(*j, run.clone(), &mut row);
+                    sum += row.iter().sum::<f64>();
+                }
+            }
+            sum
         });
         line(
             name,

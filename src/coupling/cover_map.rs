@@ -17,6 +17,7 @@ use crate::lbm::saturation::{Cover, DEEP, Solid};
 use crate::number::{floor_i32, single, to_i32, to_u32};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Who is mapped: id, and which image.
 type Name = (u64, [i32; 3]);
@@ -328,7 +329,8 @@ impl Rows {
             (Form::Ball { centre, radius }, Method::Exact) => {
                 let cells = std::array::from_fn(|a| whole(high[a] - low[a]));
                 let first = std::array::from_fn(|a| low[a] - frame[a]);
-                scratch.ball.fill(*centre, *radius, first, cells);
+                let order = self.order;
+                scratch.ball.fill(*centre, *radius, first, cells, order);
                 true
             }
             _ => false,
@@ -337,6 +339,9 @@ impl Rows {
         let mut cell = [0; 3];
         for i in low[slow]..high[slow] {
             cell[slow] = i;
+            if ball {
+                scratch.ball.layer(whole(i - low[slow]));
+            }
             for j in low[middle]..high[middle] {
                 cell[middle] = j;
                 cell[fast] = 0;
@@ -353,30 +358,58 @@ impl Rows {
                     .origin
                     .wrapping_add_signed(self.strides[slow].cast_signed() * i as isize)
                     .wrapping_add_signed(self.strides[middle].cast_signed() * j as isize);
-                for k in first..last {
-                    cell[fast] = k;
-                    let lower = corner(cell, frame);
-                    let x = lower[fast];
-                    let fraction = if x - 1.0 >= row.deep[0] && x + 2.0 <= row.deep[1] {
-                        DEEP
-                    } else if x >= row.inner[0] && x + 1.0 <= row.inner[1] {
-                        1.0
-                    } else if ball {
-                        let place = std::array::from_fn(|a| whole(cell[a] - low[a]));
-                        single(scratch.ball.fraction(place))
+                let mut tell = |k: i32, fraction: f32| {
+                    let position = to_u32(start.wrapping_add_signed(k as isize));
+                    let ghost = beyond || !(0..self.cells[fast]).contains(&k);
+                    found.push((position, if ghost { -fraction } else { fraction }));
+                };
+                let last = last.max(first);
+                let full = within(&(first..last), row.inner, 0, frame[fast]);
+                let deep = within(&full, row.deep, 1, frame[fast]);
+                // Cells at the surface before those inside and behind them.
+                for (part, cells) in [first..full.start, full.end..last].into_iter().enumerate() {
+                    if part == 1 {
+                        (full.start..deep.start).for_each(|k| tell(k, 1.0));
+                        deep.clone().for_each(|k| tell(k, DEEP));
+                        (deep.end..full.end).for_each(|k| tell(k, 1.0));
+                    }
+                    if cells.is_empty() {
+                        continue;
+                    }
+                    if ball {
+                        let range = whole(cells.start - low[fast])..whole(cells.end - low[fast]);
+                        let Scratch {
+                            ball, fractions, ..
+                        } = scratch;
+                        ball.row(whole(j - low[middle]), range, fractions);
+                        for (k, &fraction) in cells.zip(&*fractions) {
+                            if single(fraction) > 0.0 {
+                                tell(k, single(fraction));
+                            }
+                        }
                     } else {
-                        single(form.fraction(method, lower, scratch))
-                    };
-                    if fraction > 0.0 {
-                        let position = to_u32(start.wrapping_add_signed(k as isize));
-                        let ghost = beyond || !(0..self.cells[fast]).contains(&k);
-                        found.push((position, if ghost { -fraction } else { fraction }));
+                        for k in cells {
+                            cell[fast] = k;
+                            let fraction =
+                                single(form.fraction(method, corner(cell, frame), scratch));
+                            if fraction > 0.0 {
+                                tell(k, fraction);
+                            }
+                        }
                     }
                 }
             }
         }
     }
 }
+/// Cells of `range` that lie, with this many cells on each side, within an interval in the raw frame; empty ranges stay in `range` too.
+fn within(range: &Range<i32>, [low, high]: [f64; 2], beside: i32, frame: i32) -> Range<i32> {
+    let start = floor_i32(low.ceil()) + beside + frame;
+    let end = floor_i32(high) - beside + frame;
+    let start = start.clamp(range.start, range.end);
+    start..end.clamp(start, range.end)
+}
+
 /// Lower corner of a local cell in the raw frame.
 fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
     std::array::from_fn(|a| f64::from(cell[a] - frame[a]))

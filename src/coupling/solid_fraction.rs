@@ -115,6 +115,8 @@ pub struct Scratch {
     clipped: Vec<Vector3<f64>>,
     /// Of the ball that is mapped.
     pub(crate) ball: BallTable,
+    /// Fractions of a row of its cells.
+    pub(crate) fractions: Vec<f64>,
 }
 
 impl Form<'_> {
