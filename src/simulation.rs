@@ -3,6 +3,7 @@
 //! One step is one fluid step and the solid steps within it. [`Simulation::step`] is the algorithm.
 
 pub(crate) mod agreement;
+mod balance;
 pub mod blocks;
 pub mod calibration;
 pub mod collapse;

@@ -21,7 +21,7 @@ pub struct Grid {
     pub periodic: [bool; 3],
     /// Axis along which slabs are cut: 0, 1 or 2.
     pub split_axis: usize,
-    /// First plane of every slab after the first; equal slabs without it.
+    /// First plane of every slab after the first; the run cuts slabs of equal cost without it.
     pub slab_bounds: Option<Vec<usize>>,
 }
 
@@ -129,7 +129,7 @@ impl Grid {
                     "domain.slab_bounds",
                     format!("the planes must rise and lie between 0 and {most}"),
                     Remedy::take_out(
-                        "sort them, or omit them for equal slabs",
+                        "sort them, or omit them for slabs of equal cost",
                         "domain.slab_bounds",
                     ),
                 );

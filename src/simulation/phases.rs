@@ -139,6 +139,25 @@ impl Phases {
             .sum()
     }
 
+    /// Computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\]. Collective.
+    #[must_use]
+    pub fn fluid_and_solids(&self, communicator: &Communicator) -> [f64; 2] {
+        [
+            &[Phase::Fluid, Phase::Guards][..],
+            &[Phase::Grains, Phase::Mapping],
+        ]
+        .map(|which| {
+            let mine: Duration = PHASES
+                .iter()
+                .zip(self.spent.iter().zip(&self.waited))
+                .filter(|(phase, _)| which.contains(phase))
+                .map(|(_, (spent, waited))| spent.saturating_sub(waited.total()))
+                .sum();
+            let nanoseconds = u64::try_from(mine.as_nanos()).unwrap_or(u64::MAX / 4096);
+            Duration::from_nanos(communicator.all_reduce_sum_u64(nanoseconds)).as_secs_f64()
+        })
+    }
+
     /// Least, mean and most of the ranks. Collective.
     #[must_use]
     pub fn reduce(&self, communicator: &Communicator) -> Account {

@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests, Saved, Supervision, Supervisor};
 use crate::preparation::{Engine, Prepared, prepare};
-use decomposition::{Communicator, Domain};
+use decomposition::Communicator;
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
 use std::cell::RefCell;
@@ -107,14 +107,13 @@ fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
 pub fn grains<S: Space>(
     plan: &Plan,
     folder: &RunFolder,
-    domain: &Domain,
+    communicator: &Communicator,
     watch: &mut Watch,
     report: &dyn Fn(&str),
     attributes: &Value,
     earlier: Option<&Found>,
 ) -> Result<Prepared, Error> {
-    let communicator = domain.communicator();
-    let mine = if domain.rank() == 0 {
+    let mine = if communicator.rank() == 0 {
         let supervisor = SampleSupervisor {
             watch: RefCell::new(watch),
             report,

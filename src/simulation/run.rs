@@ -21,7 +21,7 @@ use crate::dem::space::{Plane, Space, Volume};
 use crate::error::{Error, Problem, Severity};
 use crate::plan::Plan;
 use crate::scene::grid::Grid;
-use decomposition::{Communicator, Domain, Slabs, World};
+use decomposition::{Communicator, Slabs, World};
 use runner::Runner;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -65,6 +65,7 @@ pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
             folder: RunFolder::enter(path, &entry, communicator)?,
             parent: None,
             resumed: None,
+            slabs: None,
             limit: options.max_walltime,
             begun: options.begun,
             threads,
@@ -96,6 +97,7 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
             folder: entered,
             parent: None,
             resumed: Some(resumed),
+            slabs: None,
             limit: options.max_walltime,
             begun: options.begun,
             threads,
@@ -146,6 +148,7 @@ pub(crate) fn trial(
         folder: entered,
         parent: Some(bounds.folder.clone()),
         resumed,
+        slabs: None,
         limit: bounds.limit,
         begun: bounds.begun,
         threads,
@@ -219,7 +222,7 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
     let summary = start.folder.path().join("summary.json");
     let folder = start.folder.path().display().to_string();
     match choose(communicator, plan, start) {
-        Err(Ended::BeforeItsFirstStep(error)) => {
+        Err(Ended::BetweenSteps(error, step)) => {
             let error = match error {
                 Error::Stopped(text) => {
                     Error::Stopped(format!("{text}; continue with `solver restart {folder}`"))
@@ -232,7 +235,7 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
                 } else {
                     "failed"
                 };
-                let text = json!({ "outcome": outcome, "error": error.to_string(), "steps": 0 });
+                let text = json!({ "outcome": outcome, "error": error.to_string(), "steps": step });
                 // The error itself matters more than that it could not be written down.
                 let _ = io::atomic::write_json(&summary, &text);
             }
@@ -245,41 +248,38 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 
 /// When a run ended with an error.
 enum Ended {
-    /// In its preparation: nothing has been written about it.
-    BeforeItsFirstStep(Error),
+    /// Before its first step, or between this step and the next as its slabs changed: nothing has been written about it.
+    BetweenSteps(Error, u64),
     /// Later: the run has reported it.
     Later(Error),
 }
 
 /// Chooses dimension and storage once, and runs. Collective.
 fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Ended> {
-    let begun = |error: Error| Ended::BeforeItsFirstStep(error);
     let grid = &plan.scene.grid;
-    let slabs = slabs(grid, communicator.size()).map_err(begun)?;
-    let domain = Domain::new(communicator.clone(), slabs)
-        .map_err(|e| begun(Error::Internal(e.to_string())))?;
+    let communicator = communicator.clone();
     let storage = plan
         .scene
         .flow
         .as_ref()
         .map_or(Precision::F64, |flow| flow.storage);
     match (grid.dimension, storage) {
-        (2, Precision::F64) => Runner::<Plane, f64>::go(plan, domain, start),
-        (2, Precision::F32) => Runner::<Plane, f32>::go(plan, domain, start),
-        (_, Precision::F64) => Runner::<Volume, f64>::go(plan, domain, start),
-        (_, Precision::F32) => Runner::<Volume, f32>::go(plan, domain, start),
+        (2, Precision::F64) => Runner::<Plane, f64>::go(plan, communicator, start),
+        (2, Precision::F32) => Runner::<Plane, f32>::go(plan, communicator, start),
+        (_, Precision::F64) => Runner::<Volume, f64>::go(plan, communicator, start),
+        (_, Precision::F32) => Runner::<Volume, f32>::go(plan, communicator, start),
     }
 }
 
 /// How long a rank with an error waits for the others to have one too, before it ends the job by itself.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The slabs of the case, or equal ones.
-fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
+/// The slabs that a case lists.
+fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
     let axis = setup::axis(grid.split_axis);
     let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
     let Some(inner) = &grid.slab_bounds else {
-        return Ok(Slabs::even(axis, planes, ranks, periodic));
+        return Ok(None);
     };
     if inner.len() + 1 != ranks {
         return Err(Error::Case(vec![Problem {
@@ -303,6 +303,7 @@ fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
     bounds.extend(inner);
     bounds.push(planes);
     Slabs::from_bounds(axis, bounds, periodic)
+        .map(Some)
         .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
 }
 
@@ -312,17 +313,16 @@ fn slabs(grid: &Grid, ranks: usize) -> Result<Slabs, Error> {
 /// # Errors
 /// As [`run`].
 pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
-    let grid = &plan.scene.grid;
-    let (axis, periodic) = (setup::axis(grid.split_axis), grid.periodic[grid.split_axis]);
-    let domain = Domain::serial(axis, grid.cells[grid.split_axis], periodic);
+    let communicator = Communicator::serial();
     let entry = Entry::Fresh {
         overwrite: true,
         case: None,
     };
     let start = Start {
-        folder: RunFolder::enter(folder, &entry, domain.communicator())?,
+        folder: RunFolder::enter(folder, &entry, &communicator)?,
         parent: None,
         resumed: None,
+        slabs: None,
         limit: None,
         begun: Instant::now(),
         threads: rayon::current_num_threads(),
@@ -330,7 +330,7 @@ pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulatio
         quiet: true,
         final_checkpoint: false,
     };
-    Runner::begin(plan, domain, start).map(|runner| runner.simulation)
+    Runner::begin(plan, communicator, start).map(|runner| runner.simulation)
 }
 
 struct Start {
@@ -338,6 +338,8 @@ struct Start {
     /// A folder in which a file STOP ends this run too.
     parent: Option<PathBuf>,
     resumed: Option<Resumed>,
+    /// Slabs instead of those of the plan.
+    slabs: Option<Slabs>,
     limit: Option<Duration>,
     begun: Instant,
     threads: usize,

@@ -24,7 +24,7 @@ use crate::scene::grid::Grid;
 use crate::scene::initial::Initial;
 use crate::scene::sample::Grain;
 use crate::units::LatticeUnits;
-use decomposition::{Axis, Domain};
+use decomposition::{Axis, Communicator};
 use std::sync::Arc;
 
 /// Axis by number.
@@ -296,10 +296,10 @@ fn motion_of<S: Space>(
 /// Where the shape of a polyhedron is not in the table.
 pub fn bodies<S: Space>(
     plan: &Plan,
-    domain: &Domain,
+    communicator: &Communicator,
     particles: &mut Particles<S>,
 ) -> Result<(), Error> {
-    if domain.rank() != 0 {
+    if communicator.rank() != 0 {
         return Ok(());
     }
     let mut shape = 0;
@@ -330,12 +330,12 @@ pub fn bodies<S: Space>(
 /// Adds grains on the first rank, with ids from `first`.
 pub fn grains<S: Space>(
     plan: &Plan,
-    domain: &Domain,
+    communicator: &Communicator,
     particles: &mut Particles<S>,
     grains: &[Grain],
     first: u64,
 ) {
-    if domain.rank() != 0 {
+    if communicator.rank() != 0 {
         return;
     }
     for (id, grain) in (first..).zip(grains) {
@@ -352,7 +352,7 @@ pub fn grains<S: Space>(
 /// When water is shut in without an outlet.
 pub fn seepage<S: Space>(
     plan: &Plan,
-    communicator: &decomposition::Communicator,
+    communicator: &Communicator,
 ) -> Result<Option<Seepage<S>>, Error> {
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);

@@ -466,3 +466,58 @@ const SCOUR: &str = r#"{
   },
   "checkpoint": {"every": 0.006}
 }"#;
+
+/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run.
+#[test]
+fn slabs_of_equal_cost_change_in_the_run() {
+    let _beside = beside_others();
+    let mut discs = Vec::new();
+    for row in 0..20_u32 {
+        for column in 0..20_u32 {
+            let (x, y) = (
+                0.006 + 0.01 * f64::from(column),
+                0.006 + 0.0095 * f64::from(row),
+            );
+            discs.push(format!(
+                r#"{{"position": [{x}, {y}], "radius": 0.0045, "velocity": [{}, {}]}}"#,
+                1.0 + 0.01 * f64::from(row % 3),
+                0.02 * f64::from(column % 5)
+            ));
+        }
+    }
+    let study = Study::of(
+        "collision",
+        &[
+            (
+                "domain",
+                r#"{"size": [1, 0.2], "spacing": 0.01, "periodic": ["y"]}"#,
+            ),
+            (
+                "grains.initial",
+                &format!(r#"{{"list": [{}]}}"#, discs.join(", ")),
+            ),
+            ("contact.linear.normal_stiffness", r#"{"absolute": 1e5}"#),
+            ("output.grains.every", "0.1"),
+            ("checkpoint.every", "0.13"),
+            ("time.end", "0.6"),
+        ],
+    );
+    study.run("straight", 1, 1, &["checkpoint={}"]);
+    for ranks in [2, 4] {
+        let name = format!("{ranks} ranks");
+        let done = study.run(&name, ranks, 1, &[]);
+        let cuts = done.stdout.matches("slabs of equal cost: ").count();
+        assert!(cuts >= 3, "{cuts} cuts:\n{}", done.stdout);
+        study.same("straight", &name);
+        let summary = study.summary(&name);
+        assert_eq!(summary["steps_of_this_run"], summary["steps"]);
+    }
+    // Slabs that the case lists stay.
+    let done = study.run("listed", 2, 1, &["domain.slab_bounds=[50]"]);
+    assert!(
+        !done.stdout.contains("slabs of equal cost"),
+        "{}",
+        done.stdout
+    );
+    study.same("straight", "listed");
+}

@@ -109,6 +109,61 @@ const SETTLING: f64 = 1.4;
 /// Solid steps of a growth until it rests.
 const GROWTH_STEPS: f64 = 7e4;
 
+/// The parts of a step that have a place in the domain \[s\]: what slabs of equal cost are cut by.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Parts {
+    /// A cell of the lattice.
+    pub cell: f64,
+    /// What a cell costs more where a solid covers it.
+    pub covered: f64,
+    /// What a cell at the surface of a solid costs more: its links.
+    pub linked: f64,
+    /// The map of such a cell, of a grain in a bed and of another solid.
+    pub mapped: [f64; 2],
+    /// The solid steps of a grain or round body, and of a block.
+    pub solid: [f64; 2],
+    /// The porosity of a grain in seepage.
+    pub porosity: f64,
+}
+
+impl Parts {
+    /// Those of a scene.
+    #[must_use]
+    pub fn of(scene: &Scene, clock: &Clock) -> Self {
+        let blocks = scene.polyhedra().count();
+        let mut all = Self::default();
+        let three = usize::from(scene.grid.dimension == 3);
+        if let Some(flow) = &scene.flow {
+            all.cell = 1e-6 / mlups(flow.lattice, flow.storage, flow.turbulence.is_some());
+            let kind = match flow.lattice {
+                VelocitySet::D2Q9 => 0,
+                VelocitySet::D3Q19 => 1,
+                VelocitySet::D3Q27 => 2,
+            };
+            match &scene.coupling {
+                Some(Coupling::BounceBack(_)) => all.linked = LINKS[three] * LINK,
+                Some(Coupling::PartiallySaturated(_)) => all.covered = COVERED[kind],
+                None => {}
+            }
+            all.mapped = [RESTING, MAPPED[usize::from(blocks > 0)]];
+        }
+        let bonds = scene
+            .contact
+            .as_ref()
+            .is_some_and(|table| table.model().bonds());
+        let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
+        let solid_steps = f64::from(clock.solid_steps_per_step);
+        if scene.seepage.is_some() {
+            all.porosity = SEEPAGE[2];
+        }
+        all.solid = [
+            solid_steps * grain,
+            solid_steps * BLOCK[usize::from(blocks > 20)],
+        ];
+        all
+    }
+}
+
 impl Seconds {
     pub(super) fn of(
         scene: &Scene,
@@ -124,16 +179,11 @@ impl Seconds {
         let steps = real(clock.steps) + real(clock.warm_up_steps);
         let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
         let three = usize::from(scene.grid.dimension == 3);
+        let parts = Parts::of(scene, clock);
         let end = scene.time.end;
         let mut files = 0.0;
         if let Some(flow) = &scene.flow {
-            let reference = mlups(flow.lattice, flow.storage, flow.turbulence.is_some());
-            let slower = reference / mlups_now;
-            let kind = match flow.lattice {
-                VelocitySet::D2Q9 => 0,
-                VelocitySet::D3Q19 => 1,
-                VelocitySet::D3Q27 => 2,
-            };
+            let slower = 1e-6 / (parts.cell * mlups_now);
             let openings: f64 = flow
                 .patches()
                 .filter(|patch| patch.condition.model().passes_water())
@@ -144,32 +194,24 @@ impl Seconds {
                         .product::<f64>()
                 })
                 .sum();
-            let solids = match &scene.coupling {
-                Some(Coupling::BounceBack(_)) => amounts.surface * LINKS[three] * LINK,
-                Some(Coupling::PartiallySaturated(_)) => amounts.covered * COVERED[kind],
-                None => 0.0,
-            };
-            let step = amounts.cells * 1e-6 / reference + STEP + openings * OPENING + solids;
+            let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
+            let step = amounts.cells * parts.cell + STEP + openings * OPENING + solids;
             all.fluid = steps * step * slower;
-            let round = if amounts.blocks > 0.0 { 1 } else { 0 };
-            let moving = amounts.moving_surface * MAPPED[round] + amounts.bed_surface * RESTING;
+            let [bed, moving] = parts.mapped;
+            let moving = amounts.moving_surface * moving + amounts.bed_surface * bed;
             all.mapping = real(clock.steps) * moving * slower;
             all.guards = (steps / GUARD_EVERY + 2.0) * amounts.cells * GUARD * slower;
             all.start_and_end += amounts.cells * real(flow.lattice.count()) * HASH;
         }
         if scene.seepage.is_some() {
-            let [once, cell, grain] = SEEPAGE;
-            all.seepage = steps * (once + amounts.seepage_cells * cell + amounts.grains * grain);
+            let [once, cell, _] = SEEPAGE;
+            let porosity = amounts.grains * parts.porosity;
+            all.seepage = steps * (once + amounts.seepage_cells * cell + porosity);
         }
-        let bonds = scene
-            .contact
-            .as_ref()
-            .is_some_and(|table| table.model().bonds());
-        let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
-        let pile = usize::from(amounts.blocks > 20.0);
-        let others = amounts.blocks * BLOCK[pile] + amounts.bodies * GRAIN[three];
         if amounts.moving() > 0.0 {
-            all.grains = solid_steps * (SOLID_STEP + amounts.grains * grain + others);
+            let [round, block] = parts.solid;
+            let solids = (amounts.grains + amounts.bodies) * round + amounts.blocks * block;
+            all.grains = solid_steps * SOLID_STEP + real(clock.steps) * solids;
         }
         if let Some(grains) = &scene.grains {
             // Bonds are made afterwards.

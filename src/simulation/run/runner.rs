@@ -1,12 +1,13 @@
 //! A started run: its loop, its response to requests, its checkpoints.
 
 use super::super::Simulation;
+use super::super::balance::{self, Costs};
 use super::super::escape;
 use super::super::folder::RunFolder;
 use super::super::phases::{Phase, Phases};
 use super::super::progress::{Moment, Progress};
 use super::super::recorders::Recorders;
-use super::super::resume;
+use super::super::resume::{self, Resumed};
 use super::super::watch::Watch;
 use super::{Ended, Start};
 use crate::checkpoint::Saved;
@@ -16,7 +17,7 @@ use crate::error::Error;
 use crate::output::group::RankGroup;
 use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests};
-use decomposition::Domain;
+use decomposition::{Communicator, Slabs};
 use io::marks::Marker;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -30,6 +31,10 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
     pub(super) watch: Watch,
     pub(super) progress: Progress,
     pub(super) threads: usize,
+    /// Whether the slabs may change: the case does not list them.
+    pub(super) may_cut: bool,
+    /// Slabs that cost less than those of now, found at the newest checkpoint.
+    pub(super) better: Option<Slabs>,
     pub(super) first_step: u64,
     pub(super) notes: Value,
     pub(super) initial_mass: f64,
@@ -38,10 +43,35 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
-    pub(super) fn go(plan: Plan, domain: Domain, start: Start) -> Result<(), Ended> {
-        let json = start.json;
-        let mut runner = Self::begin(plan, domain, start).map_err(Ended::BeforeItsFirstStep)?;
-        let outcome = runner.run().map_err(|error| {
+    pub(super) fn go(plan: Plan, communicator: Communicator, start: Start) -> Result<(), Ended> {
+        let (json, quiet) = (start.json, start.quiet);
+        let options = (start.parent.clone(), start.limit, start.begun);
+        let begun = Self::begin(plan, communicator, start);
+        let mut runner = begun.map_err(|error| Ended::BetweenSteps(error, 0))?;
+        let outcome = loop {
+            let outcome = runner.run();
+            if let (Ok(Pause::NewSlabs(slabs)), (parent, limit, begun)) = (&outcome, &options) {
+                let step = runner.simulation.now.step;
+                let start = |folder, resumed| Start {
+                    folder,
+                    parent: parent.clone(),
+                    resumed: Some(resumed),
+                    slabs: Some(slabs.clone()),
+                    limit: *limit,
+                    begun: *begun,
+                    threads: 0,
+                    json,
+                    quiet,
+                    final_checkpoint: false,
+                };
+                runner = runner
+                    .with_slabs(start)
+                    .map_err(|error| Ended::BetweenSteps(error, step))?;
+                continue;
+            }
+            break outcome.map(|_| ());
+        };
+        let outcome = outcome.map_err(|error| {
             let now = &runner.simulation.now;
             escape::explained(error, &now.plan, now.step, now.time())
         });
@@ -63,6 +93,56 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         outcome.map_err(Ended::Later)
     }
 
+    /// The same run from its newest checkpoint, which is that of now, with other slabs. Collective.
+    fn with_slabs(self, start: impl FnOnce(RunFolder, Resumed) -> Start) -> Result<Self, Error> {
+        let Self {
+            simulation,
+            folder,
+            threads,
+            final_checkpoint,
+            first_step,
+            initial_mass,
+            marker,
+            ..
+        } = self;
+        let Simulation { now, phases, .. } = simulation;
+        let communicator = now.domain.communicator().clone();
+        let plan = now.plan.clone();
+        // The old state makes room for the new one.
+        drop((now.flow, now.dem, now.particles, now.averages));
+        let found = resume::find(&folder, &communicator)?;
+        let start = Start {
+            threads,
+            final_checkpoint,
+            ..start(folder, Resumed::unchanged(found))
+        };
+        let mut next = Self::begin(plan, communicator, start)?;
+        next.first_step = first_step;
+        next.initial_mass = initial_mass;
+        next.marker = marker;
+        next.simulation.phases = phases;
+        next.simulation.phases.done(Phase::Checkpoint);
+        Ok(next)
+    }
+
+    /// Slabs that cost clearly less than those of now, by where the solids are and what the phases took. Collective.
+    fn better_slabs(&self) -> Option<Slabs> {
+        let now = &self.simulation.now;
+        let communicator = now.domain.communicator();
+        if !self.may_cut || communicator.size() == 1 {
+            return None;
+        }
+        let costs = Costs::of(&now.plan, &now.particles, communicator)
+            .measured(self.simulation.phases.fluid_and_solids(communicator));
+        let other = balance::cut(&now.plan.scene, &costs, communicator.size());
+        let worth = balance::is_worth(now.domain.slabs(), &other, &costs);
+        worth.then(|| {
+            self.progress
+                .note(&balance::line(&other, now.domain.slabs(), &costs));
+            other
+        })
+    }
+
     /// Mass of the lattice (lattice units of deviation), for drift. Collective.
     pub(super) fn mass(&self) -> f64 {
         let Some(flow) = self.simulation.now.lattice() else {
@@ -82,7 +162,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         sum.value()
     }
 
-    fn run(&mut self) -> Result<(), Error> {
+    fn run(&mut self) -> Result<Pause, Error> {
         let steps = self.simulation.now.plan.clock.steps;
         let save_every = self
             .simulation
@@ -93,7 +173,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .every
             .map(|t| self.simulation.now.plan.clock.every(t));
         let mut ask_at = self.simulation.now.step + self.watch.steps();
-        if self.first_step > 0 && self.goes_on() {
+        if self.first_step > 0 && self.first_step == self.simulation.now.step && self.goes_on() {
             self.simulation.drop_end()?;
         }
         while self.goes_on() {
@@ -110,6 +190,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             let step = self.simulation.now.step;
             if save_every.is_some_and(|every| every.falls_on(step)) && step < steps {
                 self.save(Occasion::Asked)?;
+            }
+            if let Some(slabs) = self.better.take()
+                && self.goes_on()
+            {
+                return Ok(Pause::NewSlabs(slabs));
             }
             if self.eroded() {
                 break;
@@ -165,7 +250,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .collapse
             .draw(self.folder.path(), &self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
-        Ok(())
+        Ok(Pause::Done)
     }
 
     /// Whether there is a step left to do; the same on every rank.
@@ -265,6 +350,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             Ok(()) => {
                 self.saved = Some(step);
                 self.folder.forget_preparation();
+                if occasion == Occasion::Asked {
+                    self.better = self.better_slabs();
+                }
             }
             Err(io::Error::Space { needed, free, path }) => {
                 let lack = format!("it needs {needed} bytes, {path} has {free}");
@@ -298,6 +386,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
 
 fn simulation_phase(phases: &mut Phases) {
     phases.done(Phase::Checkpoint);
+}
+
+/// Why the loop over the steps ended.
+enum Pause {
+    /// The run is done.
+    Done,
+    /// It continues with these slabs.
+    NewSlabs(Slabs),
 }
 
 /// Why a checkpoint is written.

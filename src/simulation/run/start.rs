@@ -1,6 +1,7 @@
 //! From a plan or a checkpoint to a run before its next step.
 
 use super::super::agreement;
+use super::super::balance::{self, Costs};
 use super::super::collapse::CollapseRecorder;
 use super::super::coupled;
 use super::super::erosion::ErosionRecorder;
@@ -37,6 +38,7 @@ use crate::plan::Plan;
 use crate::preparation::rest::Rest;
 use crate::preparation::supervision::{Request, Requests};
 use crate::scene::initial::Initial;
+use crate::units::LatticeUnits;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Reader;
 use io::marks::Marker;
@@ -45,9 +47,14 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
-    pub(super) fn begin(mut plan: Plan, domain: Domain, start: Start) -> Result<Self, Error> {
-        let communicator = domain.communicator().clone();
+    pub(super) fn begin(
+        mut plan: Plan,
+        communicator: Communicator,
+        start: Start,
+    ) -> Result<Self, Error> {
         let first = communicator.rank() == 0;
+        let listed = super::listed_slabs(&plan.scene.grid, communicator.size())?;
+        let may_cut = listed.is_none();
         let folder = start.folder;
         let mut watch = {
             let every = plan.scene.checkpoint.every_wall_seconds;
@@ -62,7 +69,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
             communicator.size(),
             start.threads,
-            domain.axis(),
+            setup::axis(plan.scene.grid.split_axis),
             Level::best().name()
         ));
         let resumed = start.resumed;
@@ -84,6 +91,82 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let runs = matches!(stage, Some(Stage::Run));
         let flowed = matches!(stage, Some(Stage::Run | Stage::WarmUp(_)));
         let units = plan.units;
+        let solid = plan.scene.has_solids() || generates(&plan);
+        // A wrong file is found before grains are prepared for hours.
+        let mut field = match (&plan.scene.flow, units) {
+            (Some(scene), Some(units)) if !flowed => match &scene.initial {
+                Initial::File(path) => Some(field_of_file(path, &plan, units)?),
+                _ => None,
+            },
+            _ => None,
+        };
+        // The grains come first, all of them on the first rank: their places decide where the slabs are cut.
+        let mut particles = Particles::<Sp>::new();
+        let mut saved = None;
+        let mut sample = None;
+        if let (Some(found), Some(resumed), true) = (found, &resumed, solid) {
+            let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+            // The first rank alone reads the grains, so that it alone may find them wrong.
+            let read = checkpoint::read_tables(&reader, communicator.rank());
+            let read = read.and_then(|(grains, contacts)| {
+                resume::bounds(&plan).hold(&grains, &contacts)?;
+                Ok((Particles::from_table(&grains)?, contacts))
+            });
+            let (read, mut contacts) = agreement::agree(&communicator, read)?;
+            particles = read;
+            if let Some(walls) = &resumed.walls {
+                contacts.take_walls(walls)?;
+            }
+            setup::blocks::shapes(&plan, &mut particles)?;
+            saved = Some(contacts);
+        } else if solid {
+            let earlier = resumed.as_ref().map(|resumed| &resumed.found);
+            if let Some(found) = earlier {
+                progress.note(&format!(
+                    "continuing with the sample: {}",
+                    found.path.display()
+                ));
+            }
+            let tell = |line: &str| progress.note(line);
+            let attributes = resume::attributes(&plan);
+            let prepared = preparation::grains::<Sp>(
+                &plan,
+                &folder,
+                &communicator,
+                &mut watch,
+                &tell,
+                &attributes,
+                earlier,
+            )?;
+            progress.note(&prepared.line);
+            setup::blocks::shapes(&plan, &mut particles)?;
+            setup::bodies(&plan, &communicator, &mut particles)?;
+            setup::blocks::blocks(&plan, &communicator, &mut particles)?;
+            setup::grains(
+                &plan,
+                &communicator,
+                &mut particles,
+                &prepared.grains,
+                plan.scene.first_grain(),
+            );
+            let radius = typical_radius(&plan, &prepared.grains, &communicator);
+            sample = Some((prepared.report, radius));
+        }
+        plan.scene.forget_sample();
+        let slabs = match start.slabs.or(listed) {
+            Some(slabs) => slabs,
+            None => {
+                let costs = Costs::of(&plan, &particles, &communicator).planned();
+                let slabs = balance::cut(&plan.scene, &costs, communicator.size());
+                let equal = balance::equal(&plan.scene, costs.len(), communicator.size());
+                if slabs != equal {
+                    progress.note(&balance::line(&slabs, &equal, &costs));
+                }
+                slabs
+            }
+        };
+        let domain =
+            Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
         let mut flow = match (&plan.scene.flow, units) {
             (Some(scene), Some(units)) => {
                 let made = setup::fluid(&plan, scene, &units)
@@ -93,8 +176,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     match setup::initial(&plan, scene, &units) {
                         Some(field) => fluid.initialise(field.as_ref()),
                         None => {
-                            if let Initial::File(path) = &scene.initial {
-                                from_file(&mut fluid, path, &plan)?;
+                            if let Some(field) = field.take() {
+                                fluid.initialise(&field);
                             }
                         }
                     }
@@ -104,8 +187,6 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             _ => setup::seepage::<Sp>(&plan, &communicator)?
                 .map(|seepage| Water::Seepage(Box::new(seepage))),
         };
-        let solid = plan.scene.has_solids() || generates(&plan);
-        let mut particles = Particles::<Sp>::new();
         let mut notes = json!({});
         let mut removal = Removal::new(&plan);
         let mut gates = Gates::new(&plan);
@@ -139,19 +220,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 removal.restore(&saved.removal, resumed.regions.as_deref())?;
                 recorders = Some(saved);
             }
-            if solid {
-                // The first rank alone reads the grains, so that it alone may find them wrong.
-                let read = checkpoint::read_tables(&reader, domain.rank());
-                let read = read.and_then(|(grains, contacts)| {
-                    resume::bounds(&plan).hold(&grains, &contacts)?;
-                    Ok((Particles::from_table(&grains)?, contacts))
-                });
-                let (read, mut contacts) = agreement::agree(&communicator, read)?;
-                particles = read;
-                if let Some(walls) = &resumed.walls {
-                    contacts.take_walls(walls)?;
-                }
-                setup::blocks::shapes(&plan, &mut particles)?;
+            if let Some(contacts) = saved.take() {
                 let radius = attributes["typical_radius"].as_f64().unwrap_or(1.0);
                 let mut engine = setup::dem::<Sp>(&plan, radius)?;
                 if !plan.scene.marks_start() {
@@ -176,42 +245,16 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 notes["typical_radius"] = json!(radius);
                 dem = Some(engine);
             }
-            plan.scene.forget_sample();
             progress.note(&match &stage {
                 Some(Stage::Run) | None => {
                     format!("continuing from step {step}: {}", found.path.display())
                 }
                 Some(_) => format!("continuing the preparation: {}", found.path.display()),
             });
-        } else if solid {
-            let sample = resumed.as_ref().map(|resumed| &resumed.found);
-            if let Some(found) = sample {
-                progress.note(&format!(
-                    "continuing with the sample: {}",
-                    found.path.display()
-                ));
-            }
-            let tell = |line: &str| progress.note(line);
-            let prepared = preparation::grains::<Sp>(
-                &plan, &folder, &domain, &mut watch, &tell, &kept, sample,
-            )?;
-            progress.note(&prepared.line);
-            setup::blocks::shapes(&plan, &mut particles)?;
-            setup::bodies(&plan, &domain, &mut particles)?;
-            setup::blocks::blocks(&plan, &domain, &mut particles)?;
-            setup::grains(
-                &plan,
-                &domain,
-                &mut particles,
-                &prepared.grains,
-                plan.scene.first_grain(),
-            );
-            let radius = typical_radius(&plan, &prepared.grains, &domain);
-            drop(prepared.grains);
-            plan.scene.forget_sample();
+        } else if let Some((report, radius)) = sample {
             let mut engine = setup::dem::<Sp>(&plan, radius)?;
             engine.prepare(&mut particles, &domain)?;
-            notes = json!({ "preparation": prepared.report, "typical_radius": radius });
+            notes = json!({ "preparation": report, "typical_radius": radius });
             dem = Some(engine);
         }
         kept["typical_radius"] = notes["typical_radius"].clone();
@@ -371,6 +414,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             watch,
             progress,
             threads: start.threads,
+            may_cut,
+            better: None,
             first_step: step,
             notes,
             initial_mass: 0.0,
@@ -450,7 +495,11 @@ fn generates(plan: &Plan) -> bool {
 }
 
 /// Mean radius of the grains, or of the bodies and blocks: sets the skin of the lists, never a result. Collective.
-fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &Domain) -> f64 {
+fn typical_radius(
+    plan: &Plan,
+    grains: &[crate::scene::sample::Grain],
+    communicator: &Communicator,
+) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
         let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let of_blocks = blocks.map(|block| block.solid.shape.radius());
@@ -460,9 +509,7 @@ fn typical_radius(plan: &Plan, grains: &[crate::scene::sample::Grain], domain: &
         grains.iter().map(|g| g.radius).collect()
     };
     let mean = radii.iter().sum::<f64>() / real(radii.len().max(1));
-    let agreed = domain
-        .communicator()
-        .all_reduce_max_f64(if domain.rank() == 0 { mean } else { 0.0 });
+    let agreed = communicator.all_reduce_max_f64(if communicator.rank() == 0 { mean } else { 0.0 });
     if agreed > 0.0 {
         agreed
     } else {
@@ -540,8 +587,11 @@ fn warm_up<Sp: Space, S: Saved>(
     ))
 }
 
+/// Deviation of the density and velocity in lattice units, by position in cells.
+type Field = Box<dyn Fn([f64; 3]) -> (f64, [f64; 3]) + Sync>;
+
 /// Velocity and pressure from a field output of the same size.
-fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result<(), Error> {
+fn field_of_file(path: &Path, plan: &Plan, units: LatticeUnits) -> Result<Field, Error> {
     let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
     let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
     let (velocity, pressure) = (read("velocity")?, read("pressure")?);
@@ -550,18 +600,13 @@ fn from_file<S: Saved>(fluid: &mut Fluid<S>, path: &Path, plan: &Plan) -> Result
     if velocity.values.len() != 3 * count || pressure.values.len() != count {
         return Err(wrong(format!("it does not hold {cells:?} cells")));
     }
-    let Some(units) = plan.units else {
-        return Ok(());
-    };
-    let field = move |p: [f64; 3]| {
+    Ok(Box::new(move |p: [f64; 3]| {
         let at: [usize; 3] =
             std::array::from_fn(|a| crate::number::whole(p[a].floor().max(0.0)).min(cells[a] - 1));
         let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
         let u = std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
         (units.pressure_to_density_deviation(pressure.values[n]), u)
-    };
-    fluid.initialise(&field);
-    Ok(())
+    }))
 }
 
 fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, String)> {

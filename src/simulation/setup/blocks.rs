@@ -7,7 +7,7 @@ use crate::dem::space::Space;
 use crate::error::Error;
 use crate::number::to_u32;
 use crate::plan::Plan;
-use decomposition::Domain;
+use decomposition::Communicator;
 use std::sync::Arc;
 
 /// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added or after they
@@ -31,12 +31,17 @@ pub fn shapes<S: Space>(plan: &Plan, particles: &mut Particles<S>) -> Result<(),
 /// Where a shape is not in the table.
 pub fn blocks<S: Space>(
     plan: &Plan,
-    domain: &Domain,
+    communicator: &Communicator,
     particles: &mut Particles<S>,
 ) -> Result<(), Error> {
     let bodies = &plan.scene.bodies;
     let first_shape = bodies.iter().filter(|body| body.solid.is_some()).count();
-    let Some(blocks) = plan.scene.blocks.as_ref().filter(|_| domain.rank() == 0) else {
+    let Some(blocks) = plan
+        .scene
+        .blocks
+        .as_ref()
+        .filter(|_| communicator.rank() == 0)
+    else {
         return Ok(());
     };
     for (n, block) in blocks.list.iter().enumerate() {

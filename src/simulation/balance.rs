@@ -1,0 +1,333 @@
+//! Slabs of equal cost.
+//!
+//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres lie in it. The rates
+//! are those of the plan ([`Parts`]). They decide nothing but where the slabs are cut: no result depends on them. A run that saves a
+//! checkpoint compares the rates with the times that its phases took, and continues from it with other slabs where these cost clearly
+//! less.
+//!
+//! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
+
+use super::setup;
+use crate::dem::particles::Particles;
+use crate::dem::space::{Components, Space};
+use crate::number::{floor_i64, real, to_i64};
+use crate::plan::Plan;
+use crate::plan::estimate::time::Parts;
+use crate::scene::Scene;
+use decomposition::{Communicator, Slabs};
+
+/// Most that the busiest rank may compute over the mean before slabs are cut by cost.
+const UNEVEN: f64 = 1.05;
+/// Part of the time of the busiest rank that other slabs must save before a run changes to them.
+const WORTH: f64 = 0.1;
+/// A step of all ranks together that is cheaper gains nothing by other slabs: messages take longer.
+const LEAST: i64 = 20_000_000;
+/// Picoseconds of a second.
+const PICOSECONDS: f64 = 1e12;
+
+/// Costs of the planes of cells along the split axis, in one step.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Costs {
+    /// Of the fluid: cells, links, covered cells.
+    fluid: Vec<i64>,
+    /// Of the solids: contacts, motion, maps.
+    solids: Vec<i64>,
+}
+
+impl Costs {
+    /// Those of a scene with particles, of which each rank gives its own. Collective.
+    pub(super) fn of<Sp: Space>(
+        plan: &Plan,
+        particles: &Particles<Sp>,
+        communicator: &Communicator,
+    ) -> Self {
+        let (scene, parts) = (&plan.scene, Parts::of(&plan.scene, &plan.clock));
+        let axis = scene.grid.split_axis;
+        let planes = scene.grid.cells[axis];
+        let mut all = Self {
+            fluid: vec![0; planes],
+            solids: vec![0; planes],
+        };
+        for k in 0..particles.owned() {
+            all.add(scene, &parts, Solid::of(scene, particles, k));
+        }
+        communicator.all_reduce_sum_i64s(&mut all.fluid);
+        communicator.all_reduce_sum_i64s(&mut all.solids);
+        let across = real(scene.grid.cell_count()) / real(planes.max(1));
+        let empty = picoseconds(across * parts.cell);
+        for plane in &mut all.fluid {
+            *plane += empty;
+        }
+        all
+    }
+
+    /// Adds a solid: its motion to the plane of its centre, its cells to all planes that it meets.
+    fn add(&mut self, scene: &Scene, parts: &Parts, solid: Solid) {
+        let grid = &scene.grid;
+        let planes = to_i64(self.fluid.len() as u64);
+        let periodic = grid.periodic[grid.split_axis];
+        let plane = |x: f64| {
+            let plane = floor_i64(x);
+            let inside = if periodic {
+                plane.rem_euclid(planes)
+            } else {
+                plane.clamp(0, planes - 1)
+            };
+            usize::try_from(inside).unwrap_or(0)
+        };
+        let Solid {
+            centre,
+            radius,
+            block,
+            bed,
+        } = solid;
+        self.solids[plane(centre)] += picoseconds(parts.solid[usize::from(block)] + parts.porosity);
+        let (volume, surface) = if grid.dimension == 3 {
+            let area = std::f64::consts::PI * radius * radius;
+            (4.0 / 3.0 * area * radius, 4.0 * area)
+        } else {
+            let half = std::f64::consts::PI * radius;
+            (half * radius, 2.0 * half)
+        };
+        let fluid = volume * parts.covered + surface * parts.linked;
+        let map = surface * parts.mapped[usize::from(!bed)];
+        if fluid + map > 0.0 {
+            let (first, last) = (floor_i64(centre - radius), floor_i64(centre + radius));
+            // A solid longer than the domain meets every plane once.
+            let last = last.min(first + planes - 1);
+            let share = 1.0 / real(last - first + 1);
+            for at in first..=last {
+                let at = plane(real(at));
+                self.fluid[at] += picoseconds(fluid * share);
+                self.solids[at] += picoseconds(map * share);
+            }
+        }
+    }
+
+    /// Those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for the fluid and the solids.
+    #[must_use]
+    pub(super) fn measured(&self, [fluid, solids]: [f64; 2]) -> Vec<i64> {
+        let sum = |of: &[i64]| real(of.iter().sum::<i64>());
+        let (by_plan, by_plan_too) = (sum(&self.fluid), sum(&self.solids));
+        let known = fluid > 0.0 && solids > 0.0 && by_plan > 0.0 && by_plan_too > 0.0;
+        let factor = if known {
+            (solids / by_plan_too) / (fluid / by_plan)
+        } else {
+            1.0
+        };
+        let solids = self.solids.iter().map(|c| whole(real(*c) * factor));
+        self.fluid.iter().zip(solids).map(|(f, s)| f + s).collect()
+    }
+
+    /// Those of both kinds, with the rates of the plan.
+    #[must_use]
+    pub(super) fn planned(&self) -> Vec<i64> {
+        self.measured([0.0; 2])
+    }
+}
+
+/// A solid as a cost: lengths in cells along the split axis.
+struct Solid {
+    centre: f64,
+    radius: f64,
+    block: bool,
+    /// A grain among many, most of which rest.
+    bed: bool,
+}
+
+impl Solid {
+    fn of<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
+        let (grid, axis) = (&scene.grid, scene.grid.split_axis);
+        let (body, motion) = (&particles.body[k], &particles.motion[k]);
+        Self {
+            centre: motion.position.get(axis) / grid.spacing,
+            radius: body.radius / grid.spacing,
+            block: particles.polyhedron(k).is_some(),
+            bed: body.id >= scene.first_grain(),
+        }
+    }
+}
+
+fn picoseconds(seconds: f64) -> i64 {
+    whole(seconds * PICOSECONDS)
+}
+
+fn whole(x: f64) -> i64 {
+    floor_i64(x.clamp(0.0, 1e15) + 0.5)
+}
+
+/// Cost of the dearest slab over the mean.
+#[must_use]
+pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
+    let cost = |rank| planes[slabs.range(rank)].iter().sum::<i64>();
+    let dearest = (0..slabs.size()).map(cost).max().unwrap_or(0);
+    let all = planes.iter().sum::<i64>();
+    if all > 0 {
+        real(dearest) * real(slabs.size()) / real(all)
+    } else {
+        1.0
+    }
+}
+
+/// Slabs of equal thickness.
+#[must_use]
+pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
+    let axis = scene.grid.split_axis;
+    Slabs::even(setup::axis(axis), planes, ranks, scene.grid.periodic[axis])
+}
+
+/// A message about slabs that replace others.
+#[must_use]
+pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
+    let thickness = slabs.bounds().windows(2).map(|pair| pair[1] - pair[0]);
+    let (least, most) = thickness.fold((usize::MAX, 0), |(least, most), n| {
+        (least.min(n), most.max(n))
+    });
+    format!(
+        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean instead of {:.2}",
+        imbalance(slabs, planes),
+        imbalance(before, planes)
+    )
+}
+
+/// The slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
+#[must_use]
+pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
+    let equal = equal(scene, planes.len(), ranks);
+    if planes.len() <= ranks || imbalance(&equal, planes) <= UNEVEN {
+        return equal;
+    }
+    let bounds = bounds(planes, ranks);
+    Slabs::from_bounds(equal.axis(), bounds, equal.periodic()).unwrap_or(equal)
+}
+
+/// Whether other slabs are worth the change.
+#[must_use]
+pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
+    planes.iter().sum::<i64>() >= LEAST
+        && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
+}
+
+/// Bounds of slabs whose dearest is as cheap as possible, each of at least one plane. Among those, each slab comes close to the mean of
+/// what is left for it and the slabs after it.
+fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
+    // Fewest slabs, none dearer than `most`.
+    let slabs_of = |most: i64| {
+        let (mut count, mut cost) = (1, 0);
+        for &plane in planes {
+            if cost + plane > most {
+                count += 1;
+                cost = 0;
+            }
+            cost += plane;
+        }
+        count
+    };
+    let mut least = planes.iter().copied().max().unwrap_or(0);
+    let mut enough = planes.iter().sum::<i64>();
+    while least < enough {
+        let middle = least + (enough - least) / 2;
+        if slabs_of(middle) <= ranks {
+            enough = middle;
+        } else {
+            least = middle + 1;
+        }
+    }
+    // The first plane with which the slabs from each rank on can begin.
+    let mut earliest = vec![planes.len(); ranks + 1];
+    for rank in (0..ranks).rev() {
+        let (mut first, mut cost) = (earliest[rank + 1], 0);
+        while first > 0 && cost + planes[first - 1] <= enough {
+            first -= 1;
+            cost += planes[first];
+        }
+        earliest[rank] = first;
+    }
+    let mut all = vec![0];
+    let mut left = planes.iter().sum::<i64>();
+    for rank in 0..ranks {
+        let first = all[rank];
+        let later = ranks - rank - 1;
+        let mean = real(left) / real(later + 1);
+        let (mut next, mut cost) = (first, 0);
+        while next < planes.len() - later {
+            let more = cost + planes[next];
+            let must = next < earliest[rank + 1] || next == first || later == 0;
+            let nearer = (real(more) - mean).abs() < (real(cost) - mean).abs();
+            if !must && (more > enough || !nearer) {
+                break;
+            }
+            cost = more;
+            next += 1;
+        }
+        left -= cost;
+        all.push(next);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use decomposition::Axis;
+    use proptest::prelude::*;
+
+    fn dearest(planes: &[i64], bounds: &[usize]) -> i64 {
+        let cost = |pair: &[usize]| planes[pair[0]..pair[1]].iter().sum();
+        bounds.windows(2).map(cost).max().unwrap()
+    }
+
+    /// The cheapest dearest slab by trying all cuts.
+    fn best(planes: &[i64], ranks: usize) -> i64 {
+        if ranks == 1 {
+            return planes.iter().sum();
+        }
+        (1..=planes.len() - (ranks - 1))
+            .map(|n| {
+                planes[..n]
+                    .iter()
+                    .sum::<i64>()
+                    .max(best(&planes[n..], ranks - 1))
+            })
+            .min()
+            .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn no_other_cuts_are_better(
+            planes in prop::collection::vec(0..50_i64, 5..12),
+            ranks in 1..5_usize,
+        ) {
+            let bounds = bounds(&planes, ranks);
+            prop_assert_eq!(bounds.len(), ranks + 1);
+            prop_assert_eq!((bounds[0], bounds[ranks]), (0, planes.len()));
+            prop_assert!(bounds.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert_eq!(dearest(&planes, &bounds), best(&planes, ranks));
+        }
+    }
+
+    #[test]
+    fn a_bed_in_a_fifth_is_shared() {
+        let mut planes = vec![100_000; 100];
+        for plane in &mut planes[40..60] {
+            *plane = 2_000_000;
+        }
+        let equal = Slabs::even(Axis::X, 100, 4, false);
+        let by_cost = Slabs::from_bounds(Axis::X, bounds(&planes, 4), false).unwrap();
+        assert!(imbalance(&equal, &planes) > 1.6);
+        assert!(imbalance(&by_cost, &planes) < 1.1, "{by_cost:?}");
+        assert!(is_worth(&equal, &by_cost, &planes) && !is_worth(&by_cost, &equal, &planes));
+    }
+
+    #[test]
+    fn times_of_phases_correct_the_rates() {
+        let costs = Costs {
+            fluid: vec![10, 10, 10, 10],
+            solids: vec![0, 0, 10, 10],
+        };
+        assert_eq!(costs.planned(), [10, 10, 20, 20]);
+        // The solids took as long as the fluid: twice what the plan says.
+        assert_eq!(costs.measured([3.0, 3.0]), [10, 10, 30, 30]);
+    }
+}
