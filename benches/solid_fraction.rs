@@ -95,7 +95,7 @@ fn show(name: &str, form: &Form, volume: f64) {
                     Some(run) if run.end == z => run.end += 1,
                     _ => runs.push(z..z + 1),
                 },
-                _ => rows.push((x, y, vec![z..z + 1])),
+                _ => rows.push((x, y, std::iter::once(z..z + 1).collect())),
             }
         }
         let mut row = Vec::new();
