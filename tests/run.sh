@@ -25,6 +25,11 @@ fi
 # to cores would all share the first ones, and one that waits lets another run.
 export OMPI_MCA_pml=ob1 OMPI_MCA_btl=self,vader OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_mpi_yield_when_idle=1 PMIX_MCA_psec=native
+# Unit tests run beside each other and share one pool: with more threads their small loops would wait for each other. Tests of
+# threads make their own pools, and the program is told its number.
+export RAYON_NUM_THREADS=1
+# More tests than cores at once: those that run jobs wait for each other (tests/suite/ranks.rs), and one computes while another starts.
+export RUST_TEST_THREADS=$(($(nproc) + 2))
 work=$(mktemp -d)
 trap 'rm -rf "$work" "${memory:-$work}"' EXIT
 passed=0

@@ -1,4 +1,4 @@
-//! A hash of grains after some thousand steps, for `mpirun -n N dem_ranks AXIS SCENE`.
+//! A hash of grains after some thousand steps, one line for each scene of `mpirun -n N dem_ranks AXIS SCENE...`.
 //!
 //! The scenes: colliding discs, a periodic box, bonds that break, a disc wider than a slab, and falling blocks. `tests/dem_ranks.rs` compares
 //! the hashes of several numbers of ranks and directions of the split.
@@ -182,8 +182,18 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
     } else {
         Axis::X
     };
-    let name = words.next().unwrap_or_default();
-    let planes = match (name.as_str(), axis) {
+    for name in words {
+        simulate(&communicator, axis, &name)?;
+    }
+    Ok(())
+}
+
+fn simulate(
+    communicator: &Communicator,
+    axis: Axis,
+    name: &str,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let planes = match (name, axis) {
         ("blocks", _) => 24,
         (_, Axis::X) => 40,
         _ => 30,
@@ -198,9 +208,9 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
     let (rank, size) = (communicator.rank() as u64, communicator.size() as u64);
     if name == "blocks" {
         let (dem, particles) = blocks(|id| id % size == rank)?;
-        return step_and_print(&communicator, &domain, dem, particles);
+        return step_and_print(communicator, &domain, dem, particles);
     }
-    let (dem, grains) = scene(&name)?;
+    let (dem, grains) = scene(name)?;
     let mut particles = Particles::new();
     // Dealt out like cards: the first lists hand them to their owners.
     for (k, (body, motion)) in grains.into_iter().enumerate() {
@@ -208,7 +218,7 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
             particles.insert(body, motion);
         }
     }
-    step_and_print(&communicator, &domain, dem, particles)
+    step_and_print(communicator, &domain, dem, particles)
 }
 
 fn step_and_print<S: Space>(

@@ -1,5 +1,6 @@
 //! Runs on both sides of the borders of the maps under `benches/stability`: what the plan says beside what comes of it.
 
+use crate::ranks::Cores;
 use serde_json::{Map, Value};
 use std::path::Path;
 use std::process::Command;
@@ -30,6 +31,7 @@ fn agrees(name: &str, chosen: &[(&str, &[&str])]) {
     for variable in ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"] {
         command.env_remove(variable);
     }
+    let _core = Cores::of(1);
     let output = command.output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");

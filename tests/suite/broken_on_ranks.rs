@@ -2,7 +2,7 @@
 //! rank is left waiting.
 
 use crate::case_broken::{TABLE, broken, expected};
-use crate::ranks::{Study, beside_others, run, start, start_impatient};
+use crate::ranks::{Cores, Study, beside_others, run, start, start_impatient};
 use std::time::Duration;
 
 /// Broken cases that are refused before MPI starts, of every kind.
@@ -36,6 +36,7 @@ fn broken_cases_are_refused_by_one_voice() {
         }
         // The first few with the mpirun of every day; where it gives ranks no time at all the words may be lost, no more.
         let patient = n < 3;
+        let _cores = Cores::of(2);
         let running = if patient {
             start(2, &arguments)
         } else {

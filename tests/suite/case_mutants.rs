@@ -1,6 +1,7 @@
 //! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan or
 //! with problems that have a path, and never panics.
 
+use crate::ranks::Cores;
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::EXAMPLES;
@@ -100,6 +101,7 @@ fn judge(text: &str, what: &str) -> bool {
 fn no_mutant_of_an_example_panics() {
     let (mut tried, mut accepted) = (0, 0);
     for example in EXAMPLES {
+        let _core = Cores::of(1);
         let original: Value = serde_json::from_str(example.text).unwrap();
         let mut paths = Vec::new();
         pointers(&original, "", &mut paths);
@@ -174,6 +176,7 @@ proptest::proptest! {
 
     #[test]
     fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000, exponent in -40.0_f64..40.0, negative: bool) {
+        let _core = Cores::of(1);
         let mut case: Value = serde_json::from_str(EXAMPLES[which].text).unwrap();
         let mut paths = Vec::new();
         pointers(&case, "", &mut paths);

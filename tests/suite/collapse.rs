@@ -40,7 +40,7 @@ fn case(strength: Option<&str>) -> String {
   "contact": {{
     "{law}": {{
       {bonds}
-      "normal_stiffness": {{"absolute": 1000}},
+      "normal_stiffness": {{"absolute": 100}},
       "shear_to_normal_stiffness": 1,
       "friction_angle_degrees": 20,
       "normal_damping_ratio": 0.2

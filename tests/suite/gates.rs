@@ -14,6 +14,9 @@ fn study() -> Study {
                 r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.0029], "to": [0.022, 0.021, 0.0039]}},
                     "material": "soil", "from": 0.003, "until": 0.008}"#,
             ),
+            // Soft springs: long time steps.
+            ("contact.contact_bond.normal_stiffness.absolute", "1000"),
+            ("grains.initial.deposition.falling_stiffness", "100"),
             ("contact.contact_bond.tensile_strength", "0.001"),
             ("contact.contact_bond.shear_strength", "0.001"),
             ("time.end", "0.010"),

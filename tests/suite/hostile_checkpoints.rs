@@ -6,7 +6,7 @@
 //! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
 
 use crate::dice::Dice;
-use crate::ranks::{ENVIRONMENT, SOLVER, Study, beside_others, without_daemon};
+use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, without_daemon};
 use io::checkpoint::Manifest;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -109,6 +109,7 @@ impl Copy {
             without_daemon(&mut command, session.path());
         }
         command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
+        let _cores = Cores::of(ranks);
         let done = command.args(&words).output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         (done.status.code(), told)

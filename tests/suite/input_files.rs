@@ -1,7 +1,7 @@
 //! What a case, a study or a command names is data: files that are broken, endless or of another kind are refused with
 //! the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
 
-use crate::ranks::{ENVIRONMENT, SOLVER, Study, beside_others, run};
+use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, run};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::{EXAMPLES, find};
@@ -489,6 +489,7 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         // Shared memory is a file too: with its size limited, messages need another way.
         command.env_remove("OMPI_MCA_btl");
         command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
+        let _cores = Cores::of(ranks);
         let done = command.output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");

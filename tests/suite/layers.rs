@@ -4,7 +4,7 @@ use crate::ranks::{Study, beside_others};
 use solver::case::Document;
 use solver::plan::Plan;
 
-const SETTINGS: [(&str, &str); 9] = [
+const SETTINGS: [(&str, &str); 11] = [
     ("materials.clay", r#"{"density": 2000}"#),
     ("materials.lens", r#"{"density": 3000}"#),
     (
@@ -12,6 +12,9 @@ const SETTINGS: [(&str, &str); 9] = [
         r#"[{"materials": ["clay", "clay"], "tensile_strength": 0.05, "shear_strength": 0.2},
             {"materials": ["soil", "soil"], "tensile_strength": 0.0001, "shear_strength": 0.0001}]"#,
     ),
+    // Soft springs: long time steps.
+    ("contact.contact_bond.normal_stiffness.absolute", "1000"),
+    ("grains.initial.deposition.falling_stiffness", "100"),
     ("grains.initial.deposition.number", "120"),
     (
         "grains.initial.deposition.grading",

@@ -15,7 +15,7 @@
 
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;
-use crate::ranks::{ENVIRONMENT, SOLVER, without_daemon};
+use crate::ranks::{Cores, ENVIRONMENT, SOLVER, without_daemon};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::examples::{EXAMPLES, STUDY};
@@ -586,6 +586,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
     let mut codes: BTreeMap<(&str, i32), u64> = BTreeMap::new();
     let mut wrong = Vec::new();
     for seed in first..first + count {
+        let _core = Cores::of(1);
         let mut dice = Dice::new(seed);
         let mutant = mutant(&corpus, &mut dice);
         // A study is planned member by member: fewer of them.

@@ -1,6 +1,7 @@
 //! Every value that a message proposes is one that passes: it is set, and the problem is gone.
 
 use crate::case_broken::{Break, TABLE, broken};
+use crate::ranks::Cores;
 use serde_json::Value;
 use solver::case::Document;
 use solver::case::examples::find;
@@ -195,6 +196,7 @@ fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>)
 
 #[test]
 fn what_is_proposed_passes() {
+    let _core = Cores::of(1);
     let mut wrong = Vec::new();
     let mut right = BTreeSet::new();
     for (name, example, how, _) in TABLE {

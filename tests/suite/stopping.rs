@@ -1,7 +1,9 @@
 //! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
 //! going on gives the bits of the run that was never interrupted.
 
-use crate::ranks::{Done, Running, Study, alone, beside_others, run, signal, start, start_prompt};
+use crate::ranks::{
+    Done, Running, Study, alone, beside_others, run, signal, start, start_impatient, start_prompt,
+};
 use io::Alone;
 use serde_json::Value;
 use std::path::Path;
@@ -161,7 +163,8 @@ fn a_file_named_stop_and_the_walltime() {
 fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     let _alone = alone();
     let study = Study::preparing();
-    study.run("straight", 1, 1, &[]);
+    // Short enough for stops in every phase, long enough to get further than the start.
+    let pause = study.run("straight", 1, 1, &[]).elapsed / 5;
     let folder = study.path("parts");
     std::fs::create_dir(&folder).unwrap();
     let mut phases = Vec::new();
@@ -174,7 +177,7 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
             run(ranks, &study.arguments("parts", 1, &[]))
         } else {
             let running = start_prompt(ranks, &study.restart_arguments("parts", &[]));
-            std::thread::sleep(Duration::from_millis(600));
+            std::thread::sleep(pause);
             if attempt < 12 {
                 std::fs::write(folder.join("STOP"), "").unwrap();
             }
@@ -247,7 +250,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
     for attempt in 0..8 {
         let name = format!("write {attempt}");
         let checkpoints = study.path(&name).join("checkpoints");
-        let mut running = start(2, &study.arguments(&name, 1, &[]));
+        let mut running = start_impatient(2, &study.arguments(&name, 1, &[]));
         reaches(&mut running, &study.path(&name), 2 * INTERVAL + 10);
         let ranks = running.ranks(2);
         // A shell that does nothing but look can answer within a millisecond.

@@ -5,6 +5,7 @@
 #[path = "../../jobs/verification/suite.rs"]
 pub(crate) mod suite;
 
+use crate::ranks::Cores;
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -21,6 +22,7 @@ pub(crate) fn short_forms(root: &Path, part: usize, of: usize) -> (usize, usize)
     let mut report = Vec::new();
     let (mut quantities, mut bad) = (0, 0);
     for folder in &folders {
+        let _core = Cores::of(1);
         match suite::check(folder, "short", solver, work.path()) {
             Ok(outcomes) => {
                 for outcome in outcomes {

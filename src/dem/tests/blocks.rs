@@ -1,7 +1,7 @@
 //! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile that
 //! has the same bits however it is run.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -605,10 +605,16 @@ const PERIODIC: Pile = Pile {
 };
 const ONE: (Axis, &[usize], usize) = (Axis::X, &[0, 24], 1);
 
+/// A pile on one rank, made once for all tests.
+fn straight(pile: Pile) -> &'static Saved {
+    static ONES: [OnceLock<Saved>; 2] = [OnceLock::new(), OnceLock::new()];
+    ONES[usize::from(pile.periodic)].get_or_init(|| run(pile, ONE, None, (STEPS, STEPS)))
+}
+
 #[test]
 fn ranks_and_threads_do_not_show_in_a_pile() {
     for pile in [CLOSED, PERIODIC] {
-        let one = run(pile, ONE, None, (STEPS, STEPS));
+        let one = straight(pile);
         let rows = [one.contacts.grains.rows(), one.contacts.walls.rows()];
         assert!(rows[0] > 100 && rows[1] > 5, "{rows:?}");
         let splits: [(Axis, &[usize], usize); 5] = [
@@ -631,7 +637,7 @@ fn ranks_and_threads_do_not_show_in_a_pile() {
 
 #[test]
 fn skins_calls_and_restarts_do_not_show_in_a_pile() {
-    let one = run(PERIODIC, ONE, None, (STEPS, STEPS)).bits();
+    let one = straight(PERIODIC).bits();
     for skin in [5e-4, 2e-2] {
         let pile = Pile { skin, ..PERIODIC };
         assert!(
@@ -640,13 +646,11 @@ fn skins_calls_and_restarts_do_not_show_in_a_pile() {
         );
     }
     let split = (Axis::X, &[0, 9, 24][..], 2);
-    for (pile, one) in [
-        (PERIODIC, one),
-        (CLOSED, run(CLOSED, ONE, None, (STEPS, STEPS)).bits()),
-    ] {
-        let a = run(pile, split, None, (800, 40));
-        let b = run(pile, (Axis::Z, &[0, 5, 9, 40], 1), Some(&a), (800, 800));
-        let c = run(pile, ONE, Some(&b), (800, 800));
+    for (pile, one) in [(PERIODIC, one), (CLOSED, straight(CLOSED).bits())] {
+        let part = STEPS / 3;
+        let a = run(pile, split, None, (part, 40));
+        let b = run(pile, (Axis::Z, &[0, 5, 9, 40], 1), Some(&a), (part, part));
+        let c = run(pile, ONE, Some(&b), (part, part));
         assert_eq!(c.contacts.steps, STEPS);
         assert!(one == c.bits());
     }

@@ -150,6 +150,9 @@ impl World {
                 let mut history = block.walls[k];
                 let touched = history.touching();
                 let height = normal.dot(&block.position) - offset;
+                if !touched && height > block.shape.radius() {
+                    continue;
+                }
                 if let Some(action) = wall(block, normal, height, &mut history) {
                     load.0 -= action.force;
                     load.1 += action.on_first;
@@ -162,6 +165,10 @@ impl World {
             let (one, two) = (&self.blocks[*a], &self.blocks[*b]);
             let touched = history.touching();
             let separation = two.position - one.position;
+            let reach = one.shape.radius() + two.shape.radius();
+            if !touched && separation.norm_squared() > reach * reach {
+                continue;
+            }
             let touch = self.narrow.blocks(
                 &Placed {
                     shape: &one.shape,
