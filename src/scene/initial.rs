@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
-use crate::case::fluid::{self, LatticeBoltzmann};
+use crate::case::fluid::{self, LatticeBoltzmann, UniformFlow};
 use crate::error::Remedy;
 use crate::lbm::synthetic::Fluctuations;
 use serde::Serialize;
@@ -63,7 +63,7 @@ pub(super) fn initial(
             velocity: [0.0; 3],
             pressure: 0.0,
         },
-        fluid::Initial::Uniform { velocity, pressure } => Initial::Uniform {
+        fluid::Initial::Uniform(UniformFlow { velocity, pressure }) => Initial::Uniform {
             velocity: Block::vector(
                 grid,
                 velocity,

@@ -497,3 +497,61 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
     // What was there before stays whole: the run that met no limit goes on.
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
+
+/// A channel with an inlet and a start of the given texts.
+fn stream(inlet: &Value, start: &Value) -> Value {
+    json!({
+        "domain": {"size": [0.02, 0.01], "spacing": 0.0005},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8, "initial": {"uniform": start},
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": inlet}}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "time": {"end": 0.01}
+    })
+}
+
+#[test]
+fn a_uniform_velocity_is_a_list_or_an_object_at_inlets_as_at_the_start() {
+    let here = Path::new(".");
+    let (list, object) = (json!([1e-3, 0]), json!({"velocity": [1e-3, 0]}));
+    let scene = |inlet: &Value, start: &Value| {
+        let document = Document::read(&stream(inlet, start).to_string(), &[], here).unwrap();
+        format!("{:?}", Plan::prepare(document).unwrap().scene.flow)
+    };
+    let wanted = scene(&list, &list);
+    for (inlet, start) in [(&list, &object), (&object, &list), (&object, &object)] {
+        assert_eq!(scene(inlet, start), wanted);
+    }
+    let pressed = scene(&list, &json!({"velocity": [1e-3, 0], "pressure": 1e-3}));
+    assert_ne!(pressed, wanted);
+
+    // Each form is told by the place and the value of what is wrong with it.
+    let fluid = "fluid.lattice_boltzmann";
+    let profile = format!("{fluid}.boundaries[0].condition.velocity.profile.uniform");
+    let start = format!("{fluid}.initial.uniform");
+    for wrong in [json!([1e-3, 0, 0]), json!({"velocity": [1e-3, 0, 0]})] {
+        let case = stream(&wrong, &wrong);
+        for path in [&profile, &start] {
+            says(&case, here, &format!("{path}.velocity"), "3 components");
+        }
+    }
+    let case = stream(&json!({"velocity": [1e-3, 0], "pressure": 1}), &list);
+    says(&case, here, &format!("{profile}.pressure"), "no field");
+    for path in [&profile, &start] {
+        says(
+            &stream(&json!({}), &json!({})),
+            here,
+            &format!("{path}.velocity"),
+            "required",
+        );
+        says(
+            &stream(&json!("fast"), &json!("fast")),
+            here,
+            path,
+            "needed",
+        );
+    }
+}
