@@ -185,8 +185,8 @@ impl Scene {
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
-            if let Some(grains::GrainSource::List(list)) = grains.as_ref().map(|g| &g.source) {
-                structures::grains_inside(&structures, list, &mut findings);
+            if let Some(grains) = &grains {
+                structures::grains_inside(&structures, grains, &mut findings);
             }
             blocks::overlaps(
                 case,
