@@ -186,7 +186,12 @@ impl Scene {
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
             if let Some(grains) = &grains {
-                structures::grains_inside(&structures, grains, &mut findings);
+                let list = match &grains.source {
+                    grains::GrainSource::List(list) => (&list[..], false),
+                    grains::GrainSource::File { grains, .. } => (&grains[..], true),
+                    _ => (&[][..], false),
+                };
+                structures::grains_inside(&structures, list, &grains.cut, &mut findings);
             }
             blocks::overlaps(
                 case,

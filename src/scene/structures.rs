@@ -1,5 +1,6 @@
 //! The structures of a scene, and the walls that grains meet at them.
 
+use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::{material, stl, unique, usual_material};
@@ -141,22 +142,20 @@ pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
 /// Grains of a list or a file that start in a structure, and are not cut.
 pub(crate) fn grains_inside(
     structures: &[Structure],
-    grains: &super::grains::Grains,
+    (list, from_file): (&[super::sample::Grain], bool),
+    cuts: &[(String, Block)],
     findings: &mut Findings,
 ) {
-    use super::grains::GrainSource::{File, List};
-    let (List(list) | File { grains: list, .. }) = &grains.source else {
-        return;
-    };
     let stays = |grain: &super::sample::Grain| {
-        let mut cuts = grains.cut.iter();
-        !cuts.any(|(_, block)| block.touches(grain.position, grain.radius))
+        !cuts
+            .iter()
+            .any(|(_, block)| block.touches(grain.position, grain.radius))
     };
     for structure in structures {
         let reaching = (list.iter().enumerate())
             .filter_map(|(n, grain)| Some((n, depth(structure, grain)?)))
             .filter(|(n, _)| stays(&list[*n]));
-        if let List(_) = &grains.source {
+        if !from_file {
             for (n, depth) in reaching {
                 findings.error(
                     &format!("grains.initial.list[{n}].position"),
