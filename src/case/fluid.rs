@@ -187,7 +187,8 @@ pub enum BodyForce {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
-    /// At rest, at the reference density.
+    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the openings with a pressure,
+    /// without such openings zero on the mean.
     Rest {},
     /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity` and `pressure`.
     Uniform(UniformFlow),
