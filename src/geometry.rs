@@ -36,6 +36,44 @@ impl Vector {
     }
 }
 
+/// The same velocity everywhere, as a list or as an object with `velocity`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "WrittenVelocity")]
+#[schemars(inline)]
+pub struct UniformVelocity {
+    /// Velocity [m/s].
+    pub velocity: Vector,
+}
+
+/// The same velocity everywhere: the list of its components, or an object.
+#[derive(Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+enum WrittenVelocity {
+    /// Velocity [m/s].
+    Velocity(Vector),
+    /// The velocity as a field.
+    Fields(NamedVelocity),
+}
+
+/// The velocity as a field.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+struct NamedVelocity {
+    /// Velocity [m/s].
+    velocity: Vector,
+}
+
+impl From<WrittenVelocity> for UniformVelocity {
+    fn from(written: WrittenVelocity) -> Self {
+        match written {
+            WrittenVelocity::Velocity(velocity)
+            | WrittenVelocity::Fields(NamedVelocity { velocity }) => Self { velocity },
+        }
+    }
+}
+
 /// An angular velocity [rad/s]: one number in 2-D (about z, counter-clockwise), three in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
+//! | the room that structures leave to falling grains | [`room`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
@@ -14,6 +15,7 @@ pub mod deposition;
 pub mod growth;
 pub mod numbering;
 pub mod rest;
+pub mod room;
 pub mod supervision;
 
 use crate::case::grains as case;
@@ -31,8 +33,10 @@ use crate::scene::grains::{Cloud, GrainSource, assign};
 use crate::scene::rock::list;
 use crate::scene::sample;
 use crate::scene::sample::Grain;
+use crate::scene::structures;
 use deposition::Deposition;
 use growth::{PackingSettings, Sizes, Stop};
+use room::Room;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
@@ -87,8 +91,8 @@ pub fn prepare<S: Space>(
             grains.clone()
         }
         GrainSource::Deposition { clouds, deposition } => {
-            let (grains, report) =
-                deposition_of(plan, engine, clouds, deposition).run(supervision)?;
+            let deposition = deposition_of(plan, engine, clouds, deposition);
+            let (grains, report) = deposition.run(supervision)?;
             let last = report.convergence.last().copied().unwrap_or_default();
             prepared.line = format!(
                 "deposition: {} of {} grains remain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
@@ -105,6 +109,14 @@ pub fn prepare<S: Space>(
                 last.kinetic_energy,
                 unbalanced_text(last.unbalanced)
             );
+            let closed = deposition.room.closed;
+            if closed > 0.0 {
+                let unit = if dimension == 2 { "m2" } else { "m3" };
+                prepared.line = format!(
+                    "{}; {closed:.3e} {unit} of the clouds lie in closed hollows of structures and stay empty",
+                    prepared.line
+                );
+            }
             prepared.report = json!({ "deposition": report });
             grains
                 .iter()
@@ -169,6 +181,17 @@ pub fn prepare<S: Space>(
             prepared.line = format!(
                 "{}; zone {name}: {count} grains of {material}",
                 prepared.line
+            );
+        }
+    }
+    if let GrainSource::Growth { .. } = &scene.source {
+        let before = all.len();
+        all.retain(|grain| !structures::inside(&plan.scene.structures, grain));
+        if all.len() < before {
+            prepared.line = format!(
+                "{}; {} of them lay in structures and were taken out",
+                prepared.line,
+                before - all.len()
             );
         }
     }
@@ -254,7 +277,25 @@ fn deposition_of<S: Space>(
         }
     }
     laws.push(with(None));
+    let corners: Vec<_> = (clouds.iter())
+        .map(|cloud| [cloud.block.from, cloud.block.to])
+        .collect();
+    let up = (0..scene.grid.dimension).find(|&a| scene.gravity[a].abs() > 0.0);
+    let up = up.unwrap_or(scene.grid.dimension - 1);
+    let bounds = room::Boundaries {
+        dimension: scene.grid.dimension,
+        region: [
+            components(&engine.region.lower),
+            components(&engine.region.upper),
+        ],
+        periodic: engine.region.periodic,
+        clouds: &corners,
+        up: (up, scene.gravity[up] <= 0.0),
+    };
+    let smallest = clouds.iter().map(|cloud| cloud.grading.bounds().0);
+    let smallest = smallest.fold(f64::INFINITY, f64::min);
     Deposition {
+        room: Room::new(&scene.structures, &bounds, smallest),
         clouds: (clouds.iter())
             .map(|cloud| deposition::Cloud {
                 lower: vector::<S>(cloud.block.from),

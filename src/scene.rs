@@ -120,7 +120,7 @@ impl Scene {
     pub(crate) fn attempt<'a>(case: &'a Case, like: Option<&Self>) -> (Option<Self>, Findings<'a>) {
         let mut findings = Findings::new(case);
         if let Some(like) = like {
-            let spacing = auto::spacing::Spacing::stated(like.grid.spacing);
+            let spacing = auto::spacing::Spacing::like(like);
             return Self::at(case, &spacing, Some(like), findings);
         }
         let Some(spacing) = auto::spacing::first(case, &mut findings) else {
@@ -144,7 +144,8 @@ impl Scene {
     ) -> (Option<Self>, Findings<'a>) {
         let mut chosen = auto::Chosen::default();
         spacing.note(&mut chosen);
-        let case = &*auto::filled(written, spacing.value, &mut chosen);
+        spacing.tell_of_rounding(written, &mut findings);
+        let case = &*auto::filled(written, spacing, &mut chosen);
         let Some(grid) = grid::Grid::resolve(&case.domain, &mut findings) else {
             return (None, findings);
         };
@@ -184,8 +185,13 @@ impl Scene {
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
-            if let Some(grains::GrainSource::List(list)) = grains.as_ref().map(|g| &g.source) {
-                structures::grains_inside(&structures, list, &mut findings);
+            if let Some(grains) = &grains {
+                let list = match &grains.source {
+                    grains::GrainSource::List(list) => (&list[..], false),
+                    grains::GrainSource::File { grains, .. } => (&grains[..], true),
+                    _ => (&[][..], false),
+                };
+                structures::grains_inside(&structures, list, &grains.cut, &mut findings);
             }
             blocks::overlaps(
                 case,

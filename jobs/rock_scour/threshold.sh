@@ -45,7 +45,7 @@ run() {
   mpirun --oversubscribe -n "$ranks" "$solver" "$here/threshold.json" --output "$folder" --threads "$threads" \
     --set "contact.blocks.friction_angle_degrees=$friction" \
     --set "fluid.lattice_boltzmann.reference_velocity=$1" \
-    --set "fluid.lattice_boltzmann.initial.uniform.velocity=[$1, 0, 0]" \
+    --set "fluid.lattice_boltzmann.initial.uniform=[$1, 0, 0]" \
     --set "fluid.lattice_boltzmann.body_force.constant=[$force, 0, 0]" "${more[@]}" >"$folder.log" 2>&1 ||
     { tail -2 "$folder.log" >&2; return 2; }
   awk -F, -v u="$1" '

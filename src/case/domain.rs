@@ -11,7 +11,8 @@ pub struct Domain {
     /// Edge lengths [m]. Two numbers make the problem 2-D (per metre of depth), three make it 3-D.
     pub size: Vector,
     /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h, so that half-way walls
-    /// coincide with the faces of the domain. Default: enough cells across the smallest body, grain, gap or opening to meet `accuracy`.
+    /// coincide with the faces of the domain. Default: enough cells across the smallest body, grain, gap or opening to meet `accuracy`; where
+    /// no such spacing divides all edges, it divides the shortest one, the others grow to whole cells, and a warning states by how much.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: Option<f64>,

@@ -187,16 +187,11 @@ pub enum BodyForce {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
-    /// At rest, at the reference density.
+    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the openings with a pressure,
+    /// without such openings zero on the mean.
     Rest {},
-    /// Uniform velocity and pressure.
-    Uniform {
-        /// Velocity [m/s].
-        velocity: Vector,
-        /// Pressure above the reference [Pa].
-        #[serde(default)]
-        pressure: f64,
-    },
+    /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity` and `pressure`.
+    Uniform(UniformFlow),
     /// Taylor-Green vortices with their pressure and stress: u = -U cos(ax) sin(by) cos(cz),
     /// v = (a/b) U sin(ax) cos(by) cos(cz), with a = 2 pi n/size.
     TaylorGreen {
@@ -238,6 +233,52 @@ pub enum Initial {
         /// Path of the file, relative to the case.
         path: PathBuf,
     },
+}
+
+/// The same velocity and pressure everywhere. The list of the components stands for the velocity alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "WrittenFlow")]
+#[schemars(inline)]
+pub struct UniformFlow {
+    /// Velocity [m/s].
+    pub velocity: Vector,
+    /// Pressure above the reference [Pa].
+    pub pressure: f64,
+}
+
+/// The list of the components of the velocity, or velocity and pressure.
+#[derive(Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(inline)]
+enum WrittenFlow {
+    /// Velocity [m/s], at the reference pressure.
+    Velocity(Vector),
+    /// Velocity and pressure.
+    Fields(NamedFlow),
+}
+
+/// Velocity and pressure.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+struct NamedFlow {
+    /// Velocity [m/s].
+    velocity: Vector,
+    /// Pressure above the reference [Pa].
+    #[serde(default)]
+    pressure: f64,
+}
+
+impl From<WrittenFlow> for UniformFlow {
+    fn from(written: WrittenFlow) -> Self {
+        match written {
+            WrittenFlow::Velocity(velocity) => Self {
+                velocity,
+                pressure: 0.0,
+            },
+            WrittenFlow::Fields(NamedFlow { velocity, pressure }) => Self { velocity, pressure },
+        }
+    }
 }
 
 fn one_twentieth() -> f64 {

@@ -70,7 +70,7 @@ pub enum GrainSource {
 }
 
 /// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional walls, also where the
-/// domain is open. A seed gives the same sample on any number of ranks.
+/// domain is open; grains that then lie in structures are taken out. A seed gives the same sample on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {
@@ -94,7 +94,8 @@ pub struct Growth {
 }
 
 /// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and `box_walls`, and is
-/// trimmed. A seed gives the same sample on any number of ranks.
+/// trimmed. No grain starts in a structure, or in a closed hollow of one that has no connection with the surface. A seed gives the same sample
+/// on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposition {

@@ -123,6 +123,11 @@ impl Medium {
         stated.map(|(porosity, _)| porosity)
     }
 
+    /// Whether it states a permeability that needs no grains.
+    fn fills(&self) -> bool {
+        matches!(self.permeability, Some((Rule::Value(_), true)))
+    }
+
     /// Whether it holds without grains.
     fn stands(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
@@ -294,6 +299,12 @@ impl Zones {
     #[must_use]
     pub fn reached(&self) -> &[usize] {
         &self.reached
+    }
+
+    /// Whether all that the zones state of the grid is a permeability that needs no grains.
+    #[must_use]
+    pub fn stand_alone(&self) -> bool {
+        self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
     }
 
     /// Everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all zones.

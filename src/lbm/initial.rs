@@ -57,8 +57,7 @@ pub fn fill<S: Stored>(
             }
         }
         let divergence = gradient[0][0] + gradient[1][1] + gradient[2][2];
-        // The force adds half of itself to the momentum that the populations carry.
-        let carried: [f64; 3] = std::array::from_fn(|a| u[a] - half_force[a] / (1.0 + drho));
+        let uf: f64 = (0..3).map(|a| u[a] * half_force[a]).sum();
         for i in 0..velocities.q() {
             let (w, c) = (velocities.w[i], velocities.c[i]);
             let mut strain = -divergence / 3.0;
@@ -68,9 +67,13 @@ pub fn fill<S: Stored>(
                 }
             }
             let departure = -3.0 * w * (1.0 + drho) * relaxation_time * strain;
+            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then stays at rest.
+            let along = |v: [f64; 3]| (0..3).map(|a| f64::from(c[a]) * v[a]).sum::<f64>();
+            let cf = along(half_force);
+            let half_source = w * (3.0 * (cf - uf) + 9.0 * along(u) * cf);
             let slot = populations.slot(cell, i);
             populations.numbers_mut()[slot] =
-                S::from_f64(equilibrium(w, c, drho, carried) + departure);
+                S::from_f64(equilibrium(w, c, drho, u) + departure - half_source);
         }
     }
 }

@@ -90,7 +90,7 @@ pub(super) fn finer(scene: &Scene, finest: f64, text: String) -> Remedy {
     let parts = (h / finest * (1.0 - 1e-9)).ceil();
     let remedy = Remedy::from(text);
     if (2.0..=8.0).contains(&parts) {
-        remedy.set("domain.spacing", length_of(1.0 / parts, h))
+        (scene.chosen).state_spacing(remedy, length_of(1.0 / parts, h))
     } else {
         remedy
     }

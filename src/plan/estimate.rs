@@ -215,11 +215,13 @@ impl Estimate {
             }
             let machines = "or state the memory of all machines in guards.memory_gib";
             let remedy = match self.spacing_within(scene, 0.75 * available) {
-                Some(spacing) => Remedy::from(format!(
-                    "write a spacing of {} m, which fits, choose a smaller domain, {machines}",
-                    number(spacing)
-                ))
-                .set("domain.spacing", spacing),
+                Some(spacing) => {
+                    let text = format!(
+                        "write a spacing of {} m, which fits, choose a smaller domain, {machines}",
+                        number(spacing)
+                    );
+                    (scene.chosen).state_spacing(Remedy::from(text), spacing)
+                }
                 None => format!("choose a smaller domain or fewer grains, {machines}").into(),
             };
             findings.error("domain.spacing", reason, remedy);

@@ -1,6 +1,7 @@
 //! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
-//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the walls. Grains
+//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the walls, outside
+//! structures and their closed hollows ([`super::room`]). Grains
 //! count as settled where their mean kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the
 //! mean contact force. Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of
 //! the case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones settle once more.
@@ -10,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::numbering::curve_order;
+use super::room::Room;
 use super::supervision::{Saved, Supervision};
 use crate::dem::relax::unbalanced_text;
 use crate::dem::{
@@ -46,6 +48,8 @@ pub struct Deposition<S: Space> {
     pub region: Region<S>,
     /// Walls.
     pub walls: Vec<Wall<S>>,
+    /// The room that structures leave.
+    pub room: Room,
     /// Seed of sizes and places.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
@@ -246,7 +250,9 @@ impl<S: Space> Deposition<S> {
                     None => wall.distance(&at) >= radius,
                     Some(surface) => surface.clearance(&S::to_volume(&at)) >= radius,
                 });
+                let point = S::to_volume(&at).into();
                 let clear = clear_of_walls
+                    && self.room.has(point, radius)
                     && (0..levels).all(|level| {
                         let reach = radius + 0.5 * size(level);
                         let (low, high) = (cell(&at, -reach, level), cell(&at, reach, level));
@@ -540,6 +546,7 @@ mod tests {
             clouds: vec![cloud(800, classes())],
             region,
             walls: Wall::of_box(Vector3::zeros(), corner, [true; 3], 0),
+            room: Room::default(),
             seed: 3,
             laws: vec![linear(1e3), linear(1e4)],
             materials: 1,

@@ -28,7 +28,10 @@ use crate::case::Case;
 use crate::case::accuracy::Accuracy;
 use crate::case::contact::Contact;
 use crate::case::coupling::Coupling;
+use crate::error::Remedy;
 use serde::Serialize;
+use serde_json::json;
+use spacing::Spacing;
 use std::borrow::Cow;
 
 /// What was chosen.
@@ -45,6 +48,8 @@ pub struct Chosen {
     pub law: Option<Contact>,
     /// What bounds the time step, where it was chosen.
     pub limits: Vec<Limit>,
+    /// The edges of the domain \[m\], where they were rounded up to whole cells of the chosen spacing.
+    pub size: Option<Vec<f64>>,
 }
 
 /// A choice and why.
@@ -73,6 +78,15 @@ impl Chosen {
         found.map(|reason| reason.text.as_str())
     }
 
+    /// A remedy that states a spacing which divides the edges of the scene, and these edges where they were rounded.
+    pub(crate) fn state_spacing(&self, remedy: Remedy, spacing: f64) -> Remedy {
+        let remedy = remedy.set("domain.spacing", spacing);
+        match &self.size {
+            Some(size) => remedy.set("domain.size", json!(size)),
+            None => remedy,
+        }
+    }
+
     pub(crate) fn note(&mut self, what: &'static str, text: impl Into<String>) {
         let text = text.into();
         self.reasons.push(Reason { what, text });
@@ -99,11 +113,15 @@ pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
     case.coupling.clone().or_else(chosen)
 }
 
-/// The case with its spacing and coupling.
-pub(crate) fn filled<'a>(case: &'a Case, spacing: f64, chosen: &mut Chosen) -> Cow<'a, Case> {
+/// The case with its spacing, whole cells along every edge of its domain, and its coupling.
+pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen) -> Cow<'a, Case> {
     let mut filled = Cow::Borrowed(case);
     if case.domain.spacing.is_none() {
-        filled.to_mut().domain.spacing = Some(spacing);
+        filled.to_mut().domain.spacing = Some(spacing.value);
+        if let Some(size) = &spacing.rounded {
+            filled.to_mut().domain.size.0.clone_from(size);
+            chosen.size = Some(size.clone());
+        }
     }
     if case.coupling.is_none()
         && let Some(coupling) = coupling_of(case)

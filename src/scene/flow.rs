@@ -90,9 +90,15 @@ impl Flow {
         };
         let lattice = lattice(lbm, grid, findings);
         let body_force = body_force(lbm, grid, findings);
-        let initial = initial(lbm, grid, &case.directory, findings);
+        let mut initial = initial(lbm, grid, &case.directory, findings);
         let faces = faces(lbm, grid, &case.directory, findings);
         let acts = gravity::acts(case, lbm, grid, (&faces, &body_force), findings);
+        if let (fluid::Initial::Rest {}, Initial::Uniform { weight, .. }, Some(gravity)) =
+            (&lbm.initial, &mut initial, &case.gravity)
+        {
+            let pull = (lbm.density, gravity.to_array());
+            *weight = super::initial::weight(pull, acts, grid, &faces);
+        }
         let (time_step, fixed_by) = time_step(lbm, grid, findings)?;
         let units = LatticeUnits {
             spacing: grid.spacing,

@@ -1,11 +1,13 @@
 //! The initial flow.
 
 use super::block::Block;
+use super::boundaries::Patch;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
-use crate::case::fluid::{self, LatticeBoltzmann};
+use crate::case::fluid::{self, LatticeBoltzmann, UniformFlow};
 use crate::error::Remedy;
 use crate::lbm::synthetic::Fluctuations;
+use crate::number::real;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -19,6 +21,9 @@ pub enum Initial {
         velocity: [f64; 3],
         /// Pressure above the reference \[Pa\].
         pressure: f64,
+        /// The weight of water at rest, which its pressure bears; none where gravity does not act on it, and where the case states
+        /// velocity and pressure.
+        weight: Option<Weight>,
     },
     /// Taylor-Green vortices: u = -U cos(ax) sin(by) cos(cz), v = (a/b) U sin(ax) cos(by) cos(cz).
     TaylorGreen {
@@ -51,6 +56,82 @@ pub enum Initial {
     File(PathBuf),
 }
 
+/// Pressure that bears the weight of water at rest, p = p_0 + f·(x - x_0).
+///
+/// On the lattice the density is then linear, and the populations are w_i (δρ - 3/2 c_i·F): collision turns the sign of the part of F, and
+/// streaming adds 3 w_i c_i·F, so that these populations stay as they are, also where links bounce back half-way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Weight {
+    /// Force density f [N/m3]: of the axes along which gravity acts and that have an end.
+    pub force: [f64; 3],
+    /// Place x_0 \[m\].
+    pub place: [f64; 3],
+    /// Pressure p_0 there \[Pa\].
+    pub pressure: f64,
+}
+
+impl Weight {
+    /// The pressure at a place \[Pa\].
+    #[must_use]
+    pub fn pressure(&self, at: [f64; 3]) -> f64 {
+        let rise = |a: usize| self.force[a] * (at[a] - self.place[a]);
+        self.pressure + (0..3).map(rise).sum::<f64>()
+    }
+}
+
+/// Openings may differ from one hydrostatic pressure by this part of the weight of the water column.
+const ALIKE: f64 = 0.5;
+
+/// The hydrostatic pressure of water at rest: that of the openings with a pressure, or of mean zero in the domain where there are none.
+/// None where nothing is to be borne, or where the openings contradict it, as those above and below water that falls.
+pub(super) fn weight(
+    (density, gravity): (f64, [f64; 3]),
+    acts: [bool; 3],
+    grid: &Grid,
+    faces: &[Vec<Patch>; 6],
+) -> Option<Weight> {
+    let bears = |a: usize| acts[a] && a < grid.dimension && !grid.periodic[a];
+    let force: [f64; 3] =
+        std::array::from_fn(|a| if bears(a) { density * gravity[a] } else { 0.0 });
+    let column: f64 = (0..3).map(|a| force[a].abs() * grid.size[a]).sum();
+    if column <= 0.0 {
+        return None;
+    }
+    let middle: [f64; 3] = std::array::from_fn(|a| 0.5 * grid.size[a]);
+    let from_middle = Weight {
+        force,
+        place: middle,
+        pressure: 0.0,
+    };
+    let openings = faces.iter().flatten().filter_map(|patch| {
+        let imposed = patch.condition.model().pressure()?;
+        let mut at: [f64; 3] =
+            std::array::from_fn(|a| 0.5 * grid.spacing * (real(patch.from[a]) + real(patch.to[a])));
+        let axis = patch.face.axis();
+        at[axis] = if patch.face.is_max() {
+            grid.size[axis]
+        } else {
+            0.0
+        };
+        // What the middle has where this opening is in balance.
+        Some(imposed.start - from_middle.pressure(at))
+    });
+    let stated: Vec<f64> = openings.collect();
+    let (low, high) = stated
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |b, p| {
+            (b.0.min(*p), b.1.max(*p))
+        });
+    if high - low > ALIKE * column {
+        return None;
+    }
+    let mean = stated.iter().sum::<f64>() / real(stated.len().max(1));
+    Some(Weight {
+        pressure: mean,
+        ..from_middle
+    })
+}
+
 pub(super) fn initial(
     lbm: &LatticeBoltzmann,
     grid: &Grid,
@@ -62,8 +143,9 @@ pub(super) fn initial(
         fluid::Initial::Rest {} => Initial::Uniform {
             velocity: [0.0; 3],
             pressure: 0.0,
+            weight: None,
         },
-        fluid::Initial::Uniform { velocity, pressure } => Initial::Uniform {
+        fluid::Initial::Uniform(UniformFlow { velocity, pressure }) => Initial::Uniform {
             velocity: Block::vector(
                 grid,
                 velocity,
@@ -71,6 +153,7 @@ pub(super) fn initial(
                 findings,
             ),
             pressure: *pressure,
+            weight: None,
         },
         fluid::Initial::TaylorGreen {
             velocity,

@@ -446,10 +446,25 @@ impl Seepage {
             );
         }
         if case.grains.is_none() && case.bodies.is_empty() {
+            self.check_without_grains(findings);
+        }
+    }
+
+    /// Without grains the zones are the bed, and all cells outside are open water.
+    fn check_without_grains(&self, findings: &mut Findings) {
+        let Some(zones) = &self.zones else {
             findings.error(
                 "grains",
-                "water that seeps needs grains to seep between",
-                "add `grains`",
+                "water that seeps needs a bed: there are neither grains nor zones",
+                "add `grains`, or `zones` with a permeability and \"without_grains\": true",
+            );
+            return;
+        };
+        if !zones.stand_alone() {
+            findings.error(
+                &format!("{PATH}.zones"),
+                "there are no grains, and a zone states no permeability that holds without grains",
+                "give each zone a permeability as `value`, `hydraulic_conductivity` or raster, and \"without_grains\": true, or add `grains`",
             );
         }
     }

@@ -1,5 +1,6 @@
 //! The structures of a scene, and the walls that grains meet at them.
 
+use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::{material, stl, unique, usual_material};
@@ -123,17 +124,39 @@ fn meets(images: &Images, grid: &Grid) -> bool {
         })
 }
 
-/// Grains of a list that start in a structure, deeper than a twentieth of their radius.
+/// Grains reach into a structure at the start where they do by more than this part of their radius.
+const ALLOWED: f64 = 0.05;
+
+/// How deep a grain reaches into a structure that stops grains \[m\], where that is more than contacts explain.
+fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
+    let depth = grain.radius - structure.solid.distance(grain.position);
+    (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
+}
+
+/// Whether a grain starts in a structure, deeper than a twentieth of its radius.
+#[must_use]
+pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
+    structures.iter().any(|one| depth(one, grain).is_some())
+}
+
+/// Grains of a list or a file that start in a structure, and are not cut.
 pub(crate) fn grains_inside(
     structures: &[Structure],
-    grains: &[super::sample::Grain],
+    (list, from_file): (&[super::sample::Grain], bool),
+    cuts: &[(String, Block)],
     findings: &mut Findings,
 ) {
-    const ALLOWED: f64 = 0.05;
-    for structure in structures.iter().filter(|s| s.stops.grains()) {
-        for (n, grain) in grains.iter().enumerate() {
-            let depth = grain.radius - structure.solid.distance(grain.position);
-            if depth > ALLOWED * grain.radius {
+    let stays = |grain: &super::sample::Grain| {
+        !cuts
+            .iter()
+            .any(|(_, block)| block.touches(grain.position, grain.radius))
+    };
+    for structure in structures {
+        let reaching = (list.iter().enumerate())
+            .filter_map(|(n, grain)| Some((n, depth(structure, grain)?)))
+            .filter(|(n, _)| stays(&list[*n]));
+        if !from_file {
+            for (n, depth) in reaching {
                 findings.error(
                     &format!("grains.initial.list[{n}].position"),
                     format!(
@@ -144,6 +167,20 @@ pub(crate) fn grains_inside(
                     "move it away from the structure",
                 );
             }
+            continue;
+        }
+        let depths: Vec<f64> = reaching.map(|(_, depth)| depth).collect();
+        if !depths.is_empty() {
+            findings.error(
+                "grains.initial.file.path",
+                format!(
+                    "{} grains of the file reach into the structure `{}` at the start, the deepest by {} m",
+                    depths.len(),
+                    structure.name,
+                    number(depths.iter().copied().fold(0.0, f64::max))
+                ),
+                "take them out with `grains.cut`, or move the structure",
+            );
         }
     }
 }

@@ -93,6 +93,15 @@ pub(crate) fn walls(
                     );
                 }
                 plane = (point, normal.map(|n| n / length));
+                if let Some(axis) = across_periodic(grid, plane.1) {
+                    let reason = format!(
+                        "the wall lies across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                    );
+                    let remedy = format!(
+                        "use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                    );
+                    findings.error(&path, reason, remedy);
+                }
             }
             shape => surface = facets(case, grid, shape, &format!("{path}.shape"), findings),
         }
@@ -173,6 +182,13 @@ pub(crate) fn walls(
         });
     }
     walls
+}
+
+/// The periodic axis along which a unit normal points, at least in part.
+fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
+    (0..grid.dimension)
+        .find(|&a| grid.periodic[a] && normal[a].abs() > 0.0)
+        .map(|a| ["x", "y", "z"][a])
 }
 
 /// The times at which a wall comes and goes.

@@ -138,12 +138,26 @@ pub fn initial(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
     let cells = plan.scene.grid.cells.map(real);
     let u = |v: f64| units.velocity_to_lattice(v);
     Some(match &flow.initial {
-        Initial::Uniform { velocity, pressure } => {
+        Initial::Uniform {
+            velocity,
+            pressure,
+            weight,
+        } => {
             let (v, drho) = (
                 velocity.map(u),
                 units.pressure_to_density_deviation(*pressure),
             );
-            Box::new(move |_: [f64; 3]| (drho, v))
+            let Some(weight) = weight else {
+                return Some(Box::new(move |_: [f64; 3]| (drho, v)));
+            };
+            // The density rises by 3 F from cell to cell, F as the collision adds it.
+            let force = weight.force.map(|f| units.force_density_to_lattice(f));
+            let place = weight.place.map(|x| x / units.spacing);
+            let there = drho + units.pressure_to_density_deviation(weight.pressure);
+            Box::new(move |p: [f64; 3]| {
+                let rise = |a: usize| 3.0 * force[a] * (p[a] - place[a]);
+                (there + (0..3).map(rise).sum::<f64>(), v)
+            })
         }
         Initial::TaylorGreen {
             velocity,

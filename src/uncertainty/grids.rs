@@ -159,6 +159,9 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
         case.insert("coupling".into(), coupling);
     }
     tree["domain"]["spacing"] = scene.grid.spacing.into();
+    if let Some(size) = &scene.chosen.size {
+        tree["domain"]["size"] = json!(size);
+    }
     if let Some(domain) = tree["domain"].as_object_mut() {
         domain.remove("slab_bounds");
     }

@@ -72,7 +72,15 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
     let long = example("settling-disc", &["time.end=60", "output={}"]);
     let members = Members::of(&long, false, false, false).unwrap();
     let (costs, sum) = members.costs();
-    assert!(sum < 1.3 * costs[0].1, "{costs:?}");
+    // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of the disc with the
+    // third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start of the program and the steps of the
+    // disc, of which its contacts ask for the same number on every grid, cost the same on all grids and are no cost of cells.
+    let alike = |place: &usize| {
+        let seconds = planned(&members.list[*place]).estimate.seconds;
+        seconds.start_and_end + seconds.grains
+    };
+    let alike: f64 = members.grids[1..].iter().map(|(_, n)| alike(n)).sum();
+    assert!(sum - alike < 1.25 * costs[0].1, "{costs:?}, {alike} s");
     assert!(members.cost_lines().contains("times the run of the case"));
 }
 

@@ -218,3 +218,57 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_lattice_velocity() {
         last = (cells, step);
     }
 }
+
+/// A channel of water whose edges have no common divisor near the cells that it needs.
+const UNEVEN: &str = r#"{
+    "domain": {"size": [0.12, 0.0101]},
+    "fluid": {"lattice_boltzmann": {
+        "density": 1000, "kinematic_viscosity": 1e-6,
+        "boundaries": [
+            {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.005, 0]}, "ramp_time": 0.5}}},
+            {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+        ]
+    }},
+    "time": {"end": 1}
+}"#;
+
+#[test]
+fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
+    let read = |set: &[String]| {
+        let document = Document::read(UNEVEN, set, Path::new(".")).unwrap();
+        Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"))
+    };
+    let told = |plan: &Plan| {
+        let sizes = plan.warnings.iter();
+        let sizes = sizes.filter(|p| p.path.starts_with("domain.size"));
+        sizes.cloned().collect::<Vec<_>>()
+    };
+    let plan = read(&[]);
+    let grid = &plan.scene.grid;
+    // From wall to wall as written; along the channel less than one cell longer.
+    assert!((grid.size[1] - 0.0101).abs() < 1e-15, "{grid:?}");
+    let longer = grid.size[0] - 0.12;
+    assert!(longer > 0.0 && longer < grid.spacing, "{grid:?}");
+    for axis in 0..2 {
+        let cells = grid.size[axis] / grid.spacing;
+        assert!((cells - cells.round()).abs() < 1e-6, "{grid:?}");
+    }
+    let warned = told(&plan);
+    assert_eq!(warned.len(), 1, "{warned:#?}");
+    assert_eq!(
+        (warned[0].path.as_str(), warned[0].value.as_str()),
+        ("domain.size[0]", "0.12")
+    );
+    assert!(
+        warned[0].reason.contains("more than written"),
+        "{}",
+        warned[0]
+    );
+    // Who agrees with the warning hears no more of it.
+    let set: Vec<String> = (warned[0].remedy.proposal().iter())
+        .map(|change| format!("{}={}", change.path, change.value))
+        .collect();
+    let agreed = read(&set);
+    assert_eq!(told(&agreed), []);
+    assert!((agreed.scene.grid.size[0] - grid.size[0]).abs() < 1e-12);
+}

@@ -150,12 +150,6 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "domain.spacing",
     ),
     (
-        "no spacing divides the edges",
-        "couette",
-        Set(&["domain.spacing=null", "domain.size=[0.2, 0.0314159]"]),
-        "domain.size[0]",
-    ),
-    (
         "unknown accuracy",
         "couette",
         Set(&["accuracy=best"]),

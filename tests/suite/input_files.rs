@@ -498,3 +498,134 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
     // What was there before stays whole: the run that met no limit goes on.
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
+
+/// A channel with an inlet and a start of the given texts.
+fn stream(inlet: &Value, start: &Value) -> Value {
+    json!({
+        "domain": {"size": [0.02, 0.01], "spacing": 0.0005},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8, "initial": {"uniform": start},
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": inlet}}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ]
+        }},
+        "time": {"end": 0.01}
+    })
+}
+
+#[test]
+fn a_uniform_velocity_is_a_list_or_an_object_at_inlets_as_at_the_start() {
+    let here = Path::new(".");
+    let (list, object) = (json!([1e-3, 0]), json!({"velocity": [1e-3, 0]}));
+    let scene = |inlet: &Value, start: &Value| {
+        let document = Document::read(&stream(inlet, start).to_string(), &[], here).unwrap();
+        format!("{:?}", Plan::prepare(document).unwrap().scene.flow)
+    };
+    let wanted = scene(&list, &list);
+    for (inlet, start) in [(&list, &object), (&object, &list), (&object, &object)] {
+        assert_eq!(scene(inlet, start), wanted);
+    }
+    let pressed = scene(&list, &json!({"velocity": [1e-3, 0], "pressure": 1e-3}));
+    assert_ne!(pressed, wanted);
+
+    // Each form is told by the place and the value of what is wrong with it.
+    let fluid = "fluid.lattice_boltzmann";
+    let profile = format!("{fluid}.boundaries[0].condition.velocity.profile.uniform");
+    let start = format!("{fluid}.initial.uniform");
+    for wrong in [json!([1e-3, 0, 0]), json!({"velocity": [1e-3, 0, 0]})] {
+        let case = stream(&wrong, &wrong);
+        for path in [&profile, &start] {
+            says(&case, here, &format!("{path}.velocity"), "3 components");
+        }
+    }
+    let case = stream(&json!({"velocity": [1e-3, 0], "pressure": 1}), &list);
+    says(&case, here, &format!("{profile}.pressure"), "no field");
+    for path in [&profile, &start] {
+        says(
+            &stream(&json!({}), &json!({})),
+            here,
+            &format!("{path}.velocity"),
+            "required",
+        );
+        says(
+            &stream(&json!("fast"), &json!("fast")),
+            here,
+            path,
+            "needed",
+        );
+    }
+}
+
+#[test]
+fn planes_across_a_periodic_axis_are_refused_before_the_run() {
+    let here = Path::new(".");
+    let case = |planes: Value, structures: Value, periodic: Value| {
+        json!({
+            "domain": {"size": [0.1, 0.1], "spacing": 0.01, "periodic": periodic},
+            "gravity": [0, -9.81],
+            "materials": {"sand": {"density": 2650}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e6}}},
+            "grains": {"initial": {"list": [{"position": [0.05, 0.05], "radius": 0.002}]}, "material": "sand"},
+            "walls": planes, "structures": structures,
+            "time": {"end": 0.01, "solid_time_step": 1e-6}
+        })
+    };
+    let wall = |normal: [f64; 2]| json!([{"name": "end", "shape": {"plane": {"point": [0, 0], "normal": normal}}, "material": "sand"}]);
+    let solid = |normal: [f64; 2]| json!([{"name": "rock", "shape": {"plane": {"point": [0.01, 0.01], "normal": normal}}}]);
+    let path = "walls[0].shape.plane.normal";
+    for normal in [[1.0, 0.0], [1e-3, 1.0]] {
+        let closed = case(wall(normal), json!([]), json!(["x"]));
+        says(&closed, here, path, "along which the domain repeats");
+        let closed = case(json!([]), solid(normal), json!(["x"]));
+        says(
+            &closed,
+            here,
+            "structures[0].stops",
+            "along which the domain repeats",
+        );
+    }
+    let errors = |case: &Value| {
+        let all = problems(case, here).into_iter();
+        all.filter(|p| p.severity == Severity::Error)
+            .collect::<Vec<_>>()
+    };
+    for [walls, structures] in [
+        [wall([0.0, 1.0]), json!([])],
+        [json!([]), solid([0.0, 1.0])],
+    ] {
+        assert_eq!(errors(&case(walls, structures, json!(["x"]))), []);
+    }
+    assert_eq!(errors(&case(wall([1.0, 0.0]), json!([]), json!([]))), []);
+}
+
+#[test]
+fn grains_of_a_file_do_not_start_in_structures() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    std::fs::write(
+        here.join("sample.csv"),
+        "x,y,radius\n0.05,0.05,0.002\n0.02,0.02,0.002\n0.08,0.08,0.002\n",
+    )
+    .unwrap();
+    let case = |cut: Value| {
+        json!({
+            "domain": {"size": [0.1, 0.1], "spacing": 0.01},
+            "materials": {"sand": {"density": 2650}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e6}}},
+            "grains": {"initial": {"file": {"path": "sample.csv"}}, "material": "sand", "cut": cut},
+            "structures": [{"name": "pier", "shape": {"disc": {"centre": [0.05, 0.05], "radius": 0.01}}}],
+            "time": {"end": 0.01, "solid_time_step": 1e-6}
+        })
+    };
+    let path = "grains.initial.file.path";
+    says(
+        &case(json!([])),
+        here,
+        path,
+        "1 grains of the file reach into the structure `pier`",
+    );
+    let cut = json!([{"name": "pit", "box": {"from": [0.04, 0.04], "to": [0.06, 0.06]}}]);
+    let found = problems(&case(cut), here);
+    assert!(found.iter().all(|p| p.path != path), "{found:#?}");
+}

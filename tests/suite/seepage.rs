@@ -248,3 +248,62 @@ fn water_ponded_over_the_ground_passes_on_its_head() {
         "{summary:#}"
     );
 }
+
+/// Ground of zones under a dam, without a single grain.
+#[test]
+fn zones_alone_are_a_bed() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "cut-off",
+        &[
+            ("domain.spacing", "0.05"),
+            ("output", r#"{"fluid": {"every": 5e-6}}"#),
+            ("checkpoint", r#"{"every": 5e-6}"#),
+        ],
+    );
+    let done = study.run("straight", 1, 1, &[]);
+    assert!(!done.stderr.contains("NaN"), "{}", done.stderr);
+    let one = study.summary("straight");
+    // k_v k_h of the layers, K of the wall (Harr 1962): 2.161e-5 m2/s; cells of a layer are coarse.
+    let inflow = one["seepage"]["inflow"].as_f64().unwrap();
+    assert!((inflow / 2.161e-5 - 1.0).abs() < 0.1, "{inflow}");
+    for (name, ranks, set) in [("two", 2, &["domain.split=x"][..]), ("three", 3, &[])] {
+        study.run(name, ranks, 1, set);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=5e-6"]);
+    study.restart("parts", 1, &["time.end=1e-5"]).expect(0);
+    study.same("straight", "parts");
+    assert_eq!(study.summary("parts")["seepage"], one["seepage"]);
+}
+
+#[test]
+fn zones_that_need_grains_are_refused_without_them() {
+    use solver::case::{Document, examples};
+    use solver::plan::Plan;
+    let text = examples::find("cut-off").unwrap().text;
+    let problems = |set: &str| {
+        let document = Document::read(text, &[set.to_owned()], std::path::Path::new("."));
+        match document.and_then(Plan::prepare) {
+            Ok(_) => Vec::new(),
+            Err(problems) => problems,
+        }
+    };
+    assert!(problems("domain.spacing=0.05").is_empty());
+    // Open water stands on a part of the ground.
+    let part = r#"[{"name": "sand", "region": {"layer": {"to": 0.51}}, "permeability": {"value": 1e-11}, "without_grains": true}]"#;
+    let by_grains =
+        r#"[{"name": "sand", "permeability": {"factor": 0.5}, "without_grains": true}]"#;
+    let not_alone = r#"[{"name": "sand", "permeability": {"value": 1e-11}}]"#;
+    assert_eq!(problems(&format!("fluid.darcy.zones={part}")), []);
+    for zones in [by_grains, not_alone] {
+        let found = problems(&format!("fluid.darcy.zones={zones}"));
+        let told = found
+            .iter()
+            .any(|p| p.path == "fluid.darcy.zones" && p.reason.contains("holds without grains"));
+        assert!(told, "{zones}: {found:#?}");
+    }
+    let found = problems("fluid.darcy.zones=[]");
+    assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
+}

@@ -135,3 +135,80 @@ fn the_weight_of_the_water_counts_once() {
         assert!(found.iter().all(|p| p.path != body), "{found:#?}");
     }
 }
+
+/// Water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on the lattice planes.
+fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
+    let up = size.len() - 1;
+    let axis = ["x", "y", "z"][up];
+    let spacing = 0.01;
+    let mut gravity = vec![0.0; size.len()];
+    gravity[up] = -9.81;
+    let (mut from, mut to) = (vec![0.03; size.len()], vec![0.06; size.len()]);
+    (from[up], to[up]) = (0.02, 0.05);
+    let planes = (1..10).map(|n| {
+        let position = 0.01 * f64::from(n) - 0.005;
+        json!({"name": format!("p{n}"), "every": 0.1, "at": {"plane": {"axis": axis, "position": position}}})
+    });
+    json!({
+        "domain": {"size": size, "spacing": spacing},
+        "gravity": gravity,
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 0.01, "time_step": 1e-4, "collision": {operator: {}},
+            "gravity_acts_on_fluid": true, "boundaries": boundaries
+        }},
+        "structures": [{"name": "step", "shape": {"box": {"from": from, "to": to}}}],
+        "probes": planes.collect::<Vec<_>>(),
+        "time": {"end": 0.1}
+    })
+}
+
+#[test]
+fn still_water_under_its_weight_stays_at_rest() {
+    let _beside = beside_others();
+    let (flat, space) = ([0.1, 0.1], [0.08, 0.08, 0.1]);
+    let top = |value: f64| json!([{"name": "top", "face": "y_max", "condition": {"pressure": {"value": value, "sound": "reflect"}}}]);
+    let both = json!([
+        {"name": "left", "face": "z_max", "patch": {"from": [0, 0, 0.1], "to": [0.03, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}},
+        {"name": "right", "face": "z_max", "patch": {"from": [0.05, 0, 0.1], "to": [0.08, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}}
+    ]);
+    let scenes = [
+        (&flat[..], "trt", json!([])),
+        (&flat[..], "bgk", top(0.0)),
+        (&flat[..], "trt", top(100.0)),
+        (&space[..], "trt", both.clone()),
+        (&space[..], "cumulant", json!([])),
+        (&space[..], "cumulant", both),
+    ];
+    for (size, operator, boundaries) in scenes {
+        let case = box_of_water(size, operator, boundaries.clone());
+        let study = Study::new(&case.to_string());
+        study.run("run", 2, 1, &[]);
+        let mut fastest = 0.0_f64;
+        for n in 1..10 {
+            let speeds = column(&study, "run", &format!("probe_p{n}.csv"), "largest_speed");
+            fastest = fastest.max(speeds.into_iter().fold(0.0, f64::max));
+        }
+        println!(
+            "{operator} in {} axes, {boundaries}: {fastest} m/s",
+            size.len()
+        );
+        assert!(fastest < 1e-10, "{operator} {boundaries}: {fastest} m/s");
+        // What the case states about its start holds.
+        let uniform = "fluid.lattice_boltzmann.initial={\"uniform\": [0, 0]}".replace(
+            "[0, 0]",
+            if size.len() == 2 {
+                "[0, 0]"
+            } else {
+                "[0, 0, 0]"
+            },
+        );
+        study.run(
+            "uniform",
+            2,
+            1,
+            &[&uniform, "time.end=0.01", "probes[4].every=0.01"],
+        );
+        let rings = column(&study, "uniform", "probe_p5.csv", "largest_speed");
+        assert!(rings.iter().any(|u| *u > 1e-5), "{rings:?}");
+    }
+}

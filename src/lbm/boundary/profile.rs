@@ -7,7 +7,7 @@
 
 use super::site::{Place, Site};
 use crate::error::Report;
-use crate::geometry::Vector;
+use crate::geometry::UniformVelocity;
 use crate::number::real;
 use crate::units::LatticeUnits;
 use schemars::JsonSchema;
@@ -25,8 +25,8 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum VelocityProfile {
-    /// The same everywhere [m/s].
-    Uniform(Vector),
+    /// The same everywhere [m/s]: the list of the components, or an object with `velocity`.
+    Uniform(UniformVelocity),
     /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s from 0 to 1 between
     /// the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow: it has no factor.
     Parabolic {
@@ -53,8 +53,9 @@ impl VelocityProfile {
         report: &mut dyn Report,
     ) {
         match self {
-            Self::Uniform(velocity) => {
-                velocity.resolve(site.dimension, &format!("{path}.uniform"), report);
+            Self::Uniform(UniformVelocity { velocity }) => {
+                let path = format!("{path}.uniform.velocity");
+                velocity.resolve(site.dimension, &path, report);
             }
             Self::Parabolic { .. } => {}
             Self::File { path: file, table } => match read(file) {
@@ -71,9 +72,12 @@ impl VelocityProfile {
     /// The largest speed [m/s], after the field that decides it.
     pub(super) fn fastest(&self) -> (&'static str, f64) {
         match self {
-            Self::Uniform(velocity) => {
+            Self::Uniform(UniformVelocity { velocity }) => {
                 let squares = velocity.to_array().map(|x| x * x);
-                ("profile.uniform", squares.iter().sum::<f64>().sqrt())
+                (
+                    "profile.uniform.velocity",
+                    squares.iter().sum::<f64>().sqrt(),
+                )
             }
             Self::Parabolic { peak } => ("profile.parabolic.peak", peak.abs()),
             Self::File { table, .. } => {
@@ -86,7 +90,7 @@ impl VelocityProfile {
     /// Mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
     pub(super) fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
         match self {
-            Self::Uniform(velocity) => {
+            Self::Uniform(UniformVelocity { velocity }) => {
                 let (velocity, inward) = (velocity.to_array(), place.site.face.inward());
                 Some((0..3).map(|a| velocity[a] * inward[a]).sum())
             }
@@ -115,7 +119,7 @@ impl VelocityProfile {
     /// The profile in lattice units.
     pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> Profile {
         match self {
-            Self::Uniform(velocity) => {
+            Self::Uniform(UniformVelocity { velocity }) => {
                 let u = velocity.to_array().map(|x| units.velocity_to_lattice(x));
                 Box::new(move |_| u)
             }

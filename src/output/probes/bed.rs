@@ -39,7 +39,7 @@ use crate::output::view::View;
 use crate::scene::Scene;
 use crate::scene::grid::Grid;
 use crate::scene::observe;
-use decomposition::{ExactSum, Fixed};
+use decomposition::{Communicator, ExactSum, Fixed};
 
 /// Diameters that a column is wide.
 const COLUMN: f64 = 2.0;
@@ -144,7 +144,7 @@ impl Grains {
                 continue;
             }
             let volume = S::measure(body.radius);
-            radii.extend_from_slice(&body.radius.to_le_bytes());
+            radii.push(body.radius);
             sums[0].add(body.mass);
             sums[1].add(volume);
             let motion = &particles.motion[k];
@@ -160,17 +160,7 @@ impl Grains {
             sum.all_reduce(communicator);
             sum.value()
         });
-        let mut all = Vec::new();
-        for bytes in communicator.all_gather_bytes(&radii) {
-            all.extend(
-                bytes
-                    .as_chunks::<8>()
-                    .0
-                    .iter()
-                    .copied()
-                    .map(f64::from_le_bytes),
-            );
-        }
+        let mut all = of_all_ranks(&radii, communicator);
         let area: f64 = [bed.axes[0], bed.axes[2]]
             .into_iter()
             .filter(|&axis| axis < grid.dimension)
@@ -192,6 +182,14 @@ fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: 
     }
     let [from, to] = bed.cells[axis].map(|cell| grid.spacing * real(cell));
     (from..to).contains(&x)
+}
+
+/// The values of all ranks, in the order of the ranks. Collective.
+pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64> {
+    let bytes: Vec<u8> = own.iter().copied().flat_map(f64::to_le_bytes).collect();
+    let gathered = communicator.all_gather_bytes(&bytes);
+    let numbers = gathered.iter().flat_map(|bytes| bytes.as_chunks::<8>().0);
+    numbers.copied().map(f64::from_le_bytes).collect()
 }
 
 /// The diameter below which half of the volume lies; NaN without radii. Sorts them.

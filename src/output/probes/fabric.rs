@@ -18,7 +18,7 @@
 //!
 //! Sums are exact, so that no value depends on the number of ranks.
 
-use super::bed::median_diameter;
+use super::bed::{median_diameter, of_all_ranks};
 use super::{Heading, TIME};
 use crate::dem::space::{Components, Space};
 use crate::number::real;
@@ -74,7 +74,7 @@ impl Fabric {
         let mut radii = Vec::new();
         let mut volume = ExactSum::new();
         for k in (0..particles.owned()).filter(|&k| counts(k)) {
-            radii.extend_from_slice(&particles.body[k].radius.to_le_bytes());
+            radii.push(particles.body[k].radius);
             volume.add(S::measure(particles.body[k].radius));
         }
         let mut ends = 0_u64;
@@ -108,17 +108,7 @@ impl Fabric {
         let solid = sum(volume) / whole;
         let stress = stress.map(|component| sum(component) / whole);
         let ends = communicator.all_reduce_sum_u64(ends);
-        let mut all = Vec::new();
-        for bytes in communicator.all_gather_bytes(&radii) {
-            all.extend(
-                bytes
-                    .as_chunks::<8>()
-                    .0
-                    .iter()
-                    .copied()
-                    .map(f64::from_le_bytes),
-            );
-        }
+        let mut all = of_all_ranks(&radii, communicator);
         let number = real(all.len());
         let trace: f64 = stress[..grid.dimension].iter().sum();
         let mut left = match &self.removed {

@@ -17,14 +17,37 @@ pub(crate) struct Spacing {
     /// h \[m\].
     pub(crate) value: f64,
     reason: Option<String>,
+    /// The edges of the domain \[m\], where those of the case are not all whole numbers of cells.
+    pub(crate) rounded: Option<Vec<f64>>,
 }
 
 impl Spacing {
-    /// One that needs no reason.
-    pub(crate) fn stated(value: f64) -> Self {
+    /// That of another scene, which needs no reason.
+    pub(crate) fn like(scene: &Scene) -> Self {
         Self {
-            value,
+            value: scene.grid.spacing,
             reason: None,
+            rounded: scene.chosen.size.clone(),
+        }
+    }
+
+    /// Warns of each edge that is longer than written.
+    pub(crate) fn tell_of_rounding(&self, case: &Case, findings: &mut Findings) {
+        let rounded = self.rounded.iter().flatten();
+        for (axis, (written, size)) in case.domain.size.0.iter().zip(rounded).enumerate() {
+            if written < size {
+                let path = format!("domain.size[{axis}]");
+                let reason = format!(
+                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is {size} m long along {}, which is {} m more than written",
+                    number(self.value),
+                    ["x", "y", "z"][axis],
+                    number(size - written)
+                );
+                let text = format!(
+                    "write {size} m to agree, edges with a larger common divisor, or the spacing"
+                );
+                findings.warn(&path, reason, Remedy::from(text).set(&*path, *size));
+            }
         }
     }
 
@@ -50,6 +73,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
         return Some(Spacing {
             value,
             reason: None,
+            rounded: None,
         });
     }
     let unknown = case
@@ -161,6 +185,10 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
 }
 
 /// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
+///
+/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow to the next whole
+/// number of cells. Of the spacings in this range the one is taken that lengthens the domain least, relative to its edges. Edges grow
+/// and do not shrink, so that all that the case places in the domain stays in it.
 fn whole_cells(
     case: &Case,
     wanted: f64,
@@ -178,43 +206,34 @@ fn whole_cells(
         return None;
     }
     let least = (shortest / wanted - 1e-9).ceil().max(1.0);
-    let fits = |h: f64| sizes.iter().all(|size| fits_one(*size, h));
-    let found = (0..=whole(least))
-        .map(|more| shortest / (least + real(more)))
-        .find(|h| fits(*h));
-    if found.is_none() {
-        let h = shortest / least;
-        // Cells up to ten times as fine are worth naming, no more.
-        let finer =
-            (0..=whole(10.0 * least)).map(|more| length_of(1.0, shortest / (least + real(more))));
-        let common = finer.into_iter().find(|h| fits(*h));
-        for (axis, size) in sizes
-            .iter()
-            .enumerate()
-            .filter(|(_, size)| !fits_one(**size, h))
-        {
-            let cells = (size / h).floor();
-            let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, h));
-            let path = format!("domain.size[{axis}]");
-            let text = format!("use {below} or {above} m");
-            let remedy = match common {
-                Some(common) => Remedy::from(format!(
-                    "{text}, or state a spacing of {common} m, which divides them all"
-                ))
-                .set("domain.spacing", common),
-                None => Remedy::from(text).set(&*path, below),
-            };
-            findings.error(
-                &path,
-                "no spacing between the required one and half of it divides all edges of the domain",
-                remedy,
-            );
-        }
+    let spacings = || (0..=whole(least)).map(|more| shortest / (least + real(more)));
+    let fits = |h: &f64| sizes.iter().all(|size| fits_one(*size, *h));
+    if let Some(value) = spacings().find(fits) {
+        return Some(Spacing {
+            value,
+            reason: Some(reason),
+            rounded: None,
+        });
     }
-    found.map(|value| Spacing {
+    let added = |h: &f64| -> f64 {
+        let longer = sizes.iter().map(|size| rounded_up(*size, *h) / size - 1.0);
+        longer.sum()
+    };
+    let value = spacings().min_by(|a, b| added(a).total_cmp(&added(b)))?;
+    Some(Spacing {
         value,
         reason: Some(reason),
+        rounded: Some(sizes.iter().map(|size| rounded_up(*size, value)).collect()),
     })
+}
+
+/// The length of the fewest whole cells that are as long as an edge.
+fn rounded_up(size: f64, h: f64) -> f64 {
+    if fits_one(size, h) {
+        size
+    } else {
+        length_of((size / h).ceil(), h)
+    }
 }
 
 /// Whether an edge is a whole number of cells.

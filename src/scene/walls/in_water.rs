@@ -1,9 +1,10 @@
 //! The walls that grains meet at structures, and the walls that the water does not meet.
 
-use super::Wall;
+use super::{Wall, across_periodic};
 use crate::case::Case;
 use crate::case::darcy::Enclosure;
 use crate::case::fluid::Fluid;
+use crate::case::structures::Stops;
 use crate::dem::Surface;
 use crate::dem::polyhedron::Solid;
 use crate::error::Remedy;
@@ -53,6 +54,22 @@ pub(super) fn of_structures(
             structure: Some(n),
         };
         if let Some((point, normal)) = structure.solid.solid().plane() {
+            if let Some(axis) = across_periodic(grid, normal) {
+                let path = format!("structures[{n}].stops");
+                let reason = format!(
+                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                );
+                let text = format!(
+                    "write water, so that only the water meets it, use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                );
+                let remedy = if structure.stops == Stops::Grains {
+                    Remedy::from(text)
+                } else {
+                    Remedy::from(text).set(&*path, "water")
+                };
+                findings.error(&path, reason, remedy);
+                continue;
+            }
             (wall.point, wall.normal) = (point, normal);
             walls.push(wall);
             continue;
