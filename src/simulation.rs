@@ -143,18 +143,29 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Grains);
         now.step += 1;
         let time = now.time();
+        let mut changed = false;
         if let Some(dem) = &mut now.dem {
             let when = (now.step, &now.plan);
-            self.gates.act(when, dem, &mut now.particles, &now.domain)?;
+            changed = self.gates.act(when, dem, &mut now.particles, &now.domain)?;
         }
         let removed =
             self.removal
                 .leaving(&mut now.particles, &now.plan, &now.domain, now.step, time)?;
-        self.removal
+        let appeared = self
+            .removal
             .appearing(&mut now.particles, &now.plan, &now.domain, time)?;
+        changed |= !removed.is_empty() || appeared > 0;
         if let Some(dem) = &mut now.dem {
-            dem.prepare(&mut now.particles, &now.domain)?;
-            now.particles.refresh_ghosts(&now.domain)?;
+            // Known to all ranks without a message.
+            if changed {
+                dem.prepare(&mut now.particles, &now.domain)?;
+            }
+            let looked_at = self.outputs.next_due() <= now.step
+                || self.recorder.measures()
+                || self.collapse.measures();
+            if changed || now.flow.is_some() || looked_at {
+                now.particles.refresh_ghosts(&now.domain)?;
+            }
         }
         self.phases.done(Phase::Removal);
         if let Some(flow) = &mut now.flow {
@@ -208,6 +219,10 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// # Errors
     /// When a file cannot be written; the same on all ranks.
     fn record_end(&mut self) -> Result<(), Error> {
+        let now = &mut self.now;
+        if now.dem.is_some() {
+            now.particles.refresh_ghosts(&now.domain)?;
+        }
         let view = self.now.view();
         self.outputs.write_all_now(&view)?;
         let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);

@@ -181,12 +181,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         particles: &mut Particles<S>,
         domain: &Domain,
     ) -> Result<(), Error> {
-        let flag = |set: bool| if set { 1.0 } else { 0.0 };
+        // What is missing on any rank: loads, or lists and then perhaps loads.
+        let flag = |set: bool| -> f64 { if set { 1.0 } else { 0.0 } };
         let listed = self.listed && particles.listed;
-        if largest(domain, flag(!listed)) > 0.5 {
+        let mut missing = largest(domain, flag(!particles.loaded).max(2.0 * flag(!listed)));
+        if missing > 1.5 {
             self.rebuild(particles, domain)?;
+            missing = largest(domain, flag(!particles.loaded));
         }
-        if largest(domain, flag(!particles.loaded)) > 0.5 {
+        if missing > 0.5 {
             self.all_forces(particles, 0.0);
         }
         particles.loaded = true;

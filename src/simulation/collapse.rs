@@ -131,6 +131,12 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
+    /// Whether there is anything to measure, for which ghosts have to be up to date.
+    #[must_use]
+    pub const fn measures(&self) -> bool {
+        self.asked.is_some()
+    }
+
     /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and once at
     /// step 0 before the first.
     ///

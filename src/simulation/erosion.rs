@@ -201,6 +201,12 @@ impl ErosionRecorder {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
+    /// Whether there may be anything to measure, for which ghosts have to be up to date.
+    #[must_use]
+    pub const fn measures(&self) -> bool {
+        self.law.is_some() || self.interval.is_some()
+    }
+
     /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is due.
     /// Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing are those
     /// of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN where it was not measured yet; it is used only where

@@ -62,7 +62,7 @@ impl Gates {
         }
     }
 
-    /// Makes the changes of this step. Collective.
+    /// Makes the changes of this step and returns whether there were any. Collective.
     ///
     /// # Errors
     /// Where a wall comes through a grain; the same on all ranks.
@@ -73,7 +73,8 @@ impl Gates {
         dem: &mut Dem<S>,
         particles: &mut Particles<S>,
         domain: &Domain,
-    ) -> Result<(), Error> {
+    ) -> Result<bool, Error> {
+        let before = self.made;
         while let Some(change) = self.changes.get(self.made).filter(|c| c.step <= step) {
             let change = *change;
             self.made += 1;
@@ -88,7 +89,7 @@ impl Gates {
             self.news
                 .push(format!("wall `{name}` {verb} at {time:.6e} s, step {step}"));
         }
-        Ok(())
+        Ok(self.made > before)
     }
 
     /// What happened since the last call, one line each.

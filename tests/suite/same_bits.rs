@@ -497,6 +497,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
                 &format!(r#"{{"list": [{}]}}"#, discs.join(", ")),
             ),
             ("contact.linear.normal_stiffness", r#"{"absolute": 1e5}"#),
+            ("time.solid_time_step_safety", "0.2"),
             ("output.grains.every", "0.1"),
             ("checkpoint.every", "0.13"),
             ("time.end", "0.6"),

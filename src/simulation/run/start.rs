@@ -64,7 +64,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             Watch::new(&folders, start.begun, start.limit, every)?
         };
         let speaks = first && !start.quiet;
-        let mut progress = Progress::new(speaks, 0);
+        // A run that changes its slabs has said the rest.
+        let mut progress = Progress::new(speaks && start.slabs.is_none(), 0);
         progress.note(&format!(
             "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
             communicator.size(),
