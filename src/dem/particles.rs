@@ -46,7 +46,9 @@ impl Kind {
             0 => Ok(Self::Free),
             1 => Ok(Self::Fixed),
             2 => Ok(Self::Driven),
-            other => Err(Error::Internal(format!("{other} is no kind of grain"))),
+            other => Err(Error::Io(format!(
+                "{other} is no kind of grain (0, 1 or 2)"
+            ))),
         }
     }
 }

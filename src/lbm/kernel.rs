@@ -221,6 +221,16 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
+    /// What [`Site::leave`] left along i.
+    #[inline(always)]
+    fn outgoing<N: super::lanes::Lanes>(&self, i: usize) -> N
+    where
+        S: Memory<N>,
+    {
+        // SAFETY: promised to `new`.
+        unsafe { <S as Memory<N>>::load(self.address(L::OPPOSITE[i])) }
+    }
+
     /// Asks for the numbers that are needed some vectors later.
     #[inline(always)]
     fn prefetch(&self, i: usize) {
@@ -333,29 +343,58 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         velocity.prefetch(cell + k, AHEAD / size_of::<S>());
                     }
                 }
+                let place = Place {
+                    cell: cell + k,
+                    at: [plane, row, k],
+                    worker,
+                };
                 // SAFETY: an interior cell.
-                let u = if P::ACTIVE && unsafe { cover.covers::<N>(cell + k) } {
-                    let mut before = [N::splat(0.0); Q];
+                let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
+                let mut before = [N::splat(0.0); Q];
+                // Eddies ask for the velocity of the fluid there, too.
+                let mut deep = false;
+                if covered {
                     unroll!(populations i < Q => {
                         before[i] = site.incoming(i);
                     });
-                    let mut g = before;
-                    let u = collision.collide::<L, N, _, Q>(&mut g, &rates);
-                    let place = Place {
-                        cell: cell + k,
-                        at: [plane, row, k],
-                        worker,
-                    };
+                    if !(T::ACTIVE && eddies.present()) {
+                        // SAFETY: an interior cell.
+                        deep = unsafe { cover.fills::<N>(cell + k) };
+                    }
+                }
+                let mut u = [N::splat(0.0); 3];
+                if deep {
+                    let mut g = [N::splat(0.0); Q];
                     // SAFETY: an interior cell; no other thread is this worker.
-                    let u =
-                        unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
+                    unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
                     unroll!(populations i < Q => {
                         site.leave(i, g[i]);
                     });
-                    u
+                } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
+                    u = collision.collide::<L, N, _, Q>(&mut site, &rates);
+                    if covered {
+                        let mut g = before;
+                        unroll!(populations i < Q => {
+                            g[i] = site.outgoing(i);
+                        });
+                        // SAFETY: as above.
+                        u = unsafe {
+                            N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega)
+                        };
+                        unroll!(populations i < Q => {
+                            site.leave(i, g[i]);
+                        });
+                    }
                 } else {
-                    collision.collide::<L, N, _, Q>(&mut site, &rates)
-                };
+                    // Rounded once, after both.
+                    let mut g = before;
+                    u = collision.collide::<L, N, _, Q>(&mut g, &rates);
+                    // SAFETY: as above.
+                    u = unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
+                    unroll!(populations i < Q => {
+                        site.leave(i, g[i]);
+                    });
+                }
                 if T::ACTIVE && eddies.present() {
                     // SAFETY: this cell is ours, and ghosts are renewed after the pass.
                     unsafe { velocity.leave(cell + k, u) };

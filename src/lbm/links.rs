@@ -106,12 +106,18 @@ fn add_along<const D: usize>(load: &mut Load, g: i64, c: [i64; 3], at: [i32; 3])
 /// Adds a force in quanta at a point given in half cells: multiplications of 64 by 64 bits, as |f| stays below 2^63.
 #[inline(always)]
 pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
-    let moment = |a: usize, b: usize| {
-        i128::from(at[a]) * i128::from(f[b]) - i128::from(at[b]) * i128::from(f[a])
-    };
     for a in 0..D {
         load[a] += i128::from(f[a]);
     }
+    add_moment::<D>(load, f, at);
+}
+
+/// Adds the moment of a force `f` at `at` alone; units as in [`add_force`].
+#[inline(always)]
+pub fn add_moment<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
+    let moment = |a: usize, b: usize| {
+        i128::from(at[a]) * i128::from(f[b]) - i128::from(at[b]) * i128::from(f[a])
+    };
     load[5] += moment(0, 1);
     if D == 3 {
         load[3] += moment(1, 2);

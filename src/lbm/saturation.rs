@@ -35,9 +35,10 @@ mod weighting;
 pub use cover::{Cover, DEEP, Solid, cells};
 pub use weighting::Weighting;
 
+use super::collision::along;
 use super::collision::trt::AntisymmetricRate;
 use super::lanes::Lanes;
-use super::lattice::Lattice;
+use super::lattice::{Lattice, unroll};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -263,8 +264,6 @@ const LEAK: f64 = 1.0 / 64.0;
 
 /// Moments of cells and their solids.
 pub(crate) struct Cell<N> {
-    /// Zero deep inside.
-    shallow: N,
     /// ε
     fraction: N,
     drho: N,
@@ -287,6 +286,21 @@ impl<N: Lanes> Cell<N> {
     fn even<L: Lattice<Q>, const Q: usize>(&self, i: usize, squared: N, along: N) -> N {
         let rest = self.drho - N::splat(1.5) * squared;
         N::splat(L::W[i]) * along.mul_add(N::splat(4.5), rest)
+    }
+
+    /// The equilibrium at the velocity of the solid, population by population.
+    #[inline(always)]
+    fn at_solid<L: Lattice<Q>, const Q: usize>(&self, mut leave: impl FnMut(usize, N)) {
+        leave(0, self.even::<L, Q>(0, self.ss, N::splat(0.0)));
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            let c = L::C[i];
+            let (along_u, along_m) = (along(c, &self.us), along(c, &self.rs));
+            let even = self.even::<L, Q>(i, self.ss, along_m * along_u);
+            let odd = N::splat(3.0 * L::W[i]) * along_m;
+            leave(i, even + odd);
+            leave(j, even - odd);
+        });
     }
 }
 

@@ -28,7 +28,8 @@ use crate::lbm::links::surface_velocity;
 const FULL: f32 = 1.0 - 1e-6;
 
 impl View {
-    /// Sets what leaves the full ones of `N::WIDTH` cells towards full cells of other bodies. `g` are the outgoing populations.
+    /// Sets what leaves the full ones of `N::WIDTH` cells towards full cells of other bodies. `sole` is
+    /// the body that alone covers the covered ones, `g` are the outgoing populations.
     ///
     /// # Safety
     /// As for [`Self::mix`].
@@ -36,6 +37,7 @@ impl View {
     pub(super) unsafe fn touch<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
+        sole: Option<u32>,
         cell: &Cell<N>,
         g: &mut [N; Q],
     ) where
@@ -47,6 +49,10 @@ impl View {
             (FULL..DEEP).contains(&fraction)
         };
         if !(0..N::WIDTH).any(full) {
+            return;
+        }
+        // SAFETY: promised by the caller.
+        if sole.is_some_and(|slot| unsafe { self.lies_alone::<N, Q>(place.cell, slot) }) {
             return;
         }
         let mut drho = [0.0; WIDEST];
@@ -66,6 +72,24 @@ impl View {
             // SAFETY: an array of at least the lanes' width.
             g[i] = unsafe { <f64 as Memory<N>>::load(leaving[i].as_ptr()) };
         }
+    }
+
+    /// Whether `slot` alone covers what is beside `N::WIDTH` cells.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    unsafe fn lies_alone<N: Lanes, const Q: usize>(&self, cell: usize, slot: u32) -> bool {
+        let mut other = false;
+        for i in 1..Q {
+            let there = cell.wrapping_add_signed(self.offsets[i]);
+            for lane in 0..N::WIDTH {
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
+                let owner = unsafe { self.owner.add(there + lane).read() };
+                other |= (owner != NONE) & (owner != slot);
+            }
+        }
+        !other
     }
 
     /// # Safety

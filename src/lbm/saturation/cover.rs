@@ -1,9 +1,10 @@
 //! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
+use super::pass::WIDEST;
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::{Load, Rigid, add_force, surface_velocity};
+use crate::lbm::links::{Load, Rigid, add_force, add_moment, surface_velocity};
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};
 
@@ -85,6 +86,32 @@ impl Sums {
             add_force::<D>(load, force, middle);
         }
     }
+
+    /// Adds the forces, in quanta, on cells of a row that one body covers: what [`Self::add`] adds one by one. `raw` is the first cell, `fast`
+    /// the axis of the row, `force` the sum over the cells, `weighted` that of the forces times their place from 0.
+    #[inline(always)]
+    pub(super) fn add_row<const D: usize>(
+        &mut self,
+        slot: u32,
+        raw: [i32; 3],
+        fast: usize,
+        force: [i64; 3],
+        weighted: [i64; 3],
+    ) {
+        let k = slot as usize;
+        if let (Some(known), Some(load)) = (self.known.get_mut(k), self.loads.get_mut(k)) {
+            if !*known {
+                *known = true;
+                self.touched.push(slot);
+            }
+            let middle = [2 * raw[0] + 1, 2 * raw[1] + 1, 2 * raw[2] + 1];
+            add_force::<D>(load, force, middle);
+            // The places of the others, in half cells from the first.
+            let mut along = [0; 3];
+            along[fast] = 2;
+            add_moment::<D>(load, weighted, along);
+        }
+    }
 }
 
 /// What covers the cells of a slab.
@@ -133,7 +160,8 @@ impl Cover {
             },
             order: populations.order(),
             fraction: vec![0.0; positions],
-            owner: vec![NONE; positions],
+            // A vector of neighbours may reach beyond the last cell.
+            owner: vec![NONE; positions + WIDEST],
             shared: Vec::new(),
             unused: Vec::new(),
             solids: Vec::new(),

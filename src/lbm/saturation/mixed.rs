@@ -60,14 +60,13 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
     g: &mut [N; Q],
 ) -> Act<N> {
     let zero = N::splat(0.0);
-    let shallow = cell.shallow;
     let b = share::<M, N>(fluid, cell.fraction);
     let keep = N::splat(1.0) - cell.omega;
     // At rest no direction: the symmetric part alone.
     let even_u = cell.even::<L, Q>(0, cell.uu, zero);
     let even_s = cell.even::<L, Q>(0, cell.ss, zero);
     let solid = M::at_rest(before[0], even_u, even_s, keep);
-    g[0] = shallow.where_zero(even_s, turned(g[0], before[0], solid, b));
+    g[0] = turned(g[0], before[0], solid, b);
     unroll!(pairs k < (Q - 1) / 2 => {
         let (i, j) = L::PAIRS[k];
         let c = L::C[i];
@@ -84,8 +83,8 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
             at_solid: [even_s, odd_s],
         };
         let [on_i, on_j] = M::pair(&pair, keep);
-        g[i] = shallow.where_zero(even_s + odd_s, turned(g[i], x, on_i, b));
-        g[j] = shallow.where_zero(even_s - odd_s, turned(g[j], y, on_j, b));
+        g[i] = turned(g[i], x, on_i, b);
+        g[j] = turned(g[j], y, on_j, b);
     });
     let mut rest = [zero; 3];
     unroll!(axes a < 3 => {

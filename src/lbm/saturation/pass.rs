@@ -1,10 +1,11 @@
 //! The collision pass of covered cells.
 
 use super::cover::{Cover, DEEP, SHARED, Share, Solid, Sums, total};
-use super::{Cell, CoveredFluid, SolidOperator, Weighting};
+use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::{Lanes, Memory};
 use crate::lbm::lattice::{Lattice, unroll};
+use crate::lbm::quanta::quanta;
 
 /// Most lanes that a level has.
 pub(super) const WIDEST: usize = 8;
@@ -49,6 +50,17 @@ pub(crate) trait Covers: Lanes {
         u: [Self; 3],
         omega: Self,
     ) -> [Self; 3];
+
+    /// See [`View::fill`].
+    ///
+    /// # Safety
+    /// As for [`Covers::mix`].
+    unsafe fn fill<L: Lattice<Q>, const Q: usize>(
+        view: &View,
+        place: Place,
+        before: &[Self; Q],
+        g: &mut [Self; Q],
+    );
 }
 
 macro_rules! covers {
@@ -81,6 +93,28 @@ macro_rules! covers {
                 // SAFETY: forwarded from the caller.
                 unsafe { outlined::<L, Q>(view, place, before, g, &u, &omega, &mut mixed) };
                 mixed
+            }
+
+            #[inline(always)]
+            unsafe fn fill<L: Lattice<Q>, const Q: usize>(
+                view: &View,
+                place: Place,
+                before: &[Self; Q],
+                g: &mut [Self; Q],
+            ) {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                unsafe fn outlined<L: Lattice<Q>, const Q: usize>(
+                    view: &View,
+                    place: Place,
+                    before: &[$lanes; Q],
+                    g: &mut [$lanes; Q],
+                ) {
+                    // SAFETY: forwarded from the caller.
+                    unsafe { view.fill::<L, $lanes, Q>(place, before, g) };
+                }
+                // SAFETY: forwarded from the caller.
+                unsafe { outlined::<L, Q>(view, place, before, g) };
             }
         }
     };
@@ -138,12 +172,115 @@ impl View {
         any
     }
 
+    /// Whether bodies fill all of `N::WIDTH` cells so deep that no water is beside them.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    pub(crate) unsafe fn fills<N: Lanes>(&self, cell: usize) -> bool {
+        let mut all = true;
+        for lane in 0..N::WIDTH {
+            // SAFETY: promised by the caller.
+            all &= unsafe { self.fraction.add(cell + lane).read() } >= DEEP;
+        }
+        all
+    }
+
+    /// The body that alone covers those of `N::WIDTH` cells that are covered; one of them is.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    unsafe fn sole<N: Lanes>(&self, cell: usize) -> Option<u32> {
+        let (mut least, mut most) = (u32::MAX, 0);
+        for lane in 0..N::WIDTH {
+            // SAFETY: promised by the caller.
+            let (fraction, owner) = unsafe {
+                (
+                    self.fraction.add(cell + lane).read(),
+                    self.owner.add(cell + lane).read(),
+                )
+            };
+            let covered = fraction > 0.0;
+            least = least.min(if covered { owner } else { u32::MAX });
+            most = most.max(if covered { owner } else { 0 });
+        }
+        (least == most && most & SHARED == 0).then_some(most)
+    }
+
+    /// Density and momentum of what came in.
+    #[inline(always)]
+    fn moments<L: Lattice<Q>, N: Lanes, const Q: usize>(before: &[N; Q]) -> (N, [N; 3]) {
+        let mut drho = before[0];
+        let mut m = [N::splat(0.0); 3];
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            drho = drho + (before[i] + before[j]);
+            let odd = before[i] - before[j];
+            let c = L::C[i];
+            unroll!(axes a < 3 => {
+                match c[a] {
+                    1 => m[a] = m[a] + odd,
+                    -1 => m[a] = m[a] - odd,
+                    _ => {}
+                }
+            });
+        });
+        (drho, m)
+    }
+
+    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies: what [`Self::mix`] does there. `before`
+    /// are the populations that came in.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`], where [`Self::fills`] holds.
+    #[inline(always)]
+    unsafe fn fill<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        before: &[N; Q],
+        g: &mut [N; Q],
+    ) where
+        f64: Memory<N>,
+    {
+        let (zero, one) = (N::splat(0.0), N::splat(1.0));
+        // SAFETY: promised by the caller.
+        let sole = unsafe { self.sole::<N>(place.cell) };
+        let (drho, m) = Self::moments::<L, N, Q>(before);
+        let mut cell = Cell {
+            fraction: one,
+            drho,
+            m,
+            u: [zero; 3],
+            // SAFETY: promised by the caller.
+            us: unsafe { self.velocities::<L, N, Q>(place, sole) },
+            ru: [zero; 3],
+            rs: [zero; 3],
+            uu: zero,
+            ss: zero,
+            omega: one,
+        };
+        let rho = drho + one;
+        unroll!(axes a < 3 => {
+            cell.rs[a] = rho * cell.us[a];
+            cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
+        });
+        cell.at_solid::<L, Q>(|i, value| g[i] = value);
+        let act = Act {
+            rest: m.map(|m| zero - m),
+            scale: rho,
+            share: one,
+        };
+        // SAFETY: promised by the caller.
+        unsafe { self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act) };
+    }
+
     /// Turns the outgoing populations `g` of cells that collided as fluid, with velocity `u`, into those of partially
     /// saturated cells, and adds the forces on the bodies. `before` are the populations that came in. Returns the velocity of
     /// fluid and solid together.
     ///
     /// # Safety
-    /// As for [`Self::covers`]; no other thread may have the same worker.
+    /// As for [`Self::covers`], which must hold; no other thread may have the same worker.
     #[inline(always)]
     unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -164,84 +301,122 @@ impl View {
             // SAFETY: promised by the caller.
             *part = f64::from(unsafe { self.fraction.add(place.cell + lane).read() }.max(0.0));
         }
+        let some_deep = fraction.iter().any(|&part| part >= f64::from(DEEP));
         // SAFETY: an array of at least the lanes' width.
         let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
         // Zero deep inside.
         let shallow = fraction - N::splat(f64::from(DEEP));
-        let mut velocity = [[0.0; WIDEST]; 3];
         // SAFETY: promised by the caller.
-        unsafe { self.velocities::<L, N, Q>(place, &mut velocity) };
+        let sole = unsafe { self.sole::<N>(place.cell) };
+        let (drho, m) = Self::moments::<L, N, Q>(before);
         let mut cell = Cell {
-            shallow,
             fraction: shallow.where_zero(one, fraction),
-            drho: before[0],
-            m: [zero; 3],
+            drho,
+            m,
             u,
-            us: [zero; 3],
+            // SAFETY: promised by the caller.
+            us: unsafe { self.velocities::<L, N, Q>(place, sole) },
             ru: [zero; 3],
             rs: [zero; 3],
             uu: zero,
             ss: zero,
             omega,
         };
-        unroll!(pairs k < (Q - 1) / 2 => {
-            let (i, j) = L::PAIRS[k];
-            cell.drho = cell.drho + (before[i] + before[j]);
-            let odd = before[i] - before[j];
-            let c = L::C[i];
-            unroll!(axes a < 3 => {
-                match c[a] {
-                    1 => cell.m[a] = cell.m[a] + odd,
-                    -1 => cell.m[a] = cell.m[a] - odd,
-                    _ => {}
-                }
-            });
-        });
         let rho = cell.drho + one;
         unroll!(axes a < 3 => {
-            // SAFETY: an array of at least the lanes' width.
-            cell.us[a] = unsafe { <f64 as Memory<N>>::load(velocity[a].as_ptr()) };
             cell.ru[a] = rho * u[a];
             cell.rs[a] = rho * cell.us[a];
             cell.uu = cell.ru[a].mul_add(u[a], cell.uu);
             cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
         });
-        let act = self
+        let mut act = self
             .operator
             .collide::<L, N, Q>(&self.fluid, &cell, before, g);
-        // Deep inside, all that differs from the solid's momentum.
-        let mut rest = [[0.0; WIDEST]; 3];
-        let mut scale = [0.0; WIDEST];
-        let mut share = [0.0; WIDEST];
-        // SAFETY: arrays of at least the lanes' width.
-        unsafe {
+        act.share = fraction.where_zero(zero, act.share);
+        if some_deep {
+            cell.at_solid::<L, Q>(|i, value| g[i] = shallow.where_zero(value, g[i]));
+            // All that differs from the solid's momentum.
             unroll!(axes a < 3 => {
-                let r = shallow.where_zero(zero - cell.m[a], act.rest[a]);
-                <f64 as Memory<N>>::store(rest[a].as_mut_ptr(), r);
+                act.rest[a] = shallow.where_zero(zero - cell.m[a], act.rest[a]);
             });
-            let alpha = shallow.where_zero(rho, act.scale);
-            <f64 as Memory<N>>::store(scale.as_mut_ptr(), alpha);
-            let b = shallow.where_zero(one, fraction.where_zero(zero, act.share));
-            <f64 as Memory<N>>::store(share.as_mut_ptr(), b);
-        }
-        for lane in 0..N::WIDTH {
-            if share[lane] > 0.0 {
-                let mut force = [0.0; 3];
-                for a in 0..L::DIMENSION {
-                    let lost = scale[lane] * velocity[a][lane] + rest[a][lane];
-                    force[a] = -share[lane] * lost;
-                }
-                // SAFETY: promised by the caller.
-                unsafe { self.act::<L, Q>(place, lane, force) };
-            }
+            act.scale = shallow.where_zero(rho, act.scale);
+            act.share = shallow.where_zero(one, act.share);
         }
         // SAFETY: promised by the caller.
-        unsafe { self.touch::<L, N, Q>(place, &cell, g) };
+        unsafe {
+            self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act);
+            self.touch::<L, N, Q>(place, sole, &cell, g);
+        }
         let mut mixed = u;
         unroll!(axes a < 3 => {
             mixed[a] = cell.fraction.mul_add(cell.us[a] - u[a], u[a]);
         });
         mixed
+    }
+
+    /// Adds the forces of `N::WIDTH` cells to their bodies: of `sole` in whole, as there every lane adds the same integers to the same sums.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`]; `sole` and `velocity` must be those of these cells.
+    #[inline(always)]
+    unsafe fn act_on_all<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        sole: Option<u32>,
+        velocity: &[N; 3],
+        act: &Act<N>,
+    ) where
+        f64: Memory<N>,
+    {
+        /// So small that eight times seven of them, with a sign, are an i64.
+        const SMALL: u64 = 1 << 57;
+        let mut share = [0.0; WIDEST];
+        let mut forces = [[0.0; WIDEST]; 3];
+        // SAFETY: arrays of at least the lanes' width.
+        unsafe {
+            <f64 as Memory<N>>::store(share.as_mut_ptr(), act.share);
+            unroll!(axes a < 3 => {
+                let lost = act.scale * velocity[a] + act.rest[a];
+                let force = (N::splat(0.0) - act.share) * lost;
+                <f64 as Memory<N>>::store(forces[a].as_mut_ptr(), force);
+            });
+        }
+        if let Some(slot) = sole {
+            let (mut sum, mut weighted) = ([0_i64; 3], [0_i64; 3]);
+            let (mut all, mut acts) = (0, false);
+            for (place, lane) in (0_i64..).zip(0..N::WIDTH) {
+                let counts = share[lane] > 0.0;
+                acts |= counts;
+                for a in 0..L::DIMENSION {
+                    let f = if counts { quanta(forces[a][lane]) } else { 0 };
+                    all |= f.unsigned_abs();
+                    sum[a] = sum[a].wrapping_add(f);
+                    weighted[a] = weighted[a].wrapping_add(place.wrapping_mul(f));
+                }
+            }
+            if all < SMALL {
+                if acts {
+                    // SAFETY: promised by the caller; each worker has sums of its own.
+                    unsafe {
+                        let raw = (*self.solids.add(slot as usize)).raw(self.coordinates(place, 0));
+                        let sums = &mut *self.sums.add(place.worker);
+                        if L::DIMENSION == 2 {
+                            sums.add_row::<2>(slot, raw, self.order[2], sum, weighted);
+                        } else {
+                            sums.add_row::<3>(slot, raw, self.order[2], sum, weighted);
+                        }
+                    }
+                }
+                return;
+            }
+        }
+        for lane in 0..N::WIDTH {
+            if share[lane] > 0.0 {
+                let force = [forces[0][lane], forces[1][lane], forces[2][lane]];
+                // SAFETY: promised by the caller.
+                unsafe { self.act::<L, Q>(place, lane, force) };
+            }
+        }
     }
 
     /// Coordinates of a cell of the slab.
@@ -275,12 +450,59 @@ impl View {
         }
     }
 
-    /// Velocities of the solids in the covered ones of `N::WIDTH` cells.
+    /// Velocities of the solids in the covered ones of `N::WIDTH` cells, `sole` alone if there is one.
     ///
     /// # Safety
     /// As for [`Self::covers`].
     #[inline(always)]
     unsafe fn velocities<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        sole: Option<u32>,
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let Some(slot) = sole else {
+            let mut velocity = [[0.0; WIDEST]; 3];
+            // SAFETY: promised by the caller.
+            unsafe { self.velocities_one_by_one::<L, N, Q>(place, &mut velocity) };
+            // SAFETY: arrays of at least the lanes' width.
+            return velocity.map(|v| unsafe { <f64 as Memory<N>>::load(v.as_ptr()) });
+        };
+        // SAFETY: slots were made by `Cover::make_room`.
+        let solid = unsafe { &*self.solids.add(slot as usize) };
+        let raw = solid.raw(self.coordinates(place, 0));
+        let mut r = [N::splat(0.0); 3];
+        unroll!(axes a < 3 => {
+            if a < L::DIMENSION {
+                let mut at = [f64::from(raw[a]); WIDEST];
+                if a == self.order[2] {
+                    for (at, lane) in at.iter_mut().zip(0..) {
+                        *at = f64::from(raw[a] + lane);
+                    }
+                }
+                // SAFETY: an array of at least the lanes' width.
+                let at = unsafe { <f64 as Memory<N>>::load(at.as_ptr()) };
+                r[a] = at + N::splat(0.5) - N::splat(solid.motion.position[a]);
+            }
+        });
+        // As `surface_velocity`, operation by operation.
+        let [u, w] = [solid.motion.velocity, solid.motion.spin].map(|v| v.map(N::splat));
+        if L::DIMENSION == 2 {
+            [u[0] - w[2] * r[1], u[1] + w[2] * r[0], N::splat(0.0)]
+        } else {
+            [
+                u[0] + (w[1] * r[2] - w[2] * r[1]),
+                u[1] + (w[2] * r[0] - w[0] * r[2]),
+                u[2] + (w[0] * r[1] - w[1] * r[0]),
+            ]
+        }
+    }
+
+    /// # Safety
+    /// As for [`Self::covers`].
+    unsafe fn velocities_one_by_one<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
         velocity: &mut [[f64; WIDEST]; 3],

@@ -514,7 +514,6 @@ fn a_solid_operator_is_one_file_and_one_line() {
     };
     assert_eq!(toy.share(&fluid, 0.25), 0.25);
     let cell = Cell {
-        shallow: 1.0,
         fraction: 0.25,
         drho: 0.0,
         m: [0.0; 3],

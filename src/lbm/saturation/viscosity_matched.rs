@@ -73,7 +73,6 @@ impl SolidCollision for ViscosityMatched {
         let zero = N::splat(0.0);
         let one = N::splat(1.0);
         let half = N::splat(0.5);
-        let shallow = cell.shallow;
         let time = one / cell.omega - half;
         let leak = N::splat(LEAK) * time / (one + time);
         // Of the force, and of what resists.
@@ -97,16 +96,12 @@ impl SolidCollision for ViscosityMatched {
             rest[a] = zero - pull * own.mul_add(half, cell.m[a]);
             gain[a] = own + (rest[a] + pull * cell.rs[a]);
         });
-        let even_s = cell.even::<L, Q>(0, cell.ss, zero);
         let mixed = of_even.mul_add(g[0] - before[0], before[0]);
-        g[0] = shallow.where_zero(even_s, cell.fraction.where_zero(g[0], mixed));
+        g[0] = cell.fraction.where_zero(g[0], mixed);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
             let three = N::splat(3.0 * L::W[i]);
-            let (cs, ms) = (along(c, &cell.us), along(c, &cell.rs));
-            let even_s = cell.even::<L, Q>(i, cell.ss, ms * cs);
-            let odd_s = three * ms;
             let (x, y) = (before[i], before[j]);
             let (p, q) = (g[i] - x, g[j] - y);
             let even = of_even * ((p + q) * half);
@@ -114,8 +109,8 @@ impl SolidCollision for ViscosityMatched {
             let odd = (p - q) * half - three * along(c, &force);
             let odd = of_odd.mul_add(odd, three * along(c, &gain));
             let (on_i, on_j) = (x + (even + odd), y + (even - odd));
-            g[i] = shallow.where_zero(even_s + odd_s, cell.fraction.where_zero(g[i], on_i));
-            g[j] = shallow.where_zero(even_s - odd_s, cell.fraction.where_zero(g[j], on_j));
+            g[i] = cell.fraction.where_zero(g[i], on_i);
+            g[j] = cell.fraction.where_zero(g[j], on_j);
         });
         Act {
             rest,
