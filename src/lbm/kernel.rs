@@ -373,13 +373,21 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
                     u = collision.collide::<L, N, _, Q>(&mut site, &rates);
                     if covered {
-                        let mut g = before;
+                        let mut fluid = before;
                         unroll!(populations i < Q => {
-                            g[i] = site.outgoing(i);
+                            fluid[i] = site.outgoing(i);
                         });
+                        let mut g = [N::splat(0.0); Q];
                         // SAFETY: as above.
                         u = unsafe {
-                            N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega)
+                            N::mix::<L, Q>(
+                                &shared.cover,
+                                place,
+                                &before,
+                                &fluid,
+                                &mut g,
+                                (u, omega),
+                            )
                         };
                         unroll!(populations i < Q => {
                             site.leave(i, g[i]);
@@ -387,10 +395,13 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     }
                 } else {
                     // Rounded once, after both.
-                    let mut g = before;
-                    u = collision.collide::<L, N, _, Q>(&mut g, &rates);
+                    let mut fluid = before;
+                    u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
+                    let mut g = [N::splat(0.0); Q];
                     // SAFETY: as above.
-                    u = unsafe { N::mix::<L, Q>(&shared.cover, place, &before, &mut g, u, omega) };
+                    u = unsafe {
+                        N::mix::<L, Q>(&shared.cover, place, &before, &fluid, &mut g, (u, omega))
+                    };
                     unroll!(populations i < Q => {
                         site.leave(i, g[i]);
                     });

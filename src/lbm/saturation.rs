@@ -94,13 +94,14 @@ macro_rules! solid_operators {
             #[inline(always)]
             fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
                 self,
-                fluid: &CoveredFluid,
+                covered: &CoveredFluid,
                 cell: &Cell<N>,
                 before: &[N; Q],
+                fluid: &[N; Q],
                 g: &mut [N; Q],
             ) -> Act<N> {
                 match self {
-                    $(Self::$operator => $module::$operator.collide::<L, N, Q>(fluid, cell, before, g),)*
+                    $(Self::$operator => $module::$operator.collide::<L, N, Q>(covered, cell, before, fluid, g),)*
                 }
             }
 
@@ -223,13 +224,14 @@ pub(crate) struct CoveredFluid {
 
 /// The kernel of a solid collision operator.
 trait SolidCollision: Copy {
-    /// Turns the outgoing populations `g` of cells that collided as fluid into those of partially saturated cells. `before` are the
-    /// populations that came in.
+    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those that the collision of the
+    /// fluid left, `fluid`. They are apart, so that a lane without solid is chosen in a register: a store under a mask takes several times as long.
     fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
         self,
-        fluid: &CoveredFluid,
+        covered: &CoveredFluid,
         cell: &Cell<N>,
         before: &[N; Q],
+        fluid: &[N; Q],
         g: &mut [N; Q],
     ) -> Act<N>;
 

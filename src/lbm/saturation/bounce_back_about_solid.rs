@@ -75,12 +75,13 @@ impl SolidCollision for BounceBackAboutSolid {
     #[inline(always)]
     fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
         self,
-        fluid: &CoveredFluid,
+        covered: &CoveredFluid,
         cell: &Cell<N>,
         before: &[N; Q],
+        fluid: &[N; Q],
         g: &mut [N; Q],
     ) -> Act<N> {
-        mixed::collide::<Self, L, N, Q>(fluid, cell, before, g)
+        mixed::collide::<Self, L, N, Q>(covered, cell, before, fluid, g)
     }
 
     fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {

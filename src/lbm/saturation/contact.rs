@@ -82,10 +82,13 @@ impl View {
     unsafe fn lies_alone<N: Lanes, const Q: usize>(&self, cell: usize, slot: u32) -> bool {
         let mut other = false;
         for i in 1..Q {
-            let there = cell.wrapping_add_signed(self.offsets[i]);
+            let there = self
+                .owner
+                .wrapping_add(cell)
+                .wrapping_offset(self.offsets[i]);
             for lane in 0..N::WIDTH {
                 // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
-                let owner = unsafe { self.owner.add(there + lane).read() };
+                let owner = unsafe { there.add(lane).read() };
                 other |= (owner != NONE) & (owner != slot);
             }
         }

@@ -51,22 +51,23 @@ pub(super) fn share<M: Mixed, N: Lanes>(fluid: &CoveredFluid, fraction: N) -> N 
     }
 }
 
-/// Mixes the collision `g` of the fluid with that of the solid.
+/// Mixes the collision of the fluid, which left `fluid`, with that of the solid.
 #[inline(always)]
 pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
-    fluid: &CoveredFluid,
+    covered: &CoveredFluid,
     cell: &Cell<N>,
     before: &[N; Q],
+    fluid: &[N; Q],
     g: &mut [N; Q],
 ) -> Act<N> {
     let zero = N::splat(0.0);
-    let b = share::<M, N>(fluid, cell.fraction);
+    let b = share::<M, N>(covered, cell.fraction);
     let keep = N::splat(1.0) - cell.omega;
     // At rest no direction: the symmetric part alone.
     let even_u = cell.even::<L, Q>(0, cell.uu, zero);
     let even_s = cell.even::<L, Q>(0, cell.ss, zero);
     let solid = M::at_rest(before[0], even_u, even_s, keep);
-    g[0] = turned(g[0], before[0], solid, b);
+    g[0] = turned(fluid[0], before[0], solid, b);
     unroll!(pairs k < (Q - 1) / 2 => {
         let (i, j) = L::PAIRS[k];
         let c = L::C[i];
@@ -83,8 +84,8 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
             at_solid: [even_s, odd_s],
         };
         let [on_i, on_j] = M::pair(&pair, keep);
-        g[i] = turned(g[i], x, on_i, b);
-        g[j] = turned(g[j], y, on_j, b);
+        g[i] = turned(fluid[i], x, on_i, b);
+        g[j] = turned(fluid[j], y, on_j, b);
     });
     let mut rest = [zero; 3];
     unroll!(axes a < 3 => {

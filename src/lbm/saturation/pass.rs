@@ -46,9 +46,9 @@ pub(crate) trait Covers: Lanes {
         view: &View,
         place: Place,
         before: &[Self; Q],
+        fluid: &[Self; Q],
         g: &mut [Self; Q],
-        u: [Self; 3],
-        omega: Self,
+        site: ([Self; 3], Self),
     ) -> [Self; 3];
 
     /// See [`View::fill`].
@@ -71,9 +71,9 @@ macro_rules! covers {
                 view: &View,
                 place: Place,
                 before: &[Self; Q],
+                fluid: &[Self; Q],
                 g: &mut [Self; Q],
-                u: [Self; 3],
-                omega: Self,
+                site: ([Self; 3], Self),
             ) -> [Self; 3] {
                 $(#[target_feature(enable = $features)])?
                 #[inline(never)]
@@ -81,17 +81,17 @@ macro_rules! covers {
                     view: &View,
                     place: Place,
                     before: &[$lanes; Q],
+                    fluid: &[$lanes; Q],
                     g: &mut [$lanes; Q],
-                    u: &[$lanes; 3],
-                    omega: &$lanes,
+                    site: &([$lanes; 3], $lanes),
                     mixed: &mut [$lanes; 3],
                 ) {
                     // SAFETY: forwarded from the caller.
-                    *mixed = unsafe { view.mix::<L, $lanes, Q>(place, before, g, *u, *omega) };
+                    *mixed = unsafe { view.mix::<L, $lanes, Q>(place, before, fluid, g, *site) };
                 }
-                let mut mixed = u;
+                let mut mixed = site.0;
                 // SAFETY: forwarded from the caller.
-                unsafe { outlined::<L, Q>(view, place, before, g, &u, &omega, &mut mixed) };
+                unsafe { outlined::<L, Q>(view, place, before, fluid, g, &site, &mut mixed) };
                 mixed
             }
 
@@ -167,7 +167,7 @@ impl View {
         let mut any = false;
         for lane in 0..N::WIDTH {
             // SAFETY: promised by the caller.
-            any |= unsafe { self.fraction.add(cell + lane).read() } > 0.0;
+            any |= unsafe { self.fraction.add(cell).add(lane).read() } > 0.0;
         }
         any
     }
@@ -181,7 +181,7 @@ impl View {
         let mut all = true;
         for lane in 0..N::WIDTH {
             // SAFETY: promised by the caller.
-            all &= unsafe { self.fraction.add(cell + lane).read() } >= DEEP;
+            all &= unsafe { self.fraction.add(cell).add(lane).read() } >= DEEP;
         }
         all
     }
@@ -197,8 +197,8 @@ impl View {
             // SAFETY: promised by the caller.
             let (fraction, owner) = unsafe {
                 (
-                    self.fraction.add(cell + lane).read(),
-                    self.owner.add(cell + lane).read(),
+                    self.fraction.add(cell).add(lane).read(),
+                    self.owner.add(cell).add(lane).read(),
                 )
             };
             let covered = fraction > 0.0;
@@ -275,8 +275,8 @@ impl View {
         unsafe { self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act) };
     }
 
-    /// Turns the outgoing populations `g` of cells that collided as fluid, with velocity `u`, into those of partially
-    /// saturated cells, and adds the forces on the bodies. `before` are the populations that came in. Returns the velocity of
+    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those that the collision of the
+    /// fluid left, `fluid`, and adds the forces on the bodies. `u` is the velocity of the fluid, `omega` its rate. Returns the velocity of
     /// fluid and solid together.
     ///
     /// # Safety
@@ -286,9 +286,9 @@ impl View {
         &self,
         place: Place,
         before: &[N; Q],
+        fluid: &[N; Q],
         g: &mut [N; Q],
-        u: [N; 3],
-        omega: N,
+        (u, omega): ([N; 3], N),
     ) -> [N; 3]
     where
         f64: Memory<N>,
@@ -299,7 +299,7 @@ impl View {
         let mut fraction = [0.0; WIDEST];
         for (lane, part) in fraction.iter_mut().enumerate().take(N::WIDTH) {
             // SAFETY: promised by the caller.
-            *part = f64::from(unsafe { self.fraction.add(place.cell + lane).read() }.max(0.0));
+            *part = f64::from(unsafe { self.fraction.add(place.cell).add(lane).read() }.max(0.0));
         }
         let some_deep = fraction.iter().any(|&part| part >= f64::from(DEEP));
         // SAFETY: an array of at least the lanes' width.
@@ -331,7 +331,7 @@ impl View {
         });
         let mut act = self
             .operator
-            .collide::<L, N, Q>(&self.fluid, &cell, before, g);
+            .collide::<L, N, Q>(&self.fluid, &cell, before, fluid, g);
         act.share = fraction.where_zero(zero, act.share);
         if some_deep {
             cell.at_solid::<L, Q>(|i, value| g[i] = shallow.where_zero(value, g[i]));

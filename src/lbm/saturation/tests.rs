@@ -527,7 +527,8 @@ fn a_solid_operator_is_one_file_and_one_line() {
     };
     let before = [0.1; 9];
     let mut g = [0.2; 9];
-    let act = toy.collide::<crate::lbm::lattice::D2Q9, f64, 9>(&fluid, &cell, &before, &mut g);
+    let act =
+        toy.collide::<crate::lbm::lattice::D2Q9, f64, 9>(&fluid, &cell, &before, &[0.3; 9], &mut g);
     assert_eq!((g, act.share), (before, 0.25));
     let schema = schemars::schema_for!(Operators).to_value();
     assert_eq!(schema["oneOf"][0]["const"], "toy");

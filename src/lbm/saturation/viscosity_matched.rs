@@ -65,9 +65,10 @@ impl SolidCollision for ViscosityMatched {
     #[inline(always)]
     fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
         self,
-        fluid: &CoveredFluid,
+        covered: &CoveredFluid,
         cell: &Cell<N>,
         before: &[N; Q],
+        fluid: &[N; Q],
         g: &mut [N; Q],
     ) -> Act<N> {
         let zero = N::splat(0.0);
@@ -78,7 +79,7 @@ impl SolidCollision for ViscosityMatched {
         // Of the force, and of what resists.
         let water = one - cell.fraction;
         let open = cell.fraction.mul_add(leak, water);
-        let odd_time = match fluid.antisymmetric {
+        let odd_time = match covered.antisymmetric {
             AntisymmetricRate::AsSymmetric => time,
             AntisymmetricRate::Magic(magic) => N::splat(magic) / time,
         };
@@ -96,21 +97,21 @@ impl SolidCollision for ViscosityMatched {
             rest[a] = zero - pull * own.mul_add(half, cell.m[a]);
             gain[a] = own + (rest[a] + pull * cell.rs[a]);
         });
-        let mixed = of_even.mul_add(g[0] - before[0], before[0]);
-        g[0] = cell.fraction.where_zero(g[0], mixed);
+        let mixed = of_even.mul_add(fluid[0] - before[0], before[0]);
+        g[0] = cell.fraction.where_zero(fluid[0], mixed);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
             let three = N::splat(3.0 * L::W[i]);
             let (x, y) = (before[i], before[j]);
-            let (p, q) = (g[i] - x, g[j] - y);
+            let (p, q) = (fluid[i] - x, fluid[j] - y);
             let even = of_even * ((p + q) * half);
             // What the operator does to the odd part beside adding the force.
             let odd = (p - q) * half - three * along(c, &force);
             let odd = of_odd.mul_add(odd, three * along(c, &gain));
             let (on_i, on_j) = (x + (even + odd), y + (even - odd));
-            g[i] = cell.fraction.where_zero(g[i], on_i);
-            g[j] = cell.fraction.where_zero(g[j], on_j);
+            g[i] = cell.fraction.where_zero(fluid[i], on_i);
+            g[j] = cell.fraction.where_zero(fluid[j], on_j);
         });
         Act {
             rest,

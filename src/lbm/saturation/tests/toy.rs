@@ -37,6 +37,7 @@ impl SolidCollision for Toy {
         _: &CoveredFluid,
         cell: &Cell<N>,
         before: &[N; Q],
+        _: &[N; Q],
         g: &mut [N; Q],
     ) -> Act<N> {
         *g = *before;
