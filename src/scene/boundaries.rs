@@ -31,6 +31,12 @@ pub struct Patch {
 }
 
 impl Patch {
+    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    #[must_use]
+    pub fn cells(&self, axis: usize) -> usize {
+        self.to[axis].saturating_sub(self.from[axis])
+    }
+
     /// JSON path of a field of the condition; none for a wall nobody named.
     #[must_use]
     pub fn path(&self, field: &str) -> Option<String> {
@@ -227,9 +233,7 @@ fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) 
             Inflow::None => {}
             Inflow::Any => return,
             Inflow::Mean(normal) => {
-                let cells: f64 = (0..3)
-                    .map(|a| real(patch.to[a] - patch.from[a].min(patch.to[a])))
-                    .product();
+                let cells: f64 = (0..3).map(|a| real(patch.cells(a))).product();
                 inflow += normal * cells;
                 through += f64::abs(normal * cells);
                 first = first.or(Some(patch));

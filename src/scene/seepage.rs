@@ -68,6 +68,13 @@ pub struct Patch {
     pub condition: Condition,
 }
 
+impl Patch {
+    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    fn cells(&self, axis: usize) -> usize {
+        self.to[axis].saturating_sub(self.from[axis])
+    }
+}
+
 impl Seepage {
     pub(crate) fn resolve(
         case: &Case,
@@ -270,7 +277,7 @@ impl Seepage {
     fn covered(&self, patch: &Patch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
-        let cells = across.iter().map(|&a| patch.to[a] - patch.from[a]);
+        let cells = across.iter().map(|&a| patch.cells(a));
         (0..cells.product()).all(|mut n: usize| {
             let mut at = [0.0; 3];
             at[axis] = self.origin[axis]
@@ -281,7 +288,7 @@ impl Seepage {
                         0.5
                     };
             for &a in &across {
-                let cells = patch.to[a] - patch.from[a];
+                let cells = patch.cells(a);
                 at[a] = self.origin[a] + (real(patch.from[a] + n % cells) + 0.5) * self.spacing[a];
                 n /= cells;
             }
@@ -299,12 +306,12 @@ impl Seepage {
             self.origin[axis]
         };
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
-        let cells = across.iter().map(|&a| patch.to[a] - patch.from[a]);
+        let cells = across.iter().map(|&a| patch.cells(a));
         (0..cells.product()).all(|mut n: usize| {
             let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
             (low[axis], high[axis]) = (level, level);
             for &a in &across {
-                let cells = patch.to[a] - patch.from[a];
+                let cells = patch.cells(a);
                 low[a] = self.origin[a] + real(patch.from[a] + n % cells) * self.spacing[a];
                 high[a] = low[a] + self.spacing[a];
                 n /= cells;

@@ -205,10 +205,7 @@ pub(crate) fn openings(
         }
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..grid.dimension).filter(|&a| a != axis).collect();
-        let count: usize = across
-            .iter()
-            .map(|&a| patch.to[a] - patch.from[a])
-            .product();
+        let count: usize = across.iter().map(|&a| patch.cells(a)).product();
         let layer = if patch.face.is_max() {
             grid.cells[axis] - 1
         } else {
@@ -218,7 +215,7 @@ pub(crate) fn openings(
             let mut cell = [0; 3];
             cell[axis] = layer;
             for &a in &across {
-                let cells = patch.to[a] - patch.from[a];
+                let cells = patch.cells(a);
                 cell[a] = patch.from[a] + k % cells;
                 k /= cells;
             }
