@@ -177,9 +177,8 @@ impl Document {
         if cut_short || checked.misshapen {
             return Err(problems);
         }
-        // Where an error lies costs as much as all else: it is looked for only where there is one.
-        let read = Case::deserialize(&tree).or_else(|_| serde_path_to_error::deserialize(tree));
-        match read {
+        // The schema has found what is wrong, with its path; what is left is an error of the schema.
+        match Case::deserialize(&tree) {
             Ok(mut case) => {
                 case.directory = directory.to_path_buf();
                 Ok(Self {
@@ -192,9 +191,9 @@ impl Document {
             Err(error) => {
                 if problems.is_empty() {
                     problems.push(Problem {
-                        path: error.path().to_string(),
+                        path: "the case".into(),
                         value: "not readable".into(),
-                        reason: error.inner().to_string(),
+                        reason: error.to_string(),
                         remedy: "compare with `solver schema`".into(),
                         severity: Severity::Error,
                     });
