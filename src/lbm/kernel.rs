@@ -310,6 +310,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
         ahead.wrapping_sub(shared.first[0]).cast_signed(),
         behind.wrapping_sub(shared.first[0]).cast_signed(),
     ];
+    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing them takes time.
+    let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
     for plane in planes {
         for row in 0..shared.rows {
             let start = plane * shared.plane + row * shared.row;
@@ -350,7 +352,6 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 };
                 // SAFETY: an interior cell.
                 let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
-                let mut before = [N::splat(0.0); Q];
                 // Eddies ask for the velocity of the fluid there, too.
                 let mut deep = false;
                 if covered {
@@ -364,7 +365,6 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 }
                 let mut u = [N::splat(0.0); 3];
                 if deep {
-                    let mut g = [N::splat(0.0); Q];
                     // SAFETY: an interior cell; no other thread is this worker.
                     unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
                     unroll!(populations i < Q => {
@@ -373,11 +373,9 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
                     u = collision.collide::<L, N, _, Q>(&mut site, &rates);
                     if covered {
-                        let mut fluid = before;
                         unroll!(populations i < Q => {
                             fluid[i] = site.outgoing(i);
                         });
-                        let mut g = [N::splat(0.0); Q];
                         // SAFETY: as above.
                         u = unsafe {
                             N::mix::<L, Q>(
@@ -395,9 +393,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     }
                 } else {
                     // Rounded once, after both.
-                    let mut fluid = before;
+                    fluid = before;
                     u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
-                    let mut g = [N::splat(0.0); Q];
                     // SAFETY: as above.
                     u = unsafe {
                         N::mix::<L, Q>(&shared.cover, place, &before, &fluid, &mut g, (u, omega))

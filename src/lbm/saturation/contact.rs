@@ -80,19 +80,20 @@ impl View {
     /// As for [`Self::covers`].
     #[inline(always)]
     unsafe fn lies_alone<N: Lanes, const Q: usize>(&self, cell: usize, slot: u32) -> bool {
-        let mut other = false;
+        // One for each lane, so that the compiler compares a vector of owners at once.
+        let mut others = [0; WIDEST];
         for i in 1..Q {
             let there = self
                 .owner
                 .wrapping_add(cell)
                 .wrapping_offset(self.offsets[i]);
-            for lane in 0..N::WIDTH {
+            for (lane, other) in others.iter_mut().enumerate().take(N::WIDTH) {
                 // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
                 let owner = unsafe { there.add(lane).read() };
-                other |= (owner != NONE) & (owner != slot);
+                *other |= if owner == NONE { 0 } else { owner ^ slot };
             }
         }
-        !other
+        others == [0; WIDEST]
     }
 
     /// # Safety
