@@ -209,8 +209,10 @@ impl<S: Space> Dem<S> {
                 return refuse(format!("a wall across the periodic axis {axis}"));
             }
         }
-        if settings.region.any_periodic() && walls.iter().any(|wall| wall.surface.is_some()) {
-            return refuse("a wall of facets in a domain with a periodic axis".into());
+        let (lower, lengths) = (settings.region.origin(), settings.region.periodic_lengths());
+        let mut surfaces = walls.iter().filter_map(|wall| wall.surface.as_ref());
+        if !surfaces.all(|surface| surface.repeats_by(lower, lengths)) {
+            return refuse("a wall of facets that does not repeat with the domain".into());
         }
         log::info!(
             "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",

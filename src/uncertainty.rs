@@ -9,6 +9,10 @@
 //! | order, extrapolated value, uncertainty | [`convergence`] |
 //! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
 //!
+//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place: the coarsest cells
+//! between those that failed and those that ran, at last finer cells than those of the case. With two grids that have answers the estimate has its
+//! wider factor, with one there is none.
+//!
 //! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is not run again.
 //! Settings of models are compared on the next coarser grid, where there is one.
 //!
@@ -87,74 +91,121 @@ impl Members {
             ratios = grids::ratios(&plan.scene, finer);
             grids::check(&plan.scene, &stated, &ratios)?;
         }
-        // A coarsest grid that no rule allows is left out before the estimate is given up.
-        let shorter = ratios.len().saturating_sub(1).max(1).min(ratios.len());
-        let mut refused = Vec::new();
-        for ratios in [&ratios[..], &ratios[..shorter]] {
-            for scaling in [Scaling::Diffusive, Scaling::Acoustic] {
-                match Self::scaled(plan, &stated, ratios, scaling, unstable) {
-                    Ok(mut members) => {
-                        if with_settings {
-                            members.add_settings(plan, &stated, ratios);
-                        }
-                        return Ok(members);
-                    }
-                    Err(Error::Case(problems)) => refused = problems,
-                    Err(other) => return Err(other),
-                }
+        let wanted = ratios.len() + 1;
+        // The rule by which all grids can run, else the one by which most can.
+        let rules = [Scaling::Diffusive, Scaling::Acoustic];
+        let mut each = rules.map(|rule| Self::scaled(plan, &stated, &ratios, rule, unstable));
+        let all = each.iter().position(|members| members.usable() == wanted);
+        let rule = all.unwrap_or_else(|| {
+            for members in &mut each {
+                while members.usable() < wanted && members.add_grid(plan, &stated, unstable, &[]) {}
             }
+            usize::from(each[1].usable() > each[0].usable())
+        });
+        let mut members = each.into_iter().nth(rule).ok_or_else(|| {
+            Error::Internal("an estimate without a rule for the time step".into())
+        })?;
+        if has_grid && members.usable() < 2 {
+            return Err(Error::Case(members.refusals()));
         }
-        Err(Error::Case(refused))
+        if with_settings {
+            members.add_settings(plan, &stated);
+        }
+        Ok(members)
     }
 
-    /// The grids by one rule of the time step.
+    /// The grids by one rule of the time step; those that a plan refuses are there without a case that can be run.
     fn scaled(
         plan: &Plan,
         stated: &Value,
         ratios: &[f64],
         scaling: Scaling,
         unstable: bool,
-    ) -> Result<Self, Error> {
-        let mut list = vec![Member {
-            name: "1-case".into(),
-            labels: Vec::new(),
-            case: Value::Null,
-            verdict: Verdict::of(&plan.warnings),
-            problems: plan.warnings.clone(),
-            prepared: Some(prepared(plan)),
-        }];
-        let mut grids = vec![(1.0, 0)];
-        for ratio in ratios {
-            let name = format!("{}-grid-{ratio:.3}", list.len() + 1);
-            let case = grids::on_cells(stated, plan, *ratio, scaling);
-            let member = member(name, case, plan.estimate.machine, unstable);
-            if member.prepared.is_none() {
-                let mut problems = member.problems;
-                problems.retain(|problem| problem.severity != Severity::Warning);
-                for problem in &mut problems {
-                    problem.path = format!("cells of {ratio:.3} times the size: {}", problem.path);
-                }
-                return Err(Error::Case(problems));
-            }
-            grids.push((*ratio, list.len()));
-            list.push(member);
-        }
-        grids.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let coarser = grids.iter().find(|(ratio, _)| *ratio > 1.0);
-        Ok(Self {
-            beside: coarser.map_or(0, |(_, place)| *place),
-            list,
-            grids,
+    ) -> Self {
+        let mut members = Self {
+            list: vec![Member {
+                name: "1-case".into(),
+                labels: Vec::new(),
+                case: Value::Null,
+                verdict: Verdict::of(&plan.warnings),
+                problems: plan.warnings.clone(),
+                prepared: Some(prepared(plan)),
+            }],
+            grids: vec![(1.0, 0)],
             settings: Vec::new(),
+            beside: 0,
             scaling,
-        })
+        };
+        for ratio in ratios {
+            members.push_grid(plan, stated, *ratio, unstable);
+        }
+        members
     }
 
-    fn add_settings(&mut self, plan: &Plan, stated: &Value, ratios: &[f64]) {
-        let coarser = ratios.iter().find(|ratio| **ratio > 1.0);
-        let case = match coarser {
-            Some(ratio) => grids::on_cells(stated, plan, *ratio, self.scaling),
-            None => stated.clone(),
+    fn push_grid(&mut self, plan: &Plan, stated: &Value, ratio: f64, unstable: bool) {
+        let name = format!("{}-grid-{ratio:.3}", self.list.len() + 1);
+        let case = grids::on_cells(stated, plan, ratio, self.scaling);
+        self.grids.push((ratio, self.list.len()));
+        self.list
+            .push(member(name, case, plan.estimate.machine, unstable));
+        self.grids.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if self.settings.is_empty() {
+            let coarser = self
+                .grids
+                .iter()
+                .find(|(ratio, place)| *ratio > 1.0 && self.list[*place].prepared.is_some());
+            self.beside = coarser.map_or(0, |(_, place)| *place);
+        }
+    }
+
+    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its place in the list.
+    /// Whether there was one left to add.
+    fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
+        let (mut usable, mut lost) = (Vec::new(), Vec::new());
+        for (ratio, place) in &self.grids {
+            if self.list[*place].prepared.is_none() || failed.contains(place) {
+                lost.push(*ratio);
+            } else {
+                usable.push(*ratio);
+            }
+        }
+        let other = grids::another(&plan.scene, &usable, &lost);
+        if let Some(ratio) = other {
+            self.push_grid(plan, stated, ratio, unstable);
+        }
+        other.is_some()
+    }
+
+    /// How many grids the plan allows.
+    fn usable(&self) -> usize {
+        let allowed = |(_, place): &&(f64, usize)| self.list[*place].prepared.is_some();
+        self.grids.iter().filter(allowed).count()
+    }
+
+    /// Why grids are refused.
+    fn refusals(&self) -> Vec<Problem> {
+        let mut all = Vec::new();
+        for (ratio, place) in &self.grids {
+            let member = &self.list[*place];
+            let problems = member.problems.iter();
+            let heavy = problems.filter(|problem| problem.severity != Severity::Warning);
+            if member.prepared.is_none() {
+                all.extend(heavy.cloned().map(|mut problem| {
+                    problem.path = format!("cells of {ratio:.3} times the size: {}", problem.path);
+                    problem
+                }));
+            }
+        }
+        all
+    }
+
+    fn add_settings(&mut self, plan: &Plan, stated: &Value) {
+        let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
+        let case = match beside {
+            Some((ratio, place)) if *place > 0 => {
+                grids::on_cells(stated, plan, *ratio, self.scaling)
+            }
+            _ => stated.clone(),
         };
         for setting in settings::of(&case, plan, self.scaling) {
             let name = format!("{}-{}", self.list.len() + 1, setting.folder);
@@ -263,7 +314,7 @@ fn member(name: String, case: Value, machine: f64, unstable: bool) -> Member {
 pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Table, Error> {
     enough_cores(&options.run)?;
     let unstable = options.allow_unstable;
-    let members = Members::of(plan, options.finer, options.settings, unstable)?;
+    let mut members = Members::of(plan, options.finer, options.settings, unstable)?;
     let (_, sum) = members.costs();
     report(&format!(
         "{} runs, about {sum:.1} core-seconds as planned, in {}",
@@ -279,11 +330,58 @@ pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Tab
         report,
     )?;
     runner.run(&members.list)?;
+    let wanted = members.grids.len().min(MOST_GRIDS);
+    loop {
+        // Grids whose runs failed are replaced, as long as there are others.
+        let failed = failures(plan, &members, &options.output);
+        let case_failed = failed.contains(&0);
+        let usable = members.usable() - failed.len();
+        let stated = grids::stated(plan)?;
+        if case_failed || usable >= wanted || !members.add_grid(plan, &stated, unstable, &failed) {
+            break;
+        }
+        if let Some(member) = members.list.last() {
+            let seconds = member.prepared.as_ref().map_or(0.0, |p| p.seconds);
+            report(&format!(
+                "{usable} of {} grids can be used: {} is added, about {seconds:.1} core-seconds",
+                members.grids.len() - 1,
+                member.name
+            ));
+        }
+        runner.run(&members.list)?;
+    }
     let table = collect(plan, &members, &options.output)?;
     write(&table, &options.output)?;
     report(&table.text());
     report(&format!("estimate.csv in {}", options.output.display()));
+    if members.grids.len() > 1 && table.usable() < 2 {
+        return Err(Error::Numerical(table.conclusion));
+    }
     Ok(table)
+}
+
+/// Grids that an estimate needs.
+const MOST_GRIDS: usize = 3;
+
+/// The places in the list of the grids that were run and have no answers.
+fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
+    let places = members.grids.iter().map(|(_, place)| *place);
+    let failed = places.filter(|&place| {
+        let member = &members.list[place];
+        member.prepared.is_some() && outcome(plan, member, output).is_err()
+    });
+    failed.collect()
+}
+
+/// The answers of a run, or why there are none.
+fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answers, String> {
+    let folder = output.join(&member.name);
+    let record = Record::read(&folder).filter(|_| member.prepared.is_some());
+    match record {
+        Some(record) if record.outcome == Outcome::Finished => answers::read(plan, &folder),
+        Some(record) => Err(format!("{}: {}", record.outcome.name(), record.message)),
+        None => Err(refusal(member)),
+    }
 }
 
 /// Reads the answers of all runs.
@@ -291,15 +389,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
     let found: Vec<Result<answers::Answers, String>> = members
         .list
         .iter()
-        .map(|member| {
-            let folder = output.join(&member.name);
-            let record = Record::read(&folder).filter(|_| member.prepared.is_some());
-            match record {
-                Some(record) if record.outcome == Outcome::Finished => answers::read(plan, &folder),
-                Some(record) => Err(format!("{}: {}", record.outcome.name(), record.message)),
-                None => Err(refusal(member)),
-            }
-        })
+        .map(|member| outcome(plan, member, output))
         .collect();
     if let Some(Err(why)) = found.first() {
         return Err(Error::Io(format!(
@@ -319,6 +409,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
             spacing: plan.scene.grid.spacing * ratio,
             ratio: *ratio,
             core_seconds: core_seconds(*place),
+            failure: found[*place].as_ref().err().cloned(),
             answers: of(*place).cloned(),
         })
         .collect();
@@ -332,16 +423,18 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
     let settings = members.settings.iter().map(|(setting, place)| {
         let folder = members.list[*place].name.as_str();
         let beside = members.list[members.beside].name.as_str();
-        let missing = match &found[*place] {
-            Ok(_) => "",
-            Err(why) => why.as_str(),
+        let missing = match (&found[*place], &found[members.beside]) {
+            (Ok(_), Ok(_)) => String::new(),
+            (Err(why), _) => why.clone(),
+            (_, Err(why)) => format!("{beside}, which it is compared with, {why}"),
         };
         let answers = [of(members.beside), of(*place)];
-        table::sensitivity(setting, [folder, beside], answers, missing, noise)
+        table::sensitivity(setting, [folder, beside], answers, &missing, noise)
     });
     Ok(Table {
         scaling: members.meaning().to_owned(),
         formal_order,
+        conclusion: table::conclusion(&grids),
         answers: table::rows(&grids, at.unwrap_or(0), formal_order, noise),
         settings: settings.collect(),
         grids,

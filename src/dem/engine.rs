@@ -297,6 +297,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             } else {
                 0.0
             };
+        let surfaces = self.walls.iter().filter_map(|wall| wall.surface.as_ref());
+        let reach = surfaces.map(|surface| surface.longest_reach());
+        let reach = reach.fold(f64::INFINITY, f64::min);
+        if largest + gap > reach {
+            return Err(Error::Numerical(format!(
+                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of the domain, {reach} m: its contacts with walls of facets are not known"
+            )));
+        }
         ghosts::make(
             particles,
             &region,

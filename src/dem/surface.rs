@@ -9,16 +9,23 @@
 //! - An edge or vertex pushes once, however many facets share it.
 //! - A concave corner pushes with its faces only.
 //!
+//! Where an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
+//!
 //! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly curved surface
 //! therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet push. Facets share
 //! vertices: the numbers of the vertices give the neighbours of a facet.
 //!
+//! In a periodic domain a surface repeats ([`repeated`]).
+//!
 //! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
 //! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+
+mod repeated;
 
 use nalgebra::Vector3;
 
 use crate::error::Error;
+use repeated::Repeated;
 
 /// Convex facets with shared vertices, at rest; a wall carries them along.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +34,8 @@ pub struct Surface {
     /// Vertices of all facets, one facet after the other.
     corners: Vec<u32>,
     facets: Vec<Facet>,
+    /// How it repeats in a periodic domain.
+    repeated: Option<Box<Repeated>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +69,8 @@ pub struct Nearest {
 
 /// Closest points this near to the rim of a facet, over its size, lie on the rim.
 const RIM: f64 = 1e-9;
+/// Points this near to a facet, over its size, lie on it.
+const ON: f64 = 1e-6;
 /// Cosine of the angle between normals below which two minima are one.
 const SAME: f64 = 0.984_807_753_012_208;
 
@@ -74,6 +85,7 @@ impl Surface {
             vertices,
             corners: Vec::new(),
             facets: Vec::new(),
+            repeated: None,
         };
         if facets.is_empty() {
             return Err(Error::Numerical("a surface without facets".into()));
@@ -153,7 +165,7 @@ impl Surface {
         Self::new(vertices, &faces.map(|face| face.to_vec()))
     }
 
-    /// How many facets.
+    /// How many facets, with the images in a periodic domain.
     #[must_use]
     pub fn len(&self) -> usize {
         self.facets.len()
@@ -177,13 +189,18 @@ impl Surface {
         self.facets[facet].normal
     }
 
-    /// For each facet the first one of its face: the facets of one plane that hang together by edges.
-    pub(super) fn faces(&self) -> Vec<u32> {
+    /// The faces: the facets of one plane that hang together by edges. First for each facet the first one of its face; then for
+    /// each facet the first given one of its face and of the images of this face.
+    pub(super) fn faces(&self) -> [Vec<u32>; 2] {
         fn first_of(of: &[u32], mut k: u32) -> u32 {
             while of[k as usize] != k {
                 k = of[k as usize];
             }
             k
+        }
+        fn join(of: &mut [u32], [a, b]: [u32; 2]) {
+            let [a, b] = [first_of(of, a), first_of(of, b)];
+            of[a.max(b) as usize] = a.min(b);
         }
         let count = super::ghosts::index(self.len());
         let mut edges: Vec<([u32; 2], u32)> = Vec::new();
@@ -196,14 +213,24 @@ impl Surface {
         }
         edges.sort_unstable();
         let mut of: Vec<u32> = (0..count).collect();
-        for pair in edges.windows(2) {
-            let ([one, two], [a, b]) = ([pair[0].0, pair[1].0], [pair[0].1, pair[1].1]);
-            if one == two && self.in_one_plane(a as usize, b as usize) {
-                let [a, b] = [first_of(&of, a), first_of(&of, b)];
-                of[a.max(b) as usize] = a.min(b);
+        let mut with_images = of.clone();
+        // Where images end in one plane, four facets share an edge.
+        for group in edges.chunk_by(|a, b| a.0 == b.0) {
+            for (n, &(_, a)) in group.iter().enumerate() {
+                for &(_, b) in &group[n + 1..] {
+                    if self.in_one_plane(a as usize, b as usize) {
+                        join(&mut of, [a, b]);
+                        join(&mut with_images, [a, b].map(|facet| self.given(facet)));
+                    }
+                }
             }
         }
-        (0..count).map(|k| first_of(&of, k)).collect()
+        [
+            (0..count).map(|k| first_of(&of, k)).collect(),
+            (0..count)
+                .map(|k| first_of(&with_images, self.given(k)))
+                .collect(),
+        ]
     }
 
     fn in_one_plane(&self, a: usize, b: usize) -> bool {
@@ -220,7 +247,7 @@ impl Surface {
         &self.corners[facet.first as usize..facet.end as usize]
     }
 
-    /// Distance \[m\] of a point from a facet.
+    /// Distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
     #[must_use]
     pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
         self.nearest(facet, point, f64::INFINITY)
@@ -230,16 +257,23 @@ impl Surface {
     /// Distance \[m\] of a point from the nearest facet.
     #[must_use]
     pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
+        let (point, _) = self.in_domain(point);
         (0..self.len())
-            .map(|facet| self.distance(facet, point))
+            .map(|facet| self.distance(facet, &point))
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether two facets share a vertex, or are the same.
+    /// Whether two facets share a vertex, or are the same; by their numbers or their names.
     #[must_use]
     pub fn adjacent(&self, a: u32, b: u32) -> bool {
-        let others = self.numbers(b as usize);
-        self.numbers(a as usize).iter().any(|v| others.contains(v))
+        let [a, b] = [a, b].map(|name| self.numbers(self.named(name) as usize));
+        match &self.repeated {
+            None => a.iter().any(|v| b.contains(v)),
+            Some(repeated) => {
+                let known = |v: &u32| repeated.given_vertex(*v);
+                a.iter().any(|v| b.iter().any(|w| known(v) == known(w)))
+            }
+        }
     }
 
     /// The closest point of a facet, where it is nearer than `reach`.
@@ -329,15 +363,15 @@ impl Surface {
         let mut kept = 0;
         for k in 0..found.len() {
             let one = found[k];
-            let minimum = match one.feature {
+            let known = found[..kept]
+                .iter()
+                .any(|other| other.normal.dot(&one.normal) > SAME);
+            let minimum = || match one.feature {
                 Feature::Face => true,
                 Feature::Edge(a, b) => self.is_minimum(near, &one, centre, &[a, b]),
                 Feature::Vertex(a) => self.is_minimum(near, &one, centre, &[a]),
             };
-            let known = found[..kept]
-                .iter()
-                .any(|other| other.normal.dot(&one.normal) > SAME);
-            if minimum && !known {
+            if !known && minimum() {
                 found[kept] = one;
                 kept += 1;
             }
@@ -346,7 +380,8 @@ impl Surface {
         found.sort_unstable_by_key(|one| one.facet);
     }
 
-    /// Whether all facets of `near` that have these vertices have this closest point.
+    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through this point and
+    /// comes closer.
     fn is_minimum(
         &self,
         near: &[u32],
@@ -354,12 +389,18 @@ impl Surface {
         centre: &Vector3<f64>,
         vertices: &[u32],
     ) -> bool {
+        let foot = centre - one.normal * one.distance;
         near.iter().all(|&facet| {
             let numbers = self.numbers(facet as usize);
-            !vertices.iter().all(|v| numbers.contains(v))
-                || self
-                    .nearest(facet as usize, centre, f64::INFINITY)
-                    .is_some_and(|other| other.feature == one.feature)
+            let closest = |point: &Vector3<f64>| self.nearest(facet as usize, point, f64::INFINITY);
+            if vertices.iter().all(|v| numbers.contains(v)) {
+                closest(centre).is_some_and(|other| other.feature == one.feature)
+            } else {
+                let size = self.facets[facet as usize].size;
+                closest(&foot).is_none_or(|at| at.distance > ON * size)
+                    || closest(centre)
+                        .is_none_or(|other| other.distance >= one.distance * (1.0 - RIM))
+            }
         })
     }
 }

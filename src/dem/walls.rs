@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::space::{Components, Space};
-use super::surface::Surface;
+use super::surface::{Nearest, Surface};
 
 /// A half-space that grains cannot enter, or a surface that they touch from either side.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,10 +52,30 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// A point \[m\] as the facets see it.
+    /// A point \[m\] as the facets see it; in a periodic domain inside it.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
-        S::to_volume(&(*point - self.point))
+        let at = S::to_volume(&(*point - self.point));
+        self.surface
+            .as_ref()
+            .map_or(at, |surface| surface.in_domain(&at).0)
+    }
+
+    /// As [`Surface::contacts`] of a centre \[m\] in space; contacts carry the names of their facets.
+    #[inline]
+    pub(super) fn touched(
+        &self,
+        near: &[u32],
+        centre: &S::Vector,
+        reach: f64,
+        found: &mut Vec<Nearest>,
+    ) {
+        found.clear();
+        if let Some(surface) = &self.surface {
+            let (at, by) = surface.in_domain(&S::to_volume(&(*centre - self.point)));
+            surface.contacts(near, &at, reach, found);
+            surface.name(found, by);
+        }
     }
 
     /// Distance \[m\] of a point from the plane, positive on the grains' side.

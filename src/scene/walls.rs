@@ -4,6 +4,7 @@ mod in_water;
 
 pub(crate) use in_water::walls_in_water;
 
+use super::auto::features::grain_diameters;
 use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
@@ -191,6 +192,34 @@ fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
         .map(|a| ["x", "y", "z"][a])
 }
 
+/// The periods of the domain \[m\], 0 along axes that are not periodic.
+fn periods(grid: &Grid) -> [f64; 3] {
+    std::array::from_fn(|a| {
+        if a < grid.dimension && grid.periodic[a] {
+            grid.size[a]
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Grains that are too large for facets in a domain that repeats so soon.
+fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) {
+    let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
+    let reach = surface.longest_reach();
+    if largest >= reach {
+        findings.error(
+            path,
+            format!(
+                "grains with a radius of {} m cannot meet facets in a domain that repeats every {} m",
+                number(largest),
+                number(2.0 * reach)
+            ),
+            "use a period of more than the largest diameter and a neighbour skin, planes, or no periodic axis",
+        );
+    }
+}
+
 /// The times at which a wall comes and goes.
 fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
     let stated = [("from", wall.from), ("until", wall.until)];
@@ -282,13 +311,6 @@ fn facets(
         );
         return None;
     }
-    if grid.periodic.contains(&true) {
-        findings.error(
-            path,
-            "a domain with a periodic axis cannot contain a wall of facets",
-            "use planes, or remove `domain.periodic`",
-        );
-    }
     let (path, made, remedy) = match shape {
         WallShape::Plane(_) => return None,
         WallShape::Polygon(corners) => {
@@ -338,8 +360,15 @@ fn facets(
             )
         }
     };
+    let made = made.and_then(|surface| {
+        let repeated = surface.repeated([0.0; 3], periods(grid));
+        repeated.map_err(|e| e.to_string())
+    });
     match made {
-        Ok(surface) => Some(surface),
+        Ok(surface) => {
+            reaches(case, &surface, &path, findings);
+            Some(surface)
+        }
         Err(reason) => {
             findings.error(&path, reason, remedy);
             None

@@ -92,4 +92,10 @@ impl Solid for Box {
     fn facets(&self, _: f64) -> Facets {
         Facets::along(&self.outline(0.0), 2, self.low[2], self.high[2])
     }
+
+    fn length(&self, axis: usize, between: [f64; 2]) -> Option<Arc<dyn Solid>> {
+        let (mut low, mut high) = (self.low, self.high);
+        [low[axis], high[axis]] = between;
+        Some(Arc::new(Self { low, high }))
+    }
 }

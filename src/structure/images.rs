@@ -11,6 +11,7 @@ pub struct Images {
     /// How far each image stands from the solid \[m\].
     shifts: Vec<Point>,
     frame: Frame,
+    periodic: [bool; 3],
 }
 
 impl Images {
@@ -43,6 +44,7 @@ impl Images {
             solid,
             shifts,
             frame,
+            periodic,
         }
     }
 
@@ -97,15 +99,37 @@ impl Images {
             .map(move |shift| [plus(low, *shift), plus(high, *shift)])
     }
 
-    /// The surfaces of all images. In 2-D they stand along z between -`depth` and `depth`, and have no ends.
+    /// The surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and has no ends. Of a box or
+    /// prism that joins or overlaps its image it is the part of one period.
     #[must_use]
     pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
-        let one = if self.frame.dimension == 2 {
-            Facets::along_z(&self.solid.outline(tolerance), depth)
+        let mut solid = Arc::clone(&self.solid);
+        let [low, high] = solid.extent();
+        for axis in (0..self.frame.dimension).filter(|&a| self.periodic[a]) {
+            let period = self.frame.size[axis];
+            if high[axis] - low[axis] >= period * (1.0 - 1e-9) {
+                solid = solid.length(axis, [0.0, period]).unwrap_or(solid);
+            }
+        }
+        if self.frame.dimension == 2 {
+            Facets::along_z(&solid.outline(tolerance), depth)
         } else {
-            self.solid.facets(tolerance)
-        };
-        self.everywhere(&one)
+            solid.facets(tolerance)
+        }
+    }
+
+    /// The axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so that they may overlap their
+    /// images.
+    #[must_use]
+    pub fn may_overlap(&self) -> Option<usize> {
+        let [low, high] = self.solid.extent();
+        (0..self.frame.dimension)
+            .filter(|&a| self.periodic[a])
+            .find(|&axis| {
+                let period = self.frame.size[axis];
+                high[axis] - low[axis] > period * (1.0 + 1e-6)
+                    && self.solid.length(axis, [0.0, period]).is_none()
+            })
     }
 
     /// What is drawn: the surfaces of all images; in 2-D their areas.
@@ -116,13 +140,9 @@ impl Images {
         } else {
             self.solid.facets(tolerance)
         };
-        self.everywhere(&one)
-    }
-
-    fn everywhere(&self, one: &Facets) -> Facets {
         let mut all = Facets::default();
         for shift in &self.shifts {
-            all.add(one, *shift);
+            all.add(&one, *shift);
         }
         all
     }

@@ -250,4 +250,16 @@ impl Solid for Prism {
     fn facets(&self, _: f64) -> Facets {
         Facets::along(&self.points, self.axis, self.from, self.to)
     }
+
+    fn length(&self, axis: usize, [from, to]: [f64; 2]) -> Option<Arc<dyn Solid>> {
+        (axis == self.axis).then(|| {
+            let points = self.points.clone();
+            Arc::new(Self {
+                points,
+                axis,
+                from,
+                to,
+            }) as Arc<dyn Solid>
+        })
+    }
 }

@@ -3,6 +3,7 @@
 use super::{Facets, Point, norm, plus, times};
 use crate::geometry::Mesh;
 use std::fmt::Debug;
+use std::sync::Arc;
 
 /// Reads the triangles of a file \[m\], or says what is wrong with it.
 pub type ReadMesh<'a> = &'a dyn Fn(&Mesh) -> Result<Vec<[Point; 3]>, String>;
@@ -35,6 +36,11 @@ pub trait Solid: Debug + Send + Sync {
 
     /// Its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the true one.
     fn facets(&self, tolerance: f64) -> Facets;
+
+    /// The part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same section all along this axis.
+    fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {
+        None
+    }
 
     /// A point and the unit normal of the only face of a half-space.
     fn plane(&self) -> Option<(Point, Point)> {

@@ -29,6 +29,8 @@ const RATIO: [f64; 2] = [1.8, 1.6];
 const FINER_RATIO: f64 = 1.5;
 /// Smallest ratio of neighbouring grids (Celik et al. 2008).
 const LEAST_RATIO: f64 = 1.3;
+/// Smallest ratio of a grid to one that failed.
+const LEAST_STEP: f64 = 1.05;
 /// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
 const LEAST_CELLS: f64 = 4.0;
 
@@ -82,6 +84,53 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     }
     chosen.extend(pick(common, wanted, allowed, if finer { 1 } else { 2 }));
     chosen
+}
+
+/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that failed. Cells that are too
+/// coarse fail: it has finer cells than all coarser grids that failed, and is as near as possible to the middle between these and the next finer
+/// ones that ran. Where no coarser grid failed, it is coarser than all that ran. The last to try is finer than the case.
+#[must_use]
+pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
+    let grid = &scene.grid;
+    let common = grid.cells[..grid.dimension]
+        .iter()
+        .fold(0, |a, b| common_divisor(a, *b));
+    let wanted = RATIO[usize::from(grid.dimension == 3)];
+    let allowed =
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+    other(common, wanted, allowed, usable, failed)
+}
+
+/// [`another`] of cells of `common` along the common divisor of the edges.
+fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
+    let apart = |a: f64, b: f64| (a / b).max(b / a);
+    let new = |ratio: f64| {
+        usable
+            .iter()
+            .all(|known| apart(ratio, *known) >= LEAST_RATIO - 1e-9)
+            && failed
+                .iter()
+                .all(|known| apart(ratio, *known) >= LEAST_STEP)
+    };
+    let lowest = failed.iter().copied().filter(|ratio| *ratio > 1.0);
+    let lowest = lowest.fold(f64::INFINITY, f64::min);
+    let last = usable.iter().copied().filter(|ratio| *ratio < lowest);
+    let last = last.fold(1.0, f64::max);
+    let target = if lowest.is_finite() {
+        (last * LEAST_RATIO * lowest).sqrt()
+    } else {
+        last * wanted
+    };
+    let coarser = (1..common)
+        .map(|cells| real(common) / real(cells))
+        .filter(|&ratio| ratio < lowest && ratio <= allowed + 1e-9 && new(ratio))
+        .min_by(|a, b| apart(*a, target).total_cmp(&apart(*b, target)));
+    let finer = || {
+        let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
+        let tried = usable.iter().chain(failed).any(|ratio| *ratio < 1.0);
+        Some(real(common) / real(cells)).filter(|ratio| !tried && new(*ratio))
+    };
+    coarser.or_else(finer)
 }
 
 /// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
@@ -302,5 +351,33 @@ mod tests {
         let found = pick(40, 1.8, 1.5, 2);
         assert!(found.len() == 1 && found[0] <= 1.5, "{found:?}");
         assert!(pick(40, 1.8, 1.25, 2).is_empty());
+    }
+
+    #[test]
+    fn a_grid_that_failed_is_replaced_by_one_between() {
+        let none = f64::INFINITY;
+        let near = |found: Option<f64>, cells: f64, of: f64| {
+            assert!((found.unwrap() - of / cells).abs() < 1e-12, "{found:?}");
+        };
+        // 40, 22 and 12 cells of which 12 fail: 2.36 to 3.33 are free, their middle is 2.82, 14 cells are 2.86.
+        let usable = [1.0, 40.0 / 22.0];
+        near(other(40, 1.8, none, &usable, &[40.0 / 12.0]), 14.0, 40.0);
+        // Then 15 cells; 17 are within 1.3 of 22, and 29 are between those that ran. The finer grid is the last.
+        let mut failed = vec![40.0 / 14.0, 40.0 / 12.0];
+        near(other(40, 1.8, none, &usable, &failed), 15.0, 40.0);
+        failed[0] = 40.0 / 16.0;
+        near(other(40, 1.8, none, &usable, &failed), 29.0, 40.0);
+        failed[0] = 40.0 / 29.0;
+        near(other(40, 1.8, none, &usable, &failed), 60.0, 40.0);
+        let usable = [2.0 / 3.0, 1.0, 40.0 / 22.0];
+        assert_eq!(other(40, 1.8, none, &usable, &failed), None);
+        // All coarser ones failed: between 1.3 and 1.82 are 26 cells.
+        let failed = [40.0 / 22.0, 40.0 / 12.0];
+        near(other(40, 1.8, none, &[1.0], &failed), 26.0, 40.0);
+        // The finer one failed: coarser than all.
+        let usable = [1.0, 40.0 / 22.0];
+        near(other(40, 1.8, none, &usable, &[2.0 / 3.0]), 12.0, 40.0);
+        // Where a body needs its cells, one between.
+        near(other(40, 1.8, 2.0, &usable, &[2.0 / 3.0]), 29.0, 40.0);
     }
 }

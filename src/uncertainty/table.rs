@@ -65,6 +65,8 @@ pub struct Grid {
     pub ratio: f64,
     /// Processor time of its run \[s\].
     pub core_seconds: f64,
+    /// Why it has no answers; none where it has.
+    pub failure: Option<String>,
     /// What it answers; none where its run failed.
     #[serde(skip)]
     pub answers: Option<Answers>,
@@ -129,6 +131,8 @@ pub struct Table {
     pub scaling: String,
     /// Order of the method.
     pub formal_order: f64,
+    /// What the number of grids with answers means; empty where all have answers.
+    pub conclusion: String,
     /// The grids, from fine to coarse.
     pub grids: Vec<Grid>,
     /// Answers with their uncertainties.
@@ -137,6 +141,26 @@ pub struct Table {
     pub settings: Vec<Sensitivity>,
     /// Version of the program.
     pub version: String,
+}
+
+/// What the number of grids with answers means, where not all have answers.
+#[must_use]
+pub fn conclusion(grids: &[Grid]) -> String {
+    let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
+        return String::new();
+    };
+    let number = grids.iter().filter(|grid| grid.answers.is_some()).count();
+    let of = grids.len();
+    match number {
+        0 | 1 => format!(
+            "no estimate exists: {number} of {of} grids has answers, and an estimate requires two; {}: {why}",
+            grid.folder
+        ),
+        2 => format!(
+            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of safety is 3"
+        ),
+        _ => format!("{number} of {of} grids have answers: the estimate uses these"),
+    }
 }
 
 /// The rows of the grids; `at` is the one of the case.
@@ -274,6 +298,12 @@ fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
 }
 
 impl Table {
+    /// How many grids have answers.
+    #[must_use]
+    pub fn usable(&self) -> usize {
+        self.grids.iter().filter(|g| g.answers.is_some()).count()
+    }
+
     /// The lines for the terminal.
     #[must_use]
     pub fn text(&self) -> String {
@@ -283,15 +313,17 @@ impl Table {
             lines.push(format!("formal order: {}", self.formal_order));
         }
         for grid in &self.grids {
-            let failed = if grid.answers.is_none() {
-                ", no answers"
-            } else {
-                ""
-            };
+            let failed = grid
+                .failure
+                .as_ref()
+                .map_or_else(String::new, |why| format!(", no answers: {why}"));
             lines.push(format!(
                 "grid {}: {:.4e} m, {:.3} of the case, {:.1} core-s{failed}",
                 grid.folder, grid.spacing, grid.ratio, grid.core_seconds
             ));
+        }
+        if !self.conclusion.is_empty() {
+            lines.push(self.conclusion.clone());
         }
         lines.push(String::new());
         let head = [
@@ -399,10 +431,16 @@ impl Table {
     pub fn csv(&self) -> String {
         let mut text = format!("# {}, {}\n# {}\n", self.version, machine(), self.scaling);
         for grid in &self.grids {
+            let failed = grid.failure.as_ref().map_or_else(String::new, |why| {
+                format!(", no answers: {}", why.replace(['\n', '\r'], " "))
+            });
             text += &format!(
-                "# {}: {:e} m, ratio {}, {:.2} core-s\n",
+                "# {}: {:e} m, ratio {}, {:.2} core-s{failed}\n",
                 grid.folder, grid.spacing, grid.ratio, grid.core_seconds
             );
+        }
+        if !self.conclusion.is_empty() {
+            text += &format!("# {}\n", self.conclusion.replace(['\n', '\r'], " "));
         }
         let head = [
             "kind",
@@ -516,6 +554,7 @@ mod tests {
             spacing: 0.1 * ratio,
             ratio,
             core_seconds: 1.0,
+            failure: None,
             answers: Some(values.iter().map(answer).collect()),
         }
     }
@@ -541,6 +580,7 @@ mod tests {
         Table {
             scaling: "diffusive".into(),
             formal_order: 2.0,
+            conclusion: String::new(),
             answers: rows(&grids, 0, 2.0, Noise::default()),
             settings: vec![sensitivity(
                 &setting,
@@ -573,6 +613,31 @@ mod tests {
         );
         assert!(text.contains("not settled, drift 3.40 %"), "{text}");
         assert!(text.contains("contact stiffness  x 4"), "{text}");
+    }
+
+    #[test]
+    fn grids_without_answers_are_told_with_their_reason() {
+        let mut table = table();
+        assert_eq!(conclusion(&table.grids), "");
+        for (place, expected) in [(2, "an estimate of two grids"), (1, "no estimate exists")] {
+            table.grids[place].answers = None;
+            table.grids[place].failure = Some("numerical refusal: too\nfast".into());
+            table.conclusion = conclusion(&table.grids);
+            assert!(
+                table.conclusion.starts_with(expected),
+                "{}",
+                table.conclusion
+            );
+        }
+        assert!(table.conclusion.contains("too\nfast"));
+        let text = table.text();
+        assert!(text.contains("no answers: numerical refusal"), "{text}");
+        let csv = table.csv();
+        assert!(
+            csv.contains("# grid-4: ") && csv.contains("too fast"),
+            "{csv}"
+        );
+        assert!(table.json()["grids"][1]["failure"].is_string());
     }
 
     #[test]

@@ -99,6 +99,75 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
     );
 }
 
+/// Water over a weir that closes half of a channel: the lattice velocity of the crest grows with the cells, which no plan foresees. A guard ends the
+/// runs of coarser grids: others take their places, and what the estimate then is, is said.
+#[test]
+fn grids_that_a_guard_ends_are_replaced_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // The largest lattice velocity on the grid of the case is 0.045.
+    let run = |name: &str, limit: f64| {
+        let case = json!({
+            "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+                "boundaries": [
+                    {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": {"velocity": [0.01, 0]}}}}},
+                    {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+            "structures": [{"name": "weir", "shape": {"box": {"from": [3e-4, -1e-4], "to": [4e-4, 2e-4]}}}],
+            "guards": {"max_lattice_velocity": limit},
+            "time": {"end": 0.02},
+            "probes": [{"name": "weir", "every": 0.002, "at": {"structure": {"name": "weir"}}}]
+        });
+        let file = folder.path().join(format!("{name}.json"));
+        std::fs::write(&file, case.to_string()).unwrap();
+        let output = folder.path().join(name);
+        let said = done(
+            &file,
+            &["--cells-only", "--output", output.to_str().unwrap()],
+        );
+        let text = std::fs::read_to_string(output.join("1-case/summary.json")).unwrap();
+        let summary: Value = serde_json::from_str(&text).unwrap();
+        let block = summary["estimate"].clone();
+        let failed = |grid: &&Value| grid["failure"].is_string();
+        let grids = block["grids"].as_array().unwrap().clone();
+        let lost = grids.iter().filter(failed).count();
+        let rows = block["answers"].as_array().unwrap();
+        let force = rows
+            .iter()
+            .find(|r| r["answer"] == "weir: fluid_force_x, last");
+        (
+            said,
+            block.clone(),
+            force.unwrap().clone(),
+            grids.len() - lost,
+        )
+    };
+    // The coarsest of three fails: one between takes its place, and three remain.
+    let (said, block, force, usable) = run("three", 0.099);
+    assert!(
+        said.contains("no answers: numerical refusal") && said.contains("max_lattice_velocity"),
+        "{said}"
+    );
+    assert_eq!(usable, 3, "{block}");
+    assert_eq!(force["values"].as_array().unwrap().len(), 3);
+    // All coarser ones fail: the finer one and the case remain, with the wider factor.
+    let (said, block, force, usable) = run("two", 0.0517);
+    assert!(said.contains("an estimate of two grids: 2 of"), "{said}");
+    assert_eq!(usable, 2, "{block}");
+    assert!(
+        block["conclusion"]
+            .as_str()
+            .unwrap()
+            .contains("factor of safety is 3")
+    );
+    assert_eq!(force["behaviour"], "two_grids", "{force}");
+    assert_eq!(force["factor"], 3.0);
+    assert!(
+        block["grids"][0]["ratio"].as_f64().unwrap() < 1.0,
+        "{block}"
+    );
+}
+
 #[test]
 fn the_plan_says_what_an_estimate_costs() {
     let folder = tempfile::tempdir().unwrap();

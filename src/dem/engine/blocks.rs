@@ -29,8 +29,8 @@ type BlockAtPlane = WallPair<Constants, History>;
 pub(in crate::dem) struct Scratch {
     poses: Vec<Pose>,
     narrows: Vec<Narrow>,
-    /// Of each wall, for each facet the first of its face: a face is one contact.
-    faces: Vec<Vec<u32>>,
+    /// Of each wall, for each facet the first of its face: a face is one contact. Then the name of this face.
+    faces: Vec<[Vec<u32>; 2]>,
     /// Facets near a block, with their faces.
     order: Vec<[u32; 2]>,
 }
@@ -75,7 +75,7 @@ impl<S: Space> Engine<S, Blocks> {
             }
             let start = ghosts::index(facets.next.len());
             by_face(
-                &self.scratch.faces[pair.wall as usize],
+                &self.scratch.faces[pair.wall as usize][0],
                 facets.near(&pair),
                 &mut order,
             );
@@ -88,7 +88,8 @@ impl<S: Space> Engine<S, Blocks> {
                     continue;
                 };
                 world.note_at_wall(&touch, pair.grain, pair.wall, &mut record);
-                let facet = face[0][0];
+                // The same on both sides of a periodic face.
+                let facet = self.scratch.faces[pair.wall as usize][1][face[0][0] as usize];
                 let held = facets.held(&pair).iter().find(|held| held.facet == facet);
                 let mut history = held.map_or(History::default(), |held| held.history);
                 let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut history);
@@ -213,7 +214,11 @@ impl<S: Space> Bodies<S> for Blocks {
         let mut engine = Engine::new(law, settings, walls);
         let surfaces = engine.walls.iter().map(|wall| &wall.surface);
         engine.scratch.faces = surfaces
-            .map(|surface| surface.as_ref().map_or_else(Vec::new, |s| s.faces()))
+            .map(|surface| {
+                surface
+                    .as_ref()
+                    .map_or_else(Default::default, |s| s.faces())
+            })
             .collect();
         Ok(engine)
     }
@@ -347,7 +352,7 @@ impl<S: Space> Bodies<S> for Blocks {
             engine.sphere_facet_contacts(particles, pair, visit);
             return;
         }
-        let faces = &engine.scratch.faces[pair.wall as usize];
+        let [faces, _] = &engine.scratch.faces[pair.wall as usize];
         let mut order = Vec::new();
         by_face(faces, engine.facets.near(pair), &mut order);
         for face in order.chunk_by(|a, b| a[0] == b[0]) {

@@ -78,11 +78,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let Some(surface) = &wall.surface else {
                 continue;
             };
-            let at = wall.local(&particles.motion[pair.grain as usize].position);
+            let at = &particles.motion[pair.grain as usize].position;
             let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
             let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
             let reach = pair.radius + L::bonding_gap(&pair.constants);
-            surface.contacts(near, &at, reach, &mut facets.found);
+            wall.touched(near, at, reach, &mut facets.found);
             facets.taken.clear();
             facets.taken.resize(held.len(), false);
             let start = ghosts::index(facets.next.len());

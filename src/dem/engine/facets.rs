@@ -83,7 +83,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             pair.radius
         };
         let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
-        surface.contacts(near, &wall.local(&grain.position), reach, &mut self.found);
+        wall.touched(near, &grain.position, reach, &mut self.found);
         self.taken.clear();
         self.taken.resize(held.len(), false);
         let start = ghosts::index(self.next.len());
@@ -158,6 +158,32 @@ pub(super) fn history_of<M: Copy + Default>(
     })
 }
 
+/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that has moved at all
+/// places from which a facet may be near a body of the domain.
+fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
+    let lengths = region.periodic_lengths();
+    let mut places = vec![wall.point];
+    for axis in (0..S::DIMENSION).filter(|&axis| lengths[axis] > 0.0) {
+        let length = lengths[axis];
+        let moved = wall.point.get(axis);
+        if moved == 0.0 {
+            continue;
+        }
+        let within = moved - (moved / length).round() * length;
+        places = places
+            .iter()
+            .flat_map(|place| {
+                [within - length, within, within + length].map(|by| {
+                    let mut place = *place;
+                    place.set(axis, by);
+                    place
+                })
+            })
+            .collect();
+    }
+    places
+}
+
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Lists the facets that owned grains are close to, by grain, wall and facet.
     pub(super) fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
@@ -167,30 +193,37 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
                 continue;
             };
+            let places = places(wall, &self.settings.region);
             for facet in 0..surface.len() {
                 let (mut low, mut high) = (None::<S::Vector>, None::<S::Vector>);
                 for corner in surface.corners(facet) {
-                    let corner = S::from_volume(&corner) + wall.point;
+                    let corner = S::from_volume(&corner);
                     low = Some(low.map_or(corner, |low| low.combine(&corner, f64::min)));
                     high = Some(high.map_or(corner, |high| high.combine(&corner, f64::max)));
                 }
                 let (Some(low), Some(high)) = (low, high) else {
                     continue;
                 };
-                search.near::<S>(&low, &high, gap, |k| {
-                    if k < particles.owned()
-                        && particles.mobility[k].free > 0.0
-                        && surface.distance(facet, &wall.local(&particles.motion[k].position))
-                            <= particles.body[k].radius + gap
-                    {
-                        facets
-                            .close
-                            .push([ghosts::index(k), w, ghosts::index(facet)]);
-                    }
-                });
+                for &place in &places {
+                    let (low, high) = (low + place, high + place);
+                    search.near::<S>(&low, &high, gap, |k| {
+                        if k >= particles.owned() || particles.mobility[k].free <= 0.0 {
+                            return;
+                        }
+                        let at = wall.local(&particles.motion[k].position);
+                        if surface.distance(facet, &at) <= particles.body[k].radius + gap {
+                            let (grain, facet) = (ghosts::index(k), ghosts::index(facet));
+                            facets.close.push([grain, w, facet]);
+                            surface.images_beyond(facet, &at, gap, |image| {
+                                facets.close.push([grain, w, image]);
+                            });
+                        }
+                    });
+                }
             }
         }
         facets.close.sort_unstable();
+        facets.close.dedup();
         facets.near.clear();
         facets.active.clear();
         for group in facets.close.chunk_by(|a, b| a[..2] == b[..2]) {

@@ -106,9 +106,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let Some(surface) = &wall.surface else {
             return;
         };
-        let at = wall.local(&particles.motion[grain].position);
         let mut found = Vec::new();
-        surface.contacts(near, &at, pair.radius + pair.opening, &mut found);
+        let at = &particles.motion[grain].position;
+        wall.touched(near, at, pair.radius + pair.opening, &mut found);
         let mut taken = vec![false; held.len()];
         for one in &found {
             let history = history_of(surface, held, &mut taken, &found, one.facet);

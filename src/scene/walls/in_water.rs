@@ -1,6 +1,6 @@
 //! The walls that grains meet at structures, and the walls that the water does not meet.
 
-use super::{Wall, across_periodic};
+use super::{Wall, across_periodic, periods, reaches};
 use crate::case::Case;
 use crate::case::darcy::Enclosure;
 use crate::case::fluid::Fluid;
@@ -74,19 +74,26 @@ pub(super) fn of_structures(
             walls.push(wall);
             continue;
         }
-        if grid.periodic.contains(&true) {
-            findings.error(
-                &format!("structures[{n}].stops"),
-                "grains cannot meet a structure of facets in a domain with a periodic axis",
-                Remedy::from("write water, so that only the water meets it, use planes, or remove `domain.periodic`")
-                    .set(format!("structures[{n}].stops"), "water"),
+        if let Some(axis) = structure
+            .solid
+            .may_overlap()
+            .filter(|_| case.blocks.is_some())
+        {
+            findings.warn(
+                &format!("structures[{n}].shape"),
+                format!(
+                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own image, blocks meet both surfaces, and the contact is twice as stiff",
+                    ["x", "y", "z"][axis]
+                ),
+                "end it at the length of the domain",
             );
-            continue;
         }
         // In 2-D the facets are strips across the plane.
         let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
         let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
-        match Surface::new(vertices.collect(), &facets.faces) {
+        let made = Surface::new(vertices.collect(), &facets.faces)
+            .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
+        match made {
             Ok(surface) => wall.surface = Some(Arc::new(surface)),
             Err(error) => findings.error(
                 &format!("structures[{n}].shape"),
@@ -94,7 +101,9 @@ pub(super) fn of_structures(
                 "correct the shape",
             ),
         }
-        if wall.surface.is_some() {
+        if let Some(surface) = &wall.surface {
+            let path = format!("structures[{n}]");
+            reaches(case, surface, &path, findings);
             walls.push(wall);
         }
     }
