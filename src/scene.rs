@@ -185,6 +185,7 @@ impl Scene {
         // A run that goes on has left its start behind.
         if like.is_none() {
             overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
+            overlaps::fallen_grains(&grid, gravity, grains.as_ref(), &bodies, &mut findings);
             if let Some(grains) = &grains {
                 let list = match &grains.source {
                     grains::GrainSource::List(list) => (&list[..], false),

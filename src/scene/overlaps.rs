@@ -107,3 +107,83 @@ pub(crate) fn overlaps(
         );
     }
 }
+
+/// A deposition knows walls and structures, but no bodies: grains that fall where a body stands would start inside it.
+pub(crate) fn fallen_grains(
+    grid: &Grid,
+    gravity: [f64; 3],
+    grains: Option<&Grains>,
+    bodies: &[Body],
+    findings: &mut Findings,
+) {
+    let Some(grains) = grains else {
+        return;
+    };
+    let GrainSource::Deposition { clouds, .. } = &grains.source else {
+        return;
+    };
+    let Some(down) = (0..grid.dimension).find(|&a| gravity[a].abs() > 0.0) else {
+        return;
+    };
+    for (n, body) in bodies.iter().enumerate() {
+        let below = clouds.iter().any(|cloud| {
+            let mut way = cloud.block;
+            if gravity[down] < 0.0 {
+                way.from[down] = 0.0;
+            } else {
+                way.to[down] = grid.size[down];
+            }
+            way.touches(body.position, body.radius)
+        });
+        let emptied = grains.cut.iter().any(|(_, cut)| {
+            (0..grid.dimension).all(|a| {
+                cut.from[a] <= body.position[a] - body.radius
+                    && cut.to[a] >= body.position[a] + body.radius
+            })
+        });
+        if below && !emptied {
+            findings.error(
+                &format!("bodies[{n}].position"),
+                format!(
+                    "grains of the deposition fall where the body `{}` stands, and a deposition knows no bodies",
+                    body.name
+                ),
+                "write it as one of `structures`, which grains fall around, empty its place with `grains.cut`, or move it",
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::{Document, examples};
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    #[test]
+    fn grains_do_not_fall_through_a_body() {
+        let text = examples::find("deposition").unwrap().text;
+        let problems = |height: f64, cut: bool| {
+            let mut set = vec![format!(
+                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}}, "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
+            )];
+            if cut {
+                set.push(
+                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014, 0.02]}}]"#.into(),
+                );
+            }
+            let document = Document::read(text, &set, Path::new(".")).unwrap();
+            let problems = match Plan::prepare(document) {
+                Ok(plan) => plan.warnings,
+                Err(problems) => problems,
+            };
+            let about_it = problems.into_iter().filter(|problem| {
+                problem.path == "bodies[0].position" && problem.reason.contains("deposition")
+            });
+            about_it.count()
+        };
+        assert_eq!(problems(0.03, false), 1, "in the cloud");
+        assert_eq!(problems(0.015, false), 1, "below the cloud");
+        assert_eq!(problems(0.015, true), 0, "in a hole");
+    }
+}

@@ -108,7 +108,7 @@ impl Seepage {
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
         };
-        scene.patches = scene.patches_of(grid, findings);
+        scene.patches = scene.patches_of(grid, grains.is_some(), findings);
         scene.zones = scene.zones_of(case, grid, findings);
         scene.check(case, grid, grains, findings);
         Some(scene)
@@ -183,7 +183,7 @@ impl Seepage {
         (high - low).max(0.0)
     }
 
-    fn patches_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Patch> {
+    fn patches_of(&self, grid: &Grid, with_grains: bool, findings: &mut Findings) -> Vec<Patch> {
         let mut patches = Vec::new();
         let mut known = Vec::new();
         for (n, boundary) in self.written.boundaries.iter().enumerate() {
@@ -232,7 +232,8 @@ impl Seepage {
             }
             for a in (0..grid.dimension).filter(|&a| a != axis) {
                 let across = to[a] - from[a];
-                if boundary.patch.is_some() && across % 2 == 1 && across < self.cells[a] {
+                let odd = across % 2 == 1 && across < self.cells[a];
+                if with_grains && boundary.patch.is_some() && odd {
                     findings.warn(
                         &format!("{path}.patch"),
                         format!(
