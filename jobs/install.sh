@@ -127,6 +127,9 @@ use_environment() {
   fi
   # Containers often forbid the single-copy system call; without this Open MPI prints a warning for each rank.
   export OMPI_MCA_btl_vader_single_copy_mechanism=none
+  # HDF5 locks the files that it opens, and some releases fail where a file system of a cluster has no locks. Files of the solver get
+  # their name when they are complete, so that nobody reads one that is being written.
+  export HDF5_USE_FILE_LOCKING=FALSE
   # mpirun waits twice as long at every end other than success, an abort or a checkpoint and 75 too; a timeout from
   # elsewhere would make each of them linger. Ask for a checkpoint by SIGUSR2: that has no time limit.
   unset OMPI_MCA_odls_base_sigkill_timeout

@@ -25,8 +25,6 @@ fi
 # to cores would all share the first ones, and one that waits lets another run.
 export OMPI_MCA_pml=ob1 OMPI_MCA_btl=self,vader OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_mpi_yield_when_idle=1 PMIX_MCA_psec=native
-# A process that a test starts holds the files of the others, and their locks, until it runs its program.
-export HDF5_USE_FILE_LOCKING=FALSE
 # Random inputs are the same in every run; jobs/reliability draws others.
 export PROPTEST_RNG_SEED=1
 # Unit tests run beside each other and share one pool: with more threads their small loops would wait for each other. Tests of

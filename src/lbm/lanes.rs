@@ -6,6 +6,9 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
+/// Most lanes that a level has.
+pub(crate) const WIDEST: usize = 8;
+
 /// Several `f64` that go through the same arithmetic.
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>

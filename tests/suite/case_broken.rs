@@ -576,12 +576,6 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "walls[0].shape.polygon",
     ),
     (
-        "facets in a periodic domain",
-        "deposition",
-        Set(&["domain.periodic=[\"x\"]"]),
-        "walls[0].shape",
-    ),
-    (
         "a mesh that is not there",
         "deposition",
         Set(&["walls[0].shape={\"mesh\": {\"path\": \"no.stl\"}}"]),

@@ -19,8 +19,8 @@
 
 use super::Cell;
 use super::cover::{DEEP, NONE, SHARED, STILL, total};
-use super::pass::{Place, View, WIDEST};
-use crate::lbm::lanes::{Lanes, Memory};
+use super::pass::{Place, View};
+use crate::lbm::lanes::{Lanes, Memory, WIDEST};
 use crate::lbm::lattice::Lattice;
 use crate::lbm::links::surface_velocity;
 

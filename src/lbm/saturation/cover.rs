@@ -1,9 +1,8 @@
 //! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
-use super::pass::WIDEST;
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;
-use crate::lbm::lanes::Stored;
+use crate::lbm::lanes::{Stored, WIDEST};
 use crate::lbm::links::{Load, Rigid, add_force, add_moment, surface_velocity};
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};

@@ -3,12 +3,9 @@
 use super::cover::{Cover, DEEP, SHARED, Share, Solid, Sums, total};
 use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::lbm::collision::trt::AntisymmetricRate;
-use crate::lbm::lanes::{Lanes, Memory};
+use crate::lbm::lanes::{Lanes, Memory, WIDEST};
 use crate::lbm::lattice::{Lattice, unroll};
 use crate::lbm::quanta::quanta;
-
-/// Most lanes that a level has.
-pub(super) const WIDEST: usize = 8;
 
 /// What a pass sees of a [`Cover`].
 #[derive(Clone, Copy)]

@@ -17,7 +17,7 @@
 //! each cell says where they stand, and only cells that have one leave the vector path.
 
 use crate::lbm::boundary::{Frame, Patch, Surface, holder};
-use crate::lbm::lanes::{Lanes, Memory, Stored, prefetch};
+use crate::lbm::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
 use crate::lbm::populations::Populations;
@@ -194,7 +194,6 @@ impl View {
     where
         f64: Memory<N>,
     {
-        const WIDEST: usize = 8;
         let mut lanes = [[[0.0; WIDEST]; 3]; 3];
         for (to, from) in lanes
             .as_flattened_mut()
