@@ -590,3 +590,6 @@ pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Er
     saved.steps = attributes["solid_steps"].as_u64().unwrap_or(0);
     Ok((grains, saved))
 }
+
+#[cfg(test)]
+mod columns;

@@ -23,33 +23,18 @@ pub mod analysis;
 pub mod case;
 pub mod checkpoint;
 pub mod cli;
-pub mod coupling;
 pub mod critical_gradient;
-pub mod darcy;
-pub mod dem;
-pub mod error;
-mod family;
 pub mod figures;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
-)]
-pub mod geometry;
-pub mod lbm;
-mod number;
 pub mod output;
 pub mod plan;
 pub mod preparation;
 pub mod provenance;
-pub mod random;
 pub mod scene;
 pub mod simulation;
-#[allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
-)]
-pub mod structure;
 pub mod sweep;
-pub mod thread_pool;
 pub mod uncertainty;
-pub mod units;
+
+pub use physics::{
+    coupling, darcy, dem, error, family, geometry, lbm, number, random, structure, thread_pool,
+    units,
+};

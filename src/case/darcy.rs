@@ -227,3 +227,6 @@ pub struct SeepageBoundary {
     /// The condition.
     pub condition: Condition,
 }
+
+#[cfg(test)]
+mod tests;

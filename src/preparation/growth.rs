@@ -650,9 +650,32 @@ mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
     use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use crate::dem::tests::support::relax;
-    use crate::dem::{Plane, Relaxation, Volume};
+    use crate::dem::{Plane, Relaxation, Stillness, Volume};
+    use decomposition::Domain;
     use nalgebra::{Vector2, Vector3};
+
+    /// Advances with damping until the grains are at rest, and restores the damping.
+    fn relax<S: Space>(
+        dem: &mut Dem<S>,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        until: &Relaxation,
+    ) -> Stillness {
+        let damping = dem.settings().local_damping;
+        dem.set_local_damping(until.local_damping);
+        let mut steps = 0;
+        let still = loop {
+            let batch = until.look_every.max(1).min(until.limit - steps);
+            dem.advance_many(particles, domain, batch).unwrap();
+            steps += batch;
+            let now = dem.stillness(particles, domain);
+            if steps >= until.limit || now.unbalanced() <= until.tolerance {
+                break now;
+            }
+        };
+        dem.set_local_damping(damping);
+        still
+    }
 
     fn small() -> PackingSettings<Plane> {
         PackingSettings {

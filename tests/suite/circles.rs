@@ -11,12 +11,12 @@ use std::path::Path;
 const ALLOWED: &[&[&str]] = &[
     // A drag law may be used as a resistance: the list of resistances names it, and its file implements both traits.
     &[
-        "src/darcy/drag.rs",
-        "src/darcy/drag/di_felice.rs",
-        "src/darcy/drag/gidaspow.rs",
-        "src/darcy/permeability.rs",
-        "src/darcy/permeability/ergun.rs",
-        "src/darcy/permeability/kozeny_carman.rs",
+        "src/physics/darcy/drag.rs",
+        "src/physics/darcy/drag/di_felice.rs",
+        "src/physics/darcy/drag/gidaspow.rs",
+        "src/physics/darcy/permeability.rs",
+        "src/physics/darcy/permeability/ergun.rs",
+        "src/physics/darcy/permeability/kozeny_carman.rs",
     ],
 ];
 
@@ -163,10 +163,15 @@ fn read(path: &str, code: &str, module: &Module) -> File {
     file
 }
 
-/// The module of a file below the folder of the crate.
+/// The module of a file below the folder of the crate. The library re-exports the rooms of the package `physics` at its own root.
 fn module_of(path: &str, folder: &str) -> Module {
     let inside = path.strip_prefix(folder).unwrap_or(path);
     let inside = inside.trim_start_matches('/').trim_end_matches(".rs");
+    let inside = match inside.strip_prefix("physics/") {
+        Some("lib") => "physics",
+        Some(room) => room,
+        None => inside,
+    };
     let words = inside.split('/').filter(|word| *word != "lib");
     words.map(str::to_owned).collect()
 }

@@ -43,6 +43,8 @@ fn lines_of(done: &Done, room: &str) -> usize {
     let marks = [
         format!(" solver::{room}]"),
         format!(" solver::{room}::"),
+        format!(" physics::{room}]"),
+        format!(" physics::{room}::"),
         format!(" {room}]"),
         format!(" {room}::"),
     ];

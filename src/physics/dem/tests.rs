@@ -1,0 +1,78 @@
+//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine is run.
+
+mod blocks;
+mod bonds;
+mod columns;
+mod displacement;
+mod elastic;
+mod laws;
+mod repeated;
+mod same_bits;
+mod spheres;
+mod wall_shapes;
+
+use super::contact::Scaled;
+use super::contact::cohesive_frictional::{self, CohesiveFrictional};
+use super::contact::linear::{self, Linear};
+use super::*;
+
+pub(super) fn linear<S: Space>(
+    parameters: linear::Parameters,
+    settings: Settings<S>,
+    walls: Vec<Wall<S>>,
+) -> Dem<S> {
+    let law = Law::Linear(Linear {
+        parameters: PairTable::uniform(1, parameters),
+    });
+    Dem::new(law, settings, walls).unwrap()
+}
+
+pub(super) fn cohesive<S: Space>(
+    parameters: cohesive_frictional::Parameters,
+    settings: Settings<S>,
+    walls: Vec<Wall<S>>,
+) -> Dem<S> {
+    let law = Law::CohesiveFrictional(CohesiveFrictional {
+        parameters: PairTable::uniform(1, parameters),
+    });
+    Dem::new(law, settings, walls).unwrap()
+}
+
+pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
+    normal_stiffness: Scaled::Absolute(1e5),
+    stiffness_ratio: 1.0,
+    friction: 0.5,
+    normal_damping: 0.0,
+    shear_damping: 0.0,
+    attraction: false,
+};
+
+/// Contacts of a simulation of piping erosion: k_n/d = 150e6 N/m², k_s/k_n = 0.4, 20 degrees, C/d = 0.506 N/m.
+pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
+    normal_stiffness: Scaled::PerDiameter(150e6),
+    stiffness_ratio: 0.4,
+    // The tangent of 20 degrees.
+    friction: 0.363_970_234_266_202_36,
+    cohesion: Scaled::PerDiameter(0.506),
+    normal_damping: 0.0,
+    shear_damping: 0.0,
+};
+
+/// A box of side 2 `half` about the origin.
+pub(super) fn about_origin<S: Space>(half: f64) -> Region<S> {
+    let (mut lower, mut upper) = (S::Vector::default(), S::Vector::default());
+    for axis in 0..S::DIMENSION {
+        lower.set(axis, -half);
+        upper.set(axis, half);
+    }
+    Region::closed(lower, upper, half / 50.0)
+}
+
+/// Rows of a small table: `#` comments, a line of names, numbers.
+pub(super) fn rows(text: &str) -> Vec<Vec<f64>> {
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .skip(1)
+        .map(|line| line.split(',').map(|word| word.parse().unwrap()).collect())
+        .collect()
+}

@@ -1,0 +1,582 @@
+//! One slab of fluid: the fused step with its halo and boundaries.
+
+mod dispatch;
+mod force;
+mod state;
+
+pub use force::Force;
+
+use super::boundary::{Boundaries, Frame, Patch};
+use super::collision::Operator;
+use super::collision::trt::AntisymmetricRate;
+use super::halo::{Halo, wrap};
+use super::initial::{self, Field};
+use super::kernel::Shared;
+use super::lanes::{Level, Stored};
+use super::lattice::VelocitySet;
+use super::links::fixed::FixedLink;
+use super::links::{BodyLink, Rigid, surface_velocity};
+use super::populations::Populations;
+use super::saturation::pass::View as CoverView;
+use super::saturation::{Cover, Method};
+use super::turbulence::EddyViscosity;
+use super::turbulence::field::{Field as VelocityField, View};
+use crate::thread_pool;
+use decomposition::{Communicator, Domain};
+use dispatch::{Choice, Step};
+use std::ops::Range;
+
+/// Parameters of a slab of fluid, in lattice units.
+pub struct Setup<S: Stored = f64> {
+    /// Velocity set.
+    pub set: VelocitySet,
+    /// Operator.
+    pub operator: Operator,
+    /// Relaxation time τ of the fluid itself, above ½.
+    pub relaxation_time: f64,
+    /// Eddy viscosity; none if all scales are resolved.
+    pub turbulence: Option<EddyViscosity>,
+    /// Body force.
+    pub force: Force,
+    /// Cells of the whole domain along x, y, z.
+    pub cells: [usize; 3],
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+    /// Patches of the faces; faces without one are no-slip walls.
+    pub patches: Vec<Patch<S>>,
+    /// The action of solids on covered cells; none if no cell can be covered.
+    pub saturation: Option<Method>,
+}
+
+/// A cell of which solids fill this part is no water to the gradients beside it.
+const HALF: f64 = 0.5;
+/// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
+const NEAREST: f64 = 0.05;
+
+/// The planes of worker t.
+fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
+    let begin = |t: usize| planes.start + planes.len() * t / threads;
+    begin(t)..begin(t + 1)
+}
+
+/// The planes of a share that have both neighbours in it.
+fn inner(share: &Range<usize>) -> Range<usize> {
+    let first = share.start + 1;
+    first..(share.end - 1).max(first)
+}
+
+/// One slab of fluid.
+pub struct Fluid<S: Stored> {
+    populations: Populations<S>,
+    boundaries: Boundaries<S>,
+    halo: Halo,
+    turbulence: Option<EddyViscosity>,
+    /// Velocities for the eddy viscosity; none without one.
+    field: Option<VelocityField>,
+    /// Where solids are, if cells can be covered.
+    cover: Option<Cover>,
+    /// Cells of structures, by position: openings before them are closed. Empty where there are none.
+    closed: Vec<bool>,
+    describe: fn(&mut Populations<S>, View, CoverView) -> Shared<S>,
+    pass: Box<dyn Step<S>>,
+    relaxation_time: f64,
+    force: Force,
+    cells: [usize; 3],
+    start: [usize; 3],
+    periodic: [bool; 3],
+    periodic_within: [bool; 3],
+    communicator: Communicator,
+    threads: usize,
+    step: u64,
+}
+
+impl<S: Stored> Fluid<S> {
+    /// Fluid at rest in the slab of this rank.
+    ///
+    /// # Errors
+    /// If the memory cannot be allocated.
+    #[inline(never)]
+    pub fn new(setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
+        let split = domain.axis().index();
+        let planes = domain.range();
+        let mut cells = setup.cells;
+        cells[split] = planes.len();
+        let mut start = [0; 3];
+        start[split] = planes.start;
+        let level = Level::best();
+        let velocities = setup.set.velocities();
+        let pass = Choice::of(&setup, level).on(setup.set);
+        let describe = match setup.set {
+            VelocitySet::D2Q9 => Shared::new::<9>,
+            VelocitySet::D3Q19 => Shared::new::<19>,
+            VelocitySet::D3Q27 => Shared::new::<27>,
+        };
+        let populations = Populations::new(velocities, cells, split)?;
+        let frame = Frame {
+            cells: setup.cells,
+            start,
+            periodic: setup.periodic,
+        };
+        let field = match setup.turbulence {
+            None => None,
+            Some(_) => Some(VelocityField::new(
+                &populations,
+                &frame,
+                &setup.patches,
+                domain,
+            )?),
+        };
+        let threads = thread_pool::threads();
+        let tau = setup.relaxation_time;
+        let boundaries = Boundaries::new(
+            &populations,
+            &frame,
+            setup.patches,
+            // Structures may cover them as well.
+            true,
+        );
+        let cover = setup.saturation.map(|method| {
+            let antisymmetric = setup.operator.model().antisymmetric_rate();
+            let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
+            let mut cover = Cover::new(&populations, method, tau, antisymmetric, threads);
+            cover.wall_off(boundaries.behind_walls_at_rest(&populations));
+            cover
+        });
+        let halo = Halo::new(&populations, domain)?;
+        let mut periodic_within = setup.periodic;
+        periodic_within[split] = false;
+        log::info!(
+            "rank {}: lattice {:?} of {} cells, {} numbers of {} bytes each; this slab {cells:?}, {} bytes, {threads} threads",
+            domain.rank(),
+            setup.set,
+            setup.cells.iter().product::<usize>(),
+            populations.velocities().q(),
+            size_of::<S>(),
+            cells.iter().product::<usize>() * populations.velocities().q() * size_of::<S>()
+        );
+        log::debug!(
+            "rank {}: operator {:?}, relaxation time {tau}, eddy viscosity {:?}, force {:?}, periodic {:?}, patches {:?}",
+            domain.rank(),
+            setup.operator,
+            setup.turbulence,
+            setup.force,
+            setup.periodic,
+            boundaries.names().collect::<Vec<_>>()
+        );
+        Ok(Self {
+            populations,
+            boundaries,
+            halo,
+            turbulence: setup.turbulence,
+            field,
+            cover,
+            closed: Vec::new(),
+            describe,
+            pass,
+            relaxation_time: setup.relaxation_time,
+            force: setup.force,
+            cells: setup.cells,
+            start,
+            periodic: setup.periodic,
+            periodic_within,
+            communicator: domain.communicator().clone(),
+            threads,
+            step: 0,
+        })
+    }
+
+    /// Sets every cell from a field; the step is unchanged.
+    #[inline(never)]
+    pub fn initialise(&mut self, field: &dyn Field) {
+        let half = self.half_force();
+        initial::fill(
+            &mut self.populations,
+            self.start,
+            self.relaxation_time,
+            half,
+            field,
+        );
+        self.renew_velocities();
+    }
+
+    /// Sets a cell to equilibrium.
+    pub fn set_equilibrium(&mut self, cell: usize, drho: f64, u: [f64; 3]) {
+        let half = self.half_force();
+        for i in 0..self.populations.velocities().q() {
+            let v = self.populations.velocities();
+            let (w, c) = (v.w[i], v.c[i]);
+            // The velocity holds half the force: the momentum that came in does not.
+            let odd = (0..3).map(|a| f64::from(c[a]) * half[a]).sum::<f64>();
+            let g = initial::equilibrium(w, c, drho, u) - 3.0 * w * odd;
+            let position = self.populations.incoming(cell, i);
+            self.populations.numbers_mut()[position] = S::from_f64(g);
+        }
+    }
+
+    /// What the openings remember from step to step, by patch.
+    pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        self.boundaries.memories()
+    }
+
+    /// Sets what the openings remember, on a restart.
+    pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
+        self.boundaries.recall(memories);
+    }
+
+    /// One step: collide and stream every cell, exchange, apply the faces. Afterwards every incoming population of the
+    /// slab is in place, except those at moving bodies, which the coupling sets.
+    #[inline(never)]
+    pub fn advance(&mut self) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        let force = self.half_force().map(|f| 2.0 * f);
+        let half = force.map(|f| 0.5 * f);
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = (self.step + 1) as f64;
+        if planes == 0 {
+            // The other ranks wait for its part of the sums.
+            let populations = &self.populations;
+            self.boundaries
+                .measure(populations, time, half, &self.communicator);
+            self.step += 1;
+            return;
+        }
+        self.boundaries.remember(&self.populations, half);
+        // Faces first: their populations travel while the interior is updated.
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
+        let shared = (self.describe)(&mut self.populations, velocity, cover);
+        self.run(&shared, force, 0..1);
+        if planes > 1 {
+            self.run(&shared, force, planes - 1..planes);
+        }
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
+        self.populations.flip();
+        let reversed = self.populations.parity() == super::populations::Parity::Reversed;
+        let (within, last) = (self.periodic_within, planes.cast_signed() - 1);
+        if reversed {
+            wrap(&mut self.populations, within, 0..1);
+            wrap(&mut self.populations, within, last..last + 1);
+        }
+        self.halo.start(&self.populations);
+        let early = !self.periodic_within.contains(&true) && self.boundaries.walls_stand_alone();
+        let interior = 1..planes.max(2) - 1;
+        if planes > 2 && early {
+            self.run_with_walls(&shared, force, interior.clone(), time);
+        } else if planes > 2 {
+            self.run(&shared, force, interior.clone());
+        }
+        self.halo.finish(&mut self.populations);
+        if reversed {
+            wrap(&mut self.populations, within, 1..last);
+        } else {
+            // Ghost planes too: beyond a free-slip face they hold populations on their way back.
+            wrap(&mut self.populations, within, -1..last + 2);
+        }
+        self.step += 1;
+        let threads = if early { self.workers(&interior) } else { 0 };
+        let given = (0..threads).map(|t| inner(&share(&interior, threads, t)));
+        self.boundaries
+            .measure(&self.populations, time, half, &self.communicator);
+        self.boundaries
+            .apply(&mut self.populations, time, half, given);
+        if let Some(cover) = &self.cover {
+            let fraction = |cell: usize| cover.fraction(cell);
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
+        if !self.closed.is_empty() {
+            let fraction = |cell: usize| f64::from(u8::from(self.closed[cell]));
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
+        self.complete_velocities();
+    }
+
+    fn complete_velocities(&mut self) {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = self.step as f64;
+        if let Some(field) = &mut self.field {
+            let boundaries = &self.boundaries;
+            field.complete(|patch| boundaries.velocity_factor(patch, time));
+        }
+    }
+
+    /// Sets the velocities of the next eddy viscosity to the present ones of the cells. Collective.
+    pub fn renew_velocities(&mut self) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        if self.field.is_none() || planes == 0 {
+            return;
+        }
+        let cells: Vec<usize> = self.populations.interior().map(|(_, cell)| cell).collect();
+        for cell in cells {
+            let (_, u) = self.state(cell);
+            if let Some(field) = &mut self.field {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                field.set_velocity(cell, u.map(|x| x as f32));
+            }
+        }
+        self.spread_velocities();
+    }
+
+    /// Ghosts of the velocities that were set cell by cell. Collective.
+    #[inline(never)]
+    pub fn spread_velocities(&mut self) {
+        if let Some(field) = &mut self.field {
+            field.exchange_start();
+        }
+        self.complete_velocities();
+    }
+
+    /// The velocities of the next eddy viscosity; none without turbulence model.
+    #[must_use]
+    pub fn velocities(&self) -> Option<&VelocityField> {
+        self.field.as_ref()
+    }
+
+    /// The same, to be set on a restart and inside bodies; then [`Self::spread_velocities`].
+    pub fn velocities_mut(&mut self) -> Option<&mut VelocityField> {
+        self.field.as_mut()
+    }
+
+    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` are the positions of all cells
+    /// and ghost cells that may have water beside them.
+    pub fn know_covered<const D: usize>(&mut self, covered: impl Iterator<Item = usize>) {
+        let (Some(field), Some(cover)) = (&mut self.field, &self.cover) else {
+            return;
+        };
+        field.forget_walls();
+        let populations = &self.populations;
+        let cells = populations.cells();
+        if cells.contains(&0) {
+            return;
+        }
+        let origin = populations.cell([0; 3]);
+        for position in covered {
+            let part = cover.part(position);
+            if part < HALF {
+                continue;
+            }
+            let at = populations.coordinates(position);
+            for axis in 0..D {
+                let mut unit = [0; 3];
+                unit[axis] = 1;
+                let stride = populations.cell(unit) - origin;
+                for (upper, step) in [(true, -1), (false, 1)] {
+                    let mut beside = at;
+                    beside[axis] += step;
+                    if !(0..3).all(|a| (0..cells[a].cast_signed()).contains(&beside[a])) {
+                        continue;
+                    }
+                    let water = position.wrapping_add_signed(step * stride.cast_signed());
+                    if cover.part(water) >= HALF {
+                        continue;
+                    }
+                    let distance = 1.5 - part;
+                    let mut offset = [0.0; 3];
+                    offset[axis] = if upper {
+                        distance - 1.0
+                    } else {
+                        1.0 - distance
+                    };
+                    let local = at.map(|n| i32::try_from(n).unwrap_or(i32::MAX));
+                    let velocity = cover.velocity_beside::<D>(position, local, offset);
+                    field.wall(water, (axis, upper), distance, velocity);
+                }
+            }
+        }
+    }
+
+    /// Tells the gradients of the eddy viscosity where links bounce: of each body its links and its motion.
+    pub fn know_links<'a, const D: usize>(
+        &mut self,
+        bodies: impl Iterator<Item = (&'a [BodyLink], &'a Rigid)>,
+    ) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        field.forget_walls();
+        let velocities = self.populations.velocities();
+        for (links, motion) in bodies {
+            for link in links.iter().filter(|link| link.loads) {
+                let direction = usize::from(link.direction);
+                let c = velocities.c[direction];
+                let mut along = (0..D).filter(|a| c[*a] != 0);
+                let (Some(axis), None) = (along.next(), along.next()) else {
+                    continue;
+                };
+                let back = velocities.opposite[direction];
+                let cell = link.link.near as usize - self.populations.slot(0, back);
+                let mut arm = [0.0; 3];
+                for a in 0..D {
+                    arm[a] = 0.5 * f64::from(link.middle[a]) - motion.position[a];
+                }
+                let velocity = if link.moves {
+                    surface_velocity::<D>(motion, arm)
+                } else {
+                    [0.0; 3]
+                };
+                field.wall(cell, (axis, c[axis] > 0), 0.5, velocity);
+            }
+        }
+    }
+
+    /// As [`Self::know_links`] of surfaces at rest, beside what is known.
+    pub fn know_fixed_links<'a, const D: usize>(
+        &mut self,
+        links: impl Iterator<Item = &'a FixedLink>,
+    ) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        let velocities = self.populations.velocities();
+        for link in links {
+            for end in (0..2).filter(|&end| link.wet[end]) {
+                let forth = usize::from(link.direction);
+                let back = velocities.opposite[forth];
+                let (near, leaves, returns) = if end == 0 {
+                    (link.link.near, forth, back)
+                } else {
+                    (link.link.far, back, forth)
+                };
+                let c = velocities.c[leaves];
+                let mut along = (0..D).filter(|a| c[*a] != 0);
+                let (Some(axis), None) = (along.next(), along.next()) else {
+                    continue;
+                };
+                let cell = near as usize - self.populations.slot(0, returns);
+                // q from its kappa; 1/2 for half-way.
+                let kappa = link.kappa[end];
+                let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
+                let distance = distance.max(NEAREST);
+                field.wall(cell, (axis, c[axis] > 0), distance, [0.0; 3]);
+            }
+        }
+    }
+
+    /// Closes the openings before the cells of structures, given by position.
+    pub fn close(&mut self, cells: impl Iterator<Item = usize>) {
+        self.closed = vec![false; self.populations.cell_positions()];
+        for cell in cells {
+            self.closed[cell] = true;
+        }
+    }
+
+    /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.
+    #[must_use]
+    pub fn eddy_viscosity(&self, cell: usize) -> f64 {
+        let Some(field) = &self.field else { return 0.0 };
+        self.turbulence
+            .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
+    }
+
+    /// How many threads work on some planes.
+    fn workers(&self, planes: &Range<usize>) -> usize {
+        self.threads.min(planes.len())
+    }
+
+    /// Collides and streams some planes, each thread its share.
+    fn run(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
+        let threads = self.workers(&planes);
+        if threads <= 1 {
+            // SAFETY: the only worker.
+            unsafe { self.pass.pass(shared, force, planes, 0) };
+            return;
+        }
+        thread_pool::each(threads, |t| {
+            // SAFETY: the shares of planes are disjoint, and each worker has one.
+            unsafe { self.pass.pass(shared, force, share(&planes, threads, t), t) };
+        });
+    }
+
+    /// As [`Self::run`]; the walls beside the [`inner`] planes of each share are given as soon as the planes round them are done, while their
+    /// numbers are in the cache: walking along the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
+    fn run_with_walls(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>, time: f64) {
+        let threads = self.workers(&planes);
+        let parity = self.populations.parity();
+        let (pass, boundaries) = (&self.pass, &self.boundaries);
+        thread_pool::each(threads, |t| {
+            let share = share(&planes, threads, t);
+            let walled = inner(&share);
+            for plane in share {
+                // SAFETY: the shares of planes are disjoint, and each worker has one.
+                unsafe { pass.pass(shared, force, plane..plane + 1, t) };
+                if walled.contains(&(plane - 1)) {
+                    // SAFETY: this worker has the planes on both sides too, and is done with them.
+                    unsafe {
+                        boundaries.give_walls(plane - 1..plane, time, parity, shared.numbers());
+                    }
+                }
+            }
+        });
+    }
+
+    /// The patches by name, in the order of [`Fluid::fluxes`].
+    #[must_use]
+    pub fn boundaries(&self) -> &Boundaries<S> {
+        &self.boundaries
+    }
+
+    /// The cover of the cells, if cells can be covered.
+    #[must_use]
+    pub fn cover(&self) -> Option<&Cover> {
+        self.cover.as_ref()
+    }
+
+    /// The cover of the cells, for the coupling.
+    pub fn cover_mut(&mut self) -> Option<&mut Cover> {
+        self.cover.as_mut()
+    }
+
+    /// The lattice array.
+    #[must_use]
+    pub fn populations(&self) -> &Populations<S> {
+        &self.populations
+    }
+
+    /// The lattice array, for the coupling and for restarts.
+    pub fn populations_mut(&mut self) -> &mut Populations<S> {
+        &mut self.populations
+    }
+
+    /// Steps done.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Continues from a saved step; the populations must have been set to their own cells.
+    pub fn set_steps(&mut self, step: u64) {
+        self.step = step;
+        self.populations.set_home();
+    }
+
+    /// Cells of the whole domain.
+    #[must_use]
+    pub fn domain_cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// First cell of the slab.
+    #[must_use]
+    pub fn start(&self) -> [usize; 3] {
+        self.start
+    }
+
+    /// Periodic axes.
+    #[must_use]
+    pub fn periodic(&self) -> [bool; 3] {
+        self.periodic
+    }
+
+    /// Relaxation time τ.
+    #[must_use]
+    pub fn relaxation_time(&self) -> f64 {
+        self.relaxation_time
+    }
+}
+
+#[cfg(test)]
+mod tests;

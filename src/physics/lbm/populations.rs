@@ -1,0 +1,656 @@
+//! The lattice array: populations of one slab, streamed in place.
+//!
+//! # Position of a population
+//!
+//! Two passes alternate (the AA pattern of Bailey et al. 2009). Slot i of cell x is one number in memory:
+//!
+//! | after the | outgoing f*_i(x), after collision | incoming f_j(x), before the next collision |
+//! |---|---|---|
+//! | even pass | slot ī of x | slot j̄ of x - c_j |
+//! | odd pass | slot i of x + c_i | slot j of x |
+//!
+//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either pass; only their roles
+//! change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only this file depends on the parity.
+//! Each number is accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
+//!
+//! # Layout
+//!
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one ghost cell on every
+//! side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
+//! third of the speed. Memory comes from `mmap` with huge pages advised before the first access.
+//!
+//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers that a cell reads and
+//! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
+//! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
+
+use super::lanes::Stored;
+use super::lattice::Velocities;
+use super::pages::Pages;
+use crate::number::real;
+
+/// Whether the last pass was even or odd: it decides which end of a link is "in".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parity {
+    /// Populations lie in their own cell: the state at start and after an odd pass.
+    Home,
+    /// After an even pass: outgoing populations still lie, reversed, where they were read.
+    Reversed,
+}
+
+/// The two numbers at the ends of a link from cell x along direction i: positions in the whole array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// Slot ī of x.
+    pub near: u32,
+    /// Slot i of x + c_i.
+    pub far: u32,
+}
+
+/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends of rows are the
+/// dearest, a line of the cache for each number.
+fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
+    (0..dimension)
+        .filter(|&a| a != split)
+        .rev()
+        .max_by_key(|&a| cells[a])
+        .unwrap_or(0)
+}
+
+impl Link {
+    /// Position of the outgoing f*_i(x).
+    #[inline(always)]
+    #[must_use]
+    pub fn out(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.near,
+            Parity::Home => self.far,
+        }) as usize
+    }
+
+    /// Position of the incoming f_ī(x) of the next step.
+    #[inline(always)]
+    #[must_use]
+    pub fn incoming(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.far,
+            Parity::Home => self.near,
+        }) as usize
+    }
+}
+
+/// Populations g_i = f_i - w_i of one slab.
+///
+/// Local cell coordinates run from -1 (ghost) over `0..cells` to `cells` (ghost) along each axis.
+pub struct Populations<S: Stored> {
+    memory: Pages<S>,
+    /// Interior cells along x, y, z (z = 1 in 2-D).
+    cells: [usize; 3],
+    /// Distance in elements between neighbours along x, y, z.
+    strides: [usize; 3],
+    /// Positions of one array, and the room up to the next.
+    array: usize,
+    /// Where the array of each population begins.
+    begins: Vec<usize>,
+    /// Position of cell (0, 0, 0) within an array.
+    origin: usize,
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    velocities: Velocities,
+    parity: Parity,
+}
+
+/// Places of a slab in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    /// Numbers from row to row.
+    pitch: usize,
+    /// Rows of a plane, with ghosts.
+    rows: usize,
+    /// Planes, with ghosts.
+    planes: usize,
+    /// Numbers from one population to the next.
+    array: usize,
+}
+
+impl Layout {
+    /// The places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    #[must_use]
+    pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
+        let fast = fastest(cells, velocities.dimension, split);
+        let middle = 3 - split - fast;
+        // Room for whole vectors beyond the last cell; never a multiple of a page.
+        let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
+        if pitch.is_multiple_of(512) {
+            pitch += 8;
+        }
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
+        let rows = cells[middle] + 2 * ghosts(middle);
+        let planes = cells[split] + 2 * ghosts(split);
+        let page = 4096 / size_of::<S>();
+        let stagger = 1600 / size_of::<S>();
+        let used = pitch.saturating_mul(rows).saturating_mul(planes);
+        Self {
+            order: [split, middle, fast],
+            pitch,
+            rows,
+            planes,
+            array: used.saturating_add(page - 1) / page * page + stagger,
+        }
+    }
+
+    /// Places of cells, with ghosts and the ends of rows.
+    #[must_use]
+    pub fn positions(&self) -> f64 {
+        real(self.pitch) * real(self.rows) * real(self.planes)
+    }
+}
+
+impl<S: Stored> Populations<S> {
+    /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
+    ///
+    /// # Errors
+    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
+    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+        let layout = Layout::of::<S>(&velocities, cells, split);
+        let Layout {
+            order,
+            pitch,
+            rows,
+            array,
+            ..
+        } = layout;
+        let [split, middle, fast] = order;
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
+        let mut strides = [0; 3];
+        strides[fast] = 1;
+        strides[middle] = pitch;
+        strides[split] = pitch * rows;
+        let origin = 8 + strides[middle] * ghosts(middle) + strides[split] * ghosts(split);
+        let ranks: Vec<usize> = velocities.c.iter().map(|c| rank(*c, &velocities)).collect();
+        let arrays = ranks.iter().max().map_or(0, |last| last + 1);
+        let total = array
+            .checked_mul(arrays)
+            .filter(|&n| u32::try_from(n).is_ok())
+            .ok_or_else(|| {
+                format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
+            })?;
+        Ok(Self {
+            memory: Pages::new(total)?,
+            cells,
+            strides,
+            array,
+            begins: ranks.iter().map(|rank| rank * array).collect(),
+            origin,
+            order,
+            velocities,
+            parity: Parity::Home,
+        })
+    }
+
+    /// Interior cells along x, y, z.
+    #[must_use]
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Axes from slowest (the slab axis) to fastest (unit stride).
+    #[must_use]
+    pub fn order(&self) -> [usize; 3] {
+        self.order
+    }
+
+    /// The velocity set.
+    #[must_use]
+    pub fn velocities(&self) -> &Velocities {
+        &self.velocities
+    }
+
+    /// Which pass ran last.
+    #[must_use]
+    pub fn parity(&self) -> Parity {
+        self.parity
+    }
+
+    /// Bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.memory.len() * size_of::<S>()
+    }
+
+    /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
+    #[must_use]
+    pub fn cell_positions(&self) -> usize {
+        self.array
+    }
+
+    /// Position within one array of a cell, ghosts included.
+    #[inline(always)]
+    #[must_use]
+    pub fn cell(&self, at: [isize; 3]) -> usize {
+        self.origin
+            .wrapping_add_signed(at[0] * self.strides[0].cast_signed())
+            .wrapping_add_signed(at[1] * self.strides[1].cast_signed())
+            .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
+    }
+
+    /// The same of a cell that is no ghost.
+    #[must_use]
+    pub fn interior_cell(&self, at: [usize; 3]) -> usize {
+        self.cell(at.map(usize::cast_signed))
+    }
+
+    /// Distance in positions from a cell to its neighbour along direction `i`.
+    #[inline(always)]
+    #[must_use]
+    pub fn offset(&self, i: usize) -> isize {
+        let c = self.velocities.c[i];
+        (0..3)
+            .map(|a| isize::from(c[a]) * self.strides[a].cast_signed())
+            .sum()
+    }
+
+    /// The link that leaves the cell at position `cell` along direction `i`.
+    #[inline]
+    #[must_use]
+    pub fn link(&self, cell: usize, i: usize) -> Link {
+        let neighbour = cell.wrapping_add_signed(self.offset(i));
+        Link {
+            near: position(self.begins[self.velocities.opposite[i]] + cell),
+            far: position(self.begins[i] + neighbour),
+        }
+    }
+
+    /// Position of slot `i` of a cell, independently of the parity.
+    #[inline(always)]
+    #[must_use]
+    pub fn slot(&self, cell: usize, i: usize) -> usize {
+        self.begins[i] + cell
+    }
+
+    /// Position of the incoming f_j of a cell.
+    #[inline]
+    #[must_use]
+    pub fn incoming(&self, cell: usize, j: usize) -> usize {
+        match self.parity {
+            Parity::Home => self.begins[j] + cell,
+            Parity::Reversed => {
+                self.begins[self.velocities.opposite[j]] + cell.wrapping_add_signed(-self.offset(j))
+            }
+        }
+    }
+
+    /// Position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
+    #[inline]
+    #[must_use]
+    pub fn outgoing(&self, cell: usize, i: usize) -> usize {
+        match self.parity {
+            Parity::Reversed => self.begins[self.velocities.opposite[i]] + cell,
+            Parity::Home => self.begins[i] + cell.wrapping_add_signed(self.offset(i)),
+        }
+    }
+
+    /// The whole array.
+    #[must_use]
+    pub fn numbers(&self) -> &[S] {
+        &self.memory
+    }
+
+    /// The whole array, to write.
+    pub fn numbers_mut(&mut self) -> &mut [S] {
+        &mut self.memory
+    }
+
+    /// Starts over with populations in their own cells (after filling every incoming population).
+    pub fn set_home(&mut self) {
+        self.parity = Parity::Home;
+    }
+
+    /// Every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
+    pub fn interior(&self) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
+        let [s, m, f] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).flat_map(move |j| {
+                (0..cells[f]).map(move |k| {
+                    let mut at = [0; 3];
+                    at[s] = i;
+                    at[m] = j;
+                    at[f] = k;
+                    (at, self.cell(at.map(usize::cast_signed)))
+                })
+            })
+        })
+    }
+
+    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its first cell.
+    pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
+        let [s, m, _] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).map(move |j| {
+                let mut at = [0; 3];
+                at[s] = i;
+                at[m] = j;
+                (at, self.cell(at.map(usize::cast_signed)))
+            })
+        })
+    }
+
+    pub(crate) fn flip(&mut self) {
+        self.parity = match self.parity {
+            Parity::Home => Parity::Reversed,
+            Parity::Reversed => Parity::Home,
+        };
+    }
+
+    /// For each population, where a row of cells starting at `cell` reads it; the opposite is written there.
+    pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
+        std::array::from_fn(|i| self.incoming(cell, i))
+    }
+
+    pub(crate) fn base(&mut self) -> *mut S {
+        self.memory.start()
+    }
+
+    /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
+    #[must_use]
+    pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.incoming(cell, i))
+    }
+
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
+    /// in memory: density deviation, then the three momenta.
+    #[inline(never)]
+    pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
+        for m in moments.iter_mut() {
+            m.clear();
+            m.resize(length, 0.0);
+        }
+        let numbers = self.numbers();
+        let row = |i: usize| &numbers[self.incoming(cell, i)..][..length];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has it.
+            unsafe { add_rows_avx2(&self.velocities.c, row, moments) };
+            return;
+        }
+        add_rows(&self.velocities.c, row, moments);
+    }
+
+    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
+    /// momentum.
+    #[inline(never)]
+    pub fn row_extremes(
+        &self,
+        cell: usize,
+        length: usize,
+        half: [f64; 3],
+        moments: &mut [Vec<f64>; 4],
+    ) -> Extremes {
+        self.row_moments(cell, length, moments);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has it.
+            return unsafe { extremes_avx2(moments, half) };
+        }
+        extremes(moments, half)
+    }
+
+    /// Local coordinates of the interior or ghost cell at a position within an array.
+    #[must_use]
+    pub fn coordinates(&self, position: usize) -> [isize; 3] {
+        let [slow, middle, fast] = self.order;
+        let mut at = [0; 3];
+        // From the first ghost of all, so that no part is negative; rows have 8 positions before their first cell.
+        let ghosts = |axis: usize| usize::from(axis < self.velocities.dimension);
+        let first = 8 - ghosts(fast).min(8);
+        let rest = position - first;
+        at[slow] = (rest / self.strides[slow]).cast_signed() - ghosts(slow).cast_signed();
+        let rest = rest % self.strides[slow];
+        at[middle] = (rest / self.strides[middle]).cast_signed() - ghosts(middle).cast_signed();
+        at[fast] = (rest % self.strides[middle]).cast_signed() - ghosts(fast).cast_signed();
+        at
+    }
+
+    /// The same from the outgoing populations: momentum after the collision.
+    #[must_use]
+    pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.outgoing(cell, i))
+    }
+
+    #[inline]
+    fn sums(&self, at: impl Fn(usize) -> usize) -> (f64, [f64; 3]) {
+        let numbers = self.numbers();
+        let mut drho = 0.0;
+        let mut m = [0.0; 3];
+        for (i, c) in self.velocities.c.iter().enumerate() {
+            let g = numbers[at(i)].to_f64();
+            drho += g;
+            for a in 0..3 {
+                m[a] += f64::from(c[a]) * g;
+            }
+        }
+        (drho, m)
+    }
+}
+
+/// The extreme values of the cells of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extremes {
+    /// Largest squared speed.
+    pub squared_speed: f64,
+    /// Largest size of the density deviation.
+    pub compression: f64,
+    /// Whether every number is finite.
+    pub finite: bool,
+}
+
+/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a cell has the
+/// same bits alone and in its row.
+#[inline(always)]
+#[must_use]
+pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
+    let m: [f64; 3] = std::array::from_fn(|a| momentum[a] + half[a]);
+    (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / ((1.0 + drho) * (1.0 + drho))
+}
+
+/// Cells that are compared at a time.
+const AT_ONCE: usize = 8;
+
+#[inline(always)]
+fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
+    let [drho, m @ ..] = moments;
+    let (mut fastest, mut squeezed) = ([0.0_f64; AT_ONCE], [0.0_f64; AT_ONCE]);
+    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them by.
+    let mut zero = [0.0_f64; AT_ONCE];
+    let mut look = |k: usize, d: f64, m: [f64; 3]| {
+        let squared = squared_speed(d, m, half);
+        fastest[k] = if squared > fastest[k] {
+            squared
+        } else {
+            fastest[k]
+        };
+        squeezed[k] = if d.abs() > squeezed[k] {
+            d.abs()
+        } else {
+            squeezed[k]
+        };
+        zero[k] += 0.0 * squared;
+    };
+    let chunks = |row: &Vec<f64>| row.len() / AT_ONCE * AT_ONCE;
+    let whole = chunks(drho);
+    let parts = drho[..whole]
+        .chunks_exact(AT_ONCE)
+        .zip(m[0].chunks_exact(AT_ONCE))
+        .zip(m[1].chunks_exact(AT_ONCE).zip(m[2].chunks_exact(AT_ONCE)));
+    for ((d, x), (y, z)) in parts {
+        for k in 0..AT_ONCE {
+            look(k, d[k], [x[k], y[k], z[k]]);
+        }
+    }
+    for n in whole..drho.len() {
+        look(n - whole, drho[n], [m[0][n], m[1][n], m[2][n]]);
+    }
+    Extremes {
+        squared_speed: fastest.into_iter().fold(0.0, f64::max),
+        compression: squeezed.into_iter().fold(0.0, f64::max),
+        finite: zero.into_iter().sum::<f64>() == 0.0,
+    }
+}
+
+/// The same, four lanes at a time.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn extremes_avx2(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
+    extremes(moments, half)
+}
+
+/// The order of (c_y, c_z) in memory: those of D2Q9 first, those that D3Q19 does not combine with c_x last.
+pub(super) const ACROSS: [[i8; 2]; 9] = [
+    [0, 0],
+    [1, 0],
+    [-1, 0],
+    [0, 1],
+    [0, -1],
+    [1, 1],
+    [-1, -1],
+    [1, -1],
+    [-1, 1],
+];
+
+/// Which of the arrays is that of a velocity.
+fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
+    let across = ACROSS.iter().position(|a| *a == [c[1], c[2]]).unwrap_or(0);
+    let all = if velocities.dimension == 2 { 3 } else { 9 };
+    let along = match c[0] {
+        0 => 0,
+        1 => 1,
+        _ => 2,
+    };
+    along * all + across
+}
+
+/// Adds the rows of all populations to density deviation and momenta.
+#[inline(always)]
+fn add_rows<'a, S: Stored>(
+    velocities: &[[i8; 3]],
+    row: impl Fn(usize) -> &'a [S],
+    [drho, momentum @ ..]: &mut [Vec<f64>; 4],
+) {
+    for (i, c) in velocities.iter().enumerate() {
+        let row = row(i);
+        for (sum, g) in drho.iter_mut().zip(row) {
+            *sum += g.to_f64();
+        }
+        for (m, &c) in momentum.iter_mut().zip(c).filter(|(_, c)| **c != 0) {
+            let c = f64::from(c);
+            for (sum, g) in m.iter_mut().zip(row) {
+                *sum += c * g.to_f64();
+            }
+        }
+    }
+}
+
+/// The same, four lanes at a time.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_rows_avx2<'a, S: Stored>(
+    velocities: &[[i8; 3]],
+    row: impl Fn(usize) -> &'a [S],
+    moments: &mut [Vec<f64>; 4],
+) {
+    add_rows(velocities, row, moments);
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "`Populations::new` refuses slabs with more positions than u32 can number"
+)]
+#[inline(always)]
+fn position(n: usize) -> u32 {
+    n as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lbm::lattice::D3Q19;
+
+    #[test]
+    fn extremes_of_a_row_are_those_of_its_cells() {
+        let velocities = Velocities::of::<D3Q19, 19>();
+        let mut lattice = Populations::<f64>::new(velocities, [21, 4, 3], 2).unwrap();
+        for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
+            *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;
+        }
+        let half = [1e-4, -2e-4, 3e-4];
+        let fast = lattice.order()[2];
+        let mut row = <[Vec<f64>; 4]>::default();
+        let first = lattice.interior_cell([0, 2, 1]);
+        let place = lattice.slot(first + 5, 7);
+        for poison in [None, Some(f64::NAN), Some(f64::INFINITY)] {
+            if let Some(poison) = poison {
+                lattice.numbers_mut()[place] = poison;
+            }
+            let found = lattice.row_extremes(first, lattice.cells()[fast], half, &mut row);
+            assert_eq!(found.finite, poison.is_none());
+            if poison.is_some() {
+                continue;
+            }
+            let (mut fastest, mut squeezed) = (0.0_f64, 0.0_f64);
+            for k in 0..lattice.cells()[fast] {
+                let (d, m) = lattice.moments(first + k);
+                fastest = fastest.max(squared_speed(d, m, half));
+                squeezed = squeezed.max(d.abs());
+            }
+            assert_eq!(found.squared_speed.to_bits(), fastest.to_bits());
+            assert_eq!(found.compression.to_bits(), squeezed.to_bits());
+        }
+    }
+
+    #[test]
+    fn a_position_leads_back_to_its_cell() {
+        for split in 0..3 {
+            let velocities = Velocities::of::<D3Q19, 19>();
+            let lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
+            for z in -1..4 {
+                for y in -1..5 {
+                    for x in -1..6 {
+                        let cell = lattice.cell([x, y, z]);
+                        assert_eq!(lattice.coordinates(cell), [x, y, z]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn moments_of_a_row_are_those_of_its_cells() {
+        for split in 0..3 {
+            let velocities = Velocities::of::<D3Q19, 19>();
+            let mut lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
+            for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
+                *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;
+            }
+            for _ in 0..2 {
+                let fast = lattice.order()[2];
+                let mut row = [(); 4].map(|()| vec![7.0; 2]);
+                let mut rows = lattice.rows();
+                for (at, cell) in lattice.interior() {
+                    if at[fast] == 0 {
+                        assert_eq!(rows.next(), Some((at, cell)));
+                        lattice.row_moments(cell, lattice.cells()[fast], &mut row);
+                    }
+                    let (one, m) = lattice.moments(cell);
+                    assert_eq!(row[0][at[fast]].to_bits(), one.to_bits());
+                    assert_eq!([1, 2, 3].map(|a| row[a][at[fast]]), m);
+                }
+                assert!(rows.next().is_none());
+                drop(rows);
+                lattice.flip();
+            }
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! The models: lattice Boltzmann, discrete elements, Darcy seepage, structures, and the coupling between them.
+//!
+//! The models know nothing of cases, files and runs. They take numbers, fields and grains, and a communicator. The library
+//! `solver` above them reads a case, makes its plan, runs the models and writes the results.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod coupling;
+pub mod darcy;
+pub mod dem;
+pub mod error;
+pub mod family;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod geometry;
+pub mod instances;
+pub mod lbm;
+pub mod number;
+pub mod random;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod structure;
+pub mod thread_pool;
+pub mod units;
