@@ -488,8 +488,12 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         command.envs(ENVIRONMENT);
         // Shared memory is a file too: with its size limited, messages need another way.
         command.env_remove("OMPI_MCA_btl");
-        command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
-        let _cores = Cores::of(ranks);
+        // Time for the other rank to end.
+        command.env(
+            "OMPI_MCA_odls_base_sigkill_timeout",
+            (ranks - 1).to_string(),
+        );
+        let _cores = Cores::of(1);
         let done = command.output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");

@@ -51,11 +51,21 @@ pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 /// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE` multiplies it.
 const LIMIT: f64 = 300.0;
 
+/// What multiplies every limit of time.
+fn patience() -> f64 {
+    let text = std::env::var("SOLVER_TEST_PATIENCE").ok();
+    let number = text.and_then(|text| text.parse::<f64>().ok());
+    number.unwrap_or(1.0).max(0.01)
+}
+
 /// [`LIMIT`] on this machine [s].
 fn limit() -> String {
-    let patience = std::env::var("SOLVER_TEST_PATIENCE").ok();
-    let patience = patience.and_then(|text| text.parse::<f64>().ok());
-    format!("{:.0}", LIMIT * patience.unwrap_or(1.0).max(0.01))
+    format!("{:.0}", LIMIT * patience())
+}
+
+/// The time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
+pub(crate) fn hang(usual: f64) -> Duration {
+    Duration::from_secs_f64(20.0 * usual * patience())
 }
 
 /// What runs now.
