@@ -530,9 +530,7 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 
 fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let mut plan = prepare(case)?;
-    if let Some(mlups) = simulation::calibration::mlups(&plan) {
-        plan.measured_speed(mlups);
-    }
+    plan.on_machine(simulation::calibration::machine(&plan));
     if case.json {
         let mut tree = shown(&plan);
         tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);

@@ -168,9 +168,9 @@ impl Plan {
         }
     }
 
-    /// Takes the speed of the fluid on the machine at hand, in million lattice updates per second of one core, for the estimate of the time.
-    pub fn measured_speed(&mut self, mlups: f64) {
-        self.estimate.measured(&self.scene, &self.clock, mlups);
+    /// Takes the speed of the machine at hand for the estimate of the time.
+    pub fn on_machine(&mut self, machine: estimate::Machine) {
+        self.estimate.on(machine, &self.scene, &self.clock);
     }
 
     /// Plans a case that is already in memory.

@@ -29,6 +29,7 @@ use crate::case::Document;
 use crate::case::fluid::Precision;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::plan::Plan;
+use crate::plan::estimate::Machine;
 use crate::sweep::members::{Member, Prepared};
 use crate::sweep::record::{Outcome, Record};
 use crate::sweep::runner::{Runner, solver_version};
@@ -286,10 +287,10 @@ fn prepared(plan: &Plan) -> Prepared {
 }
 
 /// A run of a changed case on a machine of this speed; its input files have absolute paths already.
-fn member(name: String, case: Value, machine: f64, unstable: bool) -> Member {
+fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {
-        plan.measured_speed(machine * plan.estimate.mlups);
+        plan.on_machine(machine);
     }
     let problems = match &planned {
         Ok(plan) => plan.warnings.clone(),

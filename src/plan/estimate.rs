@@ -1,8 +1,8 @@
 //! Memory, disk space and time of a run, before the run.
 //!
 //! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum over the phases of
-//! a step ([`time`]), with rates of one core of a reference machine; `solver plan` replaces the rate of the fluid by one that it measures
-//! on the machine at hand. `jobs/plans` compares all three with runs.
+//! a step ([`time`]), with rates of one core of a reference machine; `solver plan` measures on the machine at hand how fast
+//! it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans` compares all three with runs.
 
 pub mod disk;
 pub mod memory;
@@ -16,6 +16,27 @@ use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use serde::Serialize;
 use time::Seconds;
+
+/// Speed of one core of a machine over one core of the reference machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Machine {
+    /// The pass over the lattice with the operator, the eddies and the storage of the plan.
+    pub fluid: f64,
+    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards, hashes.
+    pub grains: f64,
+    /// Time to write a small file to the disk \[s\].
+    pub file_seconds: f64,
+}
+
+impl Default for Machine {
+    fn default() -> Self {
+        Self {
+            fluid: 1.0,
+            grains: 1.0,
+            file_seconds: 0.005,
+        }
+    }
+}
 
 /// The costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -36,8 +57,8 @@ pub struct Estimate {
     pub disk_bytes: f64,
     /// Million lattice updates per second of one core, without solids; 0 without a lattice.
     pub mlups: f64,
-    /// Speed of the fluid on the machine at hand over that of the reference machine; 1 where it was not measured.
-    pub machine: f64,
+    /// Speed of the machine at hand; 1 where it was not measured.
+    pub machine: Machine,
     /// Time of each phase on one core \[s\].
     pub seconds: Seconds,
     /// Time of the run on one core \[s\].
@@ -139,7 +160,6 @@ impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
         let amounts = Amounts::of(scene);
         let mut estimate = Self {
-            machine: 1.0,
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
                 time::mlups(flow.lattice, flow.storage, flow.turbulence.is_some())
@@ -159,18 +179,18 @@ impl Estimate {
             scene,
             clock,
             &Amounts::of(scene),
-            self.mlups,
+            self.machine,
             self.checkpoint_bytes,
         );
         self.seconds_on_one_core = self.seconds.sum();
     }
 
-    /// The same with a rate of the fluid that was measured, in million updates per second. Rates of what the fluid does at solids
-    /// change in the same ratio.
-    pub fn measured(&mut self, scene: &Scene, clock: &Clock, mlups: f64) {
-        if mlups > 0.0 && mlups.is_finite() && self.mlups > 0.0 {
-            self.machine *= mlups / self.mlups;
-            self.mlups = mlups;
+    /// The same on a machine of this speed.
+    pub fn on(&mut self, machine: Machine, scene: &Scene, clock: &Clock) {
+        let known = |speed: f64| speed > 0.0 && speed.is_finite();
+        if known(machine.fluid) && known(machine.grains) {
+            self.mlups *= machine.fluid / self.machine.fluid;
+            self.machine = machine;
             self.count_time(scene, clock);
         }
     }

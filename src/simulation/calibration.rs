@@ -1,23 +1,115 @@
-//! Speed of the fluid on the machine at hand, measured before a run.
+//! Speed of the machine at hand, measured before a run: of the fluid of a plan, of grains in contact, and of the disk.
 
 use crate::case::fluid::Precision;
+use crate::dem::contact::Scaled;
+use crate::dem::contact::linear::{self, Linear};
+use crate::dem::{
+    Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, alone,
+};
+use crate::error::Error;
 use crate::lbm::fluid::{Fluid, Force, Setup};
 use crate::lbm::lanes::Stored;
 use crate::number::real;
 use crate::plan::Plan;
+use crate::plan::estimate::Machine;
+use crate::random::Stream;
 use crate::scene::flow::Flow;
 use decomposition::{Axis, Domain};
+use nalgebra::Vector3;
+use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// Cells of the measurement, at most: enough for the memory to count, few enough to be allocated at once.
-const CELLS: usize = 250_000;
+/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in its run.
+const POPULATIONS: usize = 16_000_000;
 /// Time of the measurement. The fastest of its passes counts, because other work only slows them.
 const TIME: Duration = Duration::from_millis(150);
 
+/// Files of the measurement.
+const FILES: usize = 10;
+/// Spheres of the measurement of grains along each axis.
+const SPHERES: u32 = 10;
+/// Their steps between two looks at the clock.
+const BATCH: u64 = 10;
+/// Time of a step of one of these spheres on the reference machine \[s\].
+const SPHERE: f64 = 6.35e-8;
+
+/// The speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the reference machine.
+#[must_use]
+pub fn machine(plan: &Plan) -> Machine {
+    // This thread alone, as in a run; where the process has a pool already, the rate is that of its threads.
+    let _ = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .use_current_thread()
+        .build_global();
+    let fluid = mlups(plan).map_or(1.0, |now| now / plan.estimate.mlups);
+    let reference = Machine::default();
+    Machine {
+        fluid,
+        grains: sphere().map_or(reference.grains, |now| SPHERE / now),
+        file_seconds: file().unwrap_or(reference.file_seconds),
+    }
+}
+
+/// Time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
+fn file() -> std::io::Result<f64> {
+    let folder = tempfile::tempdir()?;
+    let mut fastest = f64::INFINITY;
+    for n in 0..FILES {
+        let begin = Instant::now();
+        let mut file = std::fs::File::create(folder.path().join(n.to_string()))?;
+        file.write_all(&[0; 4096])?;
+        file.sync_all()?;
+        fastest = fastest.min(begin.elapsed().as_secs_f64());
+    }
+    Ok(fastest)
+}
+
+/// Time of a step of a sphere in contact with its neighbours \[s\]: spheres in a periodic box, with linear springs and friction.
+fn sphere() -> Result<f64, Error> {
+    let spacing = 1.985e-3;
+    let parameters = linear::Parameters {
+        normal_stiffness: Scaled::Absolute(1e5),
+        stiffness_ratio: 2.0 / 7.0,
+        friction: 0.5,
+        normal_damping: 0.3,
+        shear_damping: 0.0,
+        attraction: false,
+    };
+    let law = Law::Linear(Linear {
+        parameters: PairTable::uniform(1, parameters),
+    });
+    let length = f64::from(SPHERES) * spacing;
+    let mut region = Region::<Volume>::closed(Vector3::zeros(), Vector3::repeat(length), spacing);
+    region.periodic = [true; 3];
+    let mut particles = Particles::<Volume>::new();
+    for n in 0..SPHERES.pow(3) {
+        let id = u64::from(n);
+        let mut draw = Stream::new(1, id, 0);
+        let mut motion = Motion::<Volume>::default();
+        let cell = [n % SPHERES, n / SPHERES % SPHERES, n / SPHERES.pow(2)];
+        for (axis, cell) in cell.into_iter().enumerate() {
+            let shift = 2e-3 * (draw.uniform() - 0.5);
+            let place = (f64::from(cell) + 0.5 + shift) * spacing;
+            motion.position.set(axis, place);
+            motion.velocity.set(axis, 0.02 * (draw.uniform() - 0.5));
+        }
+        particles.insert(Body::uniform::<Volume>(id, 1e-3, 2600.0, 0), motion);
+    }
+    let mut dem = Dem::new(law, Settings::new(region, 1e-6, 1e-4), Vec::new())?;
+    dem.advance_many(&mut particles, &alone(), BATCH)?;
+    let begin = Instant::now();
+    let mut fastest = f64::INFINITY;
+    while begin.elapsed() < TIME {
+        let batch = Instant::now();
+        dem.advance_many(&mut particles, &alone(), BATCH)?;
+        fastest = fastest.min(batch.elapsed().as_secs_f64());
+    }
+    Ok(fastest / (real(BATCH) * real(particles.owned())))
+}
+
 /// Million lattice updates per second of one core with the operator, the eddies and the storage of a plan, in a closed box without solids;
 /// none without a lattice, or where the memory for the measurement is refused.
-#[must_use]
-pub fn mlups(plan: &Plan) -> Option<f64> {
+fn mlups(plan: &Plan) -> Option<f64> {
     let flow = plan.scene.flow.as_ref()?;
     match flow.storage {
         Precision::F64 => measure::<f64>(plan, flow),
@@ -27,7 +119,7 @@ pub fn mlups(plan: &Plan) -> Option<f64> {
 
 fn measure<S: Stored>(plan: &Plan, flow: &Flow) -> Option<f64> {
     let mut cells = plan.scene.grid.cells;
-    while cells.iter().product::<usize>() > CELLS {
+    while cells.iter().product::<usize>() * flow.lattice.count() > POPULATIONS {
         let longest = (0..3).max_by_key(|a| cells[*a]).unwrap_or(0);
         cells[longest] = cells[longest].div_ceil(2);
     }
@@ -50,11 +142,6 @@ fn measure<S: Stored>(plan: &Plan, flow: &Flow) -> Option<f64> {
     let axis = [Axis::X, Axis::Y, Axis::Z][plan.scene.grid.split_axis.min(2)];
     let domain = Domain::serial(axis, cells[plan.scene.grid.split_axis], false);
     let mut fluid = Fluid::<S>::new(setup, &domain).ok()?;
-    // This thread alone, as in a run; where the process has a pool already, the rate is that of its threads.
-    let _ = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .use_current_thread()
-        .build_global();
     let fastest = fastest_pass(&mut fluid);
     Some(1e-6 * real(cells.iter().product::<usize>()) / fastest)
 }

@@ -1,8 +1,9 @@
 //! Time of a run on one core.
 //!
-//! The rates were measured on one core of an AMD EPYC of 2.4 GHz with AVX2, with the cases of `jobs/plans`.
+//! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of `jobs/plans`. The pass over the
+//! lattice scales with the measured speed of the fluid, everything else with that of grains in contact ([`Machine`]).
 
-use super::{Amounts, outputs};
+use super::{Amounts, Machine, outputs};
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Precision;
 use crate::lbm::lattice::VelocitySet;
@@ -67,47 +68,51 @@ pub(super) fn mlups(lattice: VelocitySet, storage: Precision, eddies: bool) -> f
 }
 
 /// Start and end of the program.
-const START: f64 = 0.28;
+const START: f64 = 0.23;
 /// The hash of the last state, for each population.
-const HASH: f64 = 5.5e-8;
+const HASH: f64 = 2.6e-8;
 /// A step of the fluid without its cells.
-const STEP: f64 = 2e-6;
+const STEP: f64 = 3e-7;
 /// A cell of an opening.
-const OPENING: f64 = 1.8e-7;
+const OPENING: f64 = 7e-8;
 /// A link between fluid and solid.
-const LINK: f64 = 1.7e-8;
+const LINK: f64 = 4.3e-9;
 /// Links of a cell at the surface of a solid in 2-D and 3-D.
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
-const COVERED: [f64; 3] = [1.5e-7, 3e-7, 6.5e-7];
+const COVERED: [f64; 3] = [4e-8, 9e-8, 1.8e-7];
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
-const MAPPED: [f64; 2] = [2.5e-7, 1e-6];
+const MAPPED: [f64; 2] = [1.4e-7, 4e-7];
 /// The same of grains in a bed, most of which rest.
-const RESTING: f64 = 3e-9;
-/// A look of the guards at a cell.
-const GUARD: f64 = 2.5e-8;
+const RESTING: f64 = 6e-10;
+/// A look of the guards at a population of a cell.
+const GUARD: f64 = 1.05e-9;
 /// Steps between looks of the guards.
 const GUARD_EVERY: f64 = 100.0;
 /// A solid step.
 const SOLID_STEP: f64 = 7e-7;
 /// A disc and a sphere in contact.
-const GRAIN: [f64; 2] = [8.5e-8, 1.03e-7];
+const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 /// What bonds add to a grain.
-const BONDS: f64 = 8e-8;
+const BONDS: f64 = 3.1e-8;
 /// A block among few, and in a pile.
-const BLOCK: [f64; 2] = [2.2e-6, 9e-6];
+const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
 /// A solution of the seepage without its cells, for each of its cells, and the porosity of a grain.
-const SEEPAGE: [f64; 3] = [4.5e-3, 4e-7, 1e-6];
-/// A file, most of it waiting for the disk.
-const FILE: f64 = 0.028;
+const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
+/// An output without the bytes of its fields.
+const OUTPUT: f64 = 2.5e-3;
+/// Files and folders that an output makes durable.
+const FILES: f64 = 6.0;
 /// A byte of a checkpoint: gathered, written, read back, hashed.
-const CHECKPOINT_BYTE: f64 = 8e-9;
+const CHECKPOINT_BYTE: f64 = 4.5e-9;
 /// A byte of another file.
 const BYTE: f64 = 1e-8;
 /// Solid steps of a deposition over the fall from the top of its box in steps.
-const SETTLING: f64 = 1.4;
+const SETTLING: f64 = 3.3;
+/// Cost of a step of a deposition under a law with bonds, whose lists reach further, over one without.
+const BONDED: f64 = 1.7;
 /// Solid steps of a growth until it rests.
-const GROWTH_STEPS: f64 = 7e4;
+const GROWTH_STEPS: f64 = 1.8e4;
 
 /// The parts of a step that have a place in the domain \[s\]: what slabs of equal cost are cut by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -169,11 +174,11 @@ impl Seconds {
         scene: &Scene,
         clock: &Clock,
         amounts: &Amounts,
-        mlups_now: f64,
+        machine: Machine,
         checkpoint: f64,
     ) -> Self {
         let mut all = Self {
-            start_and_end: START,
+            start_and_end: START / machine.grains,
             ..Self::default()
         };
         let steps = real(clock.steps) + real(clock.warm_up_steps);
@@ -183,7 +188,6 @@ impl Seconds {
         let end = scene.time.end;
         let mut files = 0.0;
         if let Some(flow) = &scene.flow {
-            let slower = 1e-6 / (parts.cell * mlups_now);
             let openings: f64 = flow
                 .patches()
                 .filter(|patch| patch.condition.model().passes_water())
@@ -195,28 +199,36 @@ impl Seconds {
                 })
                 .sum();
             let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
-            let step = amounts.cells * parts.cell + STEP + openings * OPENING + solids;
-            all.fluid = steps * step * slower;
+            let beside = STEP + openings * OPENING + solids;
+            all.fluid =
+                steps * (amounts.cells * parts.cell / machine.fluid + beside / machine.grains);
             let [bed, moving] = parts.mapped;
             let moving = amounts.moving_surface * moving + amounts.bed_surface * bed;
-            all.mapping = real(clock.steps) * moving * slower;
-            all.guards = (steps / GUARD_EVERY + 2.0) * amounts.cells * GUARD * slower;
-            all.start_and_end += amounts.cells * real(flow.lattice.count()) * HASH;
+            all.mapping = real(clock.steps) * moving / machine.grains;
+            let populations = amounts.cells * real(flow.lattice.count());
+            let looks = steps / GUARD_EVERY + 2.0;
+            all.guards = looks * populations * GUARD / machine.grains;
+            all.start_and_end += populations * HASH / machine.grains;
         }
         if scene.seepage.is_some() {
             let [once, cell, _] = SEEPAGE;
             let porosity = amounts.grains * parts.porosity;
-            all.seepage = steps * (once + amounts.seepage_cells * cell + porosity);
+            all.seepage = steps * (once + amounts.seepage_cells * cell + porosity) / machine.grains;
         }
         if amounts.moving() > 0.0 {
             let [round, block] = parts.solid;
             let solids = (amounts.grains + amounts.bodies) * round + amounts.blocks * block;
-            all.grains = solid_steps * SOLID_STEP + real(clock.steps) * solids;
+            all.grains = (solid_steps * SOLID_STEP + real(clock.steps) * solids) / machine.grains;
         }
         if let Some(grains) = &scene.grains {
             // Bonds are made afterwards.
-            all.preparation =
-                amounts.prepared * GRAIN[three] * prepared_in(scene, clock, &grains.source);
+            let steps = prepared_in(scene, clock, &grains.source);
+            let bonds = scene
+                .contact
+                .as_ref()
+                .is_some_and(|table| table.model().bonds());
+            let listed = if bonds { BONDED } else { 1.0 };
+            all.preparation = amounts.prepared * GRAIN[three] * listed * steps / machine.grains;
         }
         let output = &scene.output;
         let intervals = [
@@ -236,7 +248,9 @@ impl Seconds {
                 .sum();
             outputs(o.every, end) * (amounts.cells + amounts.seepage_cells) * real(numbers) * 4.0
         });
-        all.output = (files + 1.0) * FILE + checkpoint * CHECKPOINT_BYTE + fields * BYTE;
+        let bytes = checkpoint * CHECKPOINT_BYTE + fields * BYTE;
+        all.output = (files + 1.0) * (OUTPUT / machine.grains + FILES * machine.file_seconds)
+            + bytes / machine.grains;
         all
     }
 }
