@@ -8,6 +8,7 @@ use crate::lbm::lattice::VelocitySet;
 use crate::lbm::links::{Load, Rigid};
 use crate::lbm::quanta::from_quanta;
 use crate::lbm::turbulence::EddyViscosity;
+use crate::lbm::turbulence::smagorinsky::Smagorinsky;
 use crate::lbm::turbulence::wale::Wale;
 use decomposition::{Axis, Domain};
 
@@ -442,6 +443,43 @@ fn weights() {
             assert!((weighting.of(time, 1.0_f64) - 1.0).abs() < 1e-15);
             assert!(weighting.of(time, 0.0_f64) == 0.0);
         }
+    }
+}
+
+/// With an eddy viscosity the weighting still takes the relaxation time of the fluid itself: the first step takes B(ε, τ) ρ (u - u_s) of
+/// the momentum of a cell whatever the eddies are, as B is a property of the surface and eddies vanish there.
+#[test]
+fn eddies_do_not_change_the_weighting() {
+    let (cells, tau, fraction, speed) = ([6, 12, 1], 0.56, 0.4_f32, 0.02);
+    let shear = |p: [f64; 3]| (0.0, [speed * (0.6 * p[1]).sin(), 0.0, 0.0]);
+    let step = |turbulence| {
+        let operator = Operator::Bgk(bgk::Parameters {});
+        let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, METHODS[0]);
+        (s.turbulence, s.force) = (turbulence, Force::None);
+        let mut fluid = serial(Axis::X, s);
+        fluid.initialise(&shear);
+        let cell = fluid.populations().cell([2, 4, 0]);
+        let (drho, u) = fluid.state(cell);
+        let cover = fluid.cover_mut().unwrap();
+        cover.make_room(1);
+        cover.set(0, Solid::default());
+        cover.cover(cell, 0, fraction);
+        fluid.renew_velocities();
+        fluid.advance();
+        let eddies = fluid.eddy_viscosity(cell);
+        let given = from_quanta(loads(&mut fluid)[0][0]);
+        (eddies, given, (1.0 + drho) * u[0])
+    };
+    let weight = Weighting::Viscous.of(tau - 0.5, f64::from(fraction));
+    let eddies = EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.9 });
+    for turbulence in [None, Some(eddies)] {
+        let (eddies, given, momentum) = step(turbulence);
+        assert!(momentum.abs() > 1e-3);
+        // A fifth of the viscosity and more, or none.
+        let viscosity = (tau - 0.5) / 3.0;
+        assert_eq!(eddies > 0.2 * viscosity, turbulence.is_some(), "{eddies}");
+        let taken = given / momentum;
+        assert!((taken - weight).abs() < 1e-9, "{taken} {weight}");
     }
 }
 
