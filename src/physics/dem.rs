@@ -16,6 +16,7 @@
 //! | `particles` | the list of arrays of a grain, and their store |
 //! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
 //! | `region`, `migration` | the box; which rank owns a grain |
+//! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
@@ -29,6 +30,7 @@
 //! | `state` | contacts as named columns |
 
 mod blocks;
+mod census;
 mod columns;
 pub mod contact;
 pub mod deepest;
