@@ -7,7 +7,6 @@
 pub mod boundary;
 pub mod collision;
 pub mod extremes;
-pub mod family;
 pub mod fluid;
 pub mod halo;
 pub mod initial;
