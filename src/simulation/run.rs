@@ -3,12 +3,14 @@
 //! | file | content |
 //! |---|---|
 //! | `start` | everything before the first step: state from the plan or a checkpoint, preparation |
+//! | `warm_up` | the flow around grains at rest before the run |
 //! | `runner` | the loop, requests, checkpoints |
 //! | `summary` | the table at the end and `summary.json` |
 
 mod runner;
 mod start;
 mod summary;
+mod warm_up;
 
 use super::Simulation;
 use super::agreement;
