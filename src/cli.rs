@@ -1,6 +1,7 @@
-//! The commands. Only this module prints to the terminal.
+//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as well.
 //!
-//! All errors of a case are found before MPI starts, by every rank and with the same result. Only the first rank reports them.
+//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the number of ranks are
+//! found when MPI has started, before the verdict is printed. Only the first rank reports them.
 
 mod estimate;
 mod manual;
@@ -440,12 +441,26 @@ fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, E
 
 fn start(case: &CaseArgs, options: RunOptions) -> Result<(), Error> {
     let plan = prepare(case)?;
-    show(&plan, case)?;
     let stability = Stability {
         allow_unstable: options.allow_unstable,
     };
-    judge(&plan.warnings, case, stability)?;
-    report_problems(simulation::run::run(plan, options))
+    let accept = |plan: &Plan| {
+        show(plan, case)?;
+        judge(&plan.warnings, case, stability)
+    };
+    if !Verdict::of(&plan.warnings).runs(stability.allow_unstable) {
+        return accept(&plan);
+    }
+    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are known.
+    let mut accepted = false;
+    let outcome = simulation::run::run(plan, options, |plan| {
+        accepted = true;
+        accept(plan)
+    });
+    match outcome {
+        Err(Error::Case(problems)) if !accepted => refuse(problems, case),
+        outcome => report_problems(outcome),
+    }
 }
 
 /// The members are separate processes. If several ranks were started, only the first one runs them.
@@ -470,7 +485,7 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Lists problems that only the run itself can find, such as slabs for another number of ranks.
+/// Lists problems that only the work itself can find.
 fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     if let Err(Error::Case(problems)) = &outcome {
         list(problems);
@@ -608,20 +623,24 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let directory = path.parent().unwrap_or(Path::new(""));
     Document::read(&text, &case.set, directory)
         .and_then(Plan::prepare)
-        .map_err(|problems| {
-            if case.json {
-                let stability = Stability {
-                    allow_unstable: false,
-                };
-                if let Err(error) = print(&pretty(&report(&problems, stability))) {
-                    return error;
-                }
-            } else {
-                list(&problems);
-                report_error(&refusal(&problems, path));
-            }
-            Error::Case(problems)
-        })
+        .or_else(|problems| refuse(problems, case))
+}
+
+/// Lists problems with the verdict.
+///
+/// # Errors
+/// Always: [`Error::Case`] with the problems, or that of the output.
+fn refuse<T>(problems: Vec<Problem>, case: &CaseArgs) -> Result<T, Error> {
+    if case.json {
+        let stability = Stability {
+            allow_unstable: false,
+        };
+        print(&pretty(&report(&problems, stability)))?;
+    } else {
+        list(&problems);
+        report_error(&refusal(&problems, &case.case));
+    }
+    Err(Error::Case(problems))
 }
 
 fn example(name: Option<&str>, json: bool) -> Result<(), Error> {

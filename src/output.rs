@@ -8,7 +8,7 @@
 //! | `group` | the ranks as a group that writes |
 //! | `schedule` | the steps of an output |
 //! | `view` | access to the state of a run |
-//! | `fluid`, `planes` | fields of the fluid, derivatives across slabs |
+//! | `fluid`, `vorticity` | fields of the fluid; the vorticity, with the adjacent planes of other slabs |
 //! | `averages` | time averages and their profile |
 //! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order that does not depend on the ranks |
 //! | `structures` | surfaces at rest, once |
@@ -25,12 +25,12 @@ mod grains;
 pub mod group;
 pub mod info;
 mod order;
-mod planes;
 mod probes;
 mod schedule;
 mod seepage;
 mod structures;
 pub mod view;
+mod vorticity;
 
 use crate::case::geometry::Axis;
 use crate::dem::space::Space;

@@ -1,6 +1,21 @@
 //! The state of a run; steps and runs.
 //!
 //! One step is one fluid step and the solid steps within it. [`Simulation::step`] is the algorithm.
+//!
+//! | file | content |
+//! |---|---|
+//! | `run` | launch of runs; `run/start` the state before the first step, `run/warm_up`, `run/runner` the loop, `run/summary` |
+//! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; the fluid with its coupling |
+//! | `preparation` | the sample of grains, its reports and checkpoints |
+//! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
+//! | `balance`, `calibration` | slabs of equal cost; speed of the fluid on this machine |
+//! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
+//! | `erosion`, `collapse` | records of erosion and of ground collapse |
+//! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
+//! | `means`, `settled` | means over time of probes; how far probes are from settled |
+//! | `blocks`, `energy`, `versions` | parts of `summary.json` |
+//! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
+//! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of the phases of a step |
 
 pub(crate) mod agreement;
 mod balance;

@@ -1,4 +1,4 @@
-//! Ranks, slabs, halos, migration and exact sums: arrays and MPI, no physics.
+//! Ranks, slabs, halos, messages between ranks and exact sums: arrays and MPI, no physics.
 //!
 //! ```text
 //!            rank 0        rank 1     rank 2 (empty)   rank 3
@@ -9,8 +9,8 @@
 //!
 //! The crate guarantees:
 //!
-//! - **One owner.** A plane, and each particle in it, belongs to exactly one rank. Integers decide:
-//!   [`Slabs::plane_of`] and [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
+//! - **One owner.** A plane, and with it all that a caller places in it, belongs to exactly one rank.
+//!   Integers decide: [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
 //! - **The same bits on any number of ranks and threads.** [`ExactSum`] and [`Fixed`] add without
 //!   rounding; their results do not depend on the order. [`StateHash`] compares whole states.
 //! - **No deadlock on errors.** Ranks agree on errors before any of them leaves

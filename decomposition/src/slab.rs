@@ -1,8 +1,8 @@
 //! Ownership of planes: the domain is split along one axis into one slab for each rank.
 //!
-//! Integers decide ownership. A position belongs to the plane of the half-open cell `[i, i+1)` that
-//! contains it, and the plane to the rank whose range contains it. No rank compares a position with the
-//! face of a slab in floating point: every particle has exactly one owner.
+//! Integers decide ownership. A plane belongs to the rank whose range contains it. The caller finds the
+//! plane of a position once; no rank compares a position with the face of a slab in floating point.
+//! Every particle therefore has exactly one owner.
 
 use crate::comm::Communicator;
 use std::ops::Range;
@@ -186,58 +186,6 @@ impl Slabs {
             None
         }
     }
-
-    /// The plane of a position along the axis, cells being `[origin + i·spacing, origin +
-    /// (i+1)·spacing)`: wrapped in a periodic domain, and else clamped to the end planes, which so
-    /// also own what has left the domain. NaN falls to plane 0. Units: those of the caller, the
-    /// same for all three. 0 if the domain has no planes.
-    #[must_use]
-    pub fn plane_of(&self, position: f64, origin: f64, spacing: f64) -> usize {
-        self.plane_and_period(position, origin, spacing).0
-    }
-
-    /// As [`Self::plane_of`], and how many whole periods above the domain the position lies: move
-    /// it by that many periods down to wrap it. The period is 0 in a domain that is not periodic.
-    #[must_use]
-    pub fn plane_and_period(&self, position: f64, origin: f64, spacing: f64) -> (usize, i64) {
-        let planes = signed(self.planes());
-        if planes == 0 {
-            return (0, 0);
-        }
-        let cell = floor_to_integer((position - origin) / spacing);
-        if self.periodic {
-            (unsigned(cell.rem_euclid(planes)), cell.div_euclid(planes))
-        } else {
-            (unsigned(cell.clamp(0, planes - 1)), 0)
-        }
-    }
-
-    /// The ranks whose planes overlap `low..high`, in order of position, each with the number of
-    /// periods (-1, 0 or 1) by which its planes must be moved up to overlap; move the body down
-    /// by as many to see it from that rank. Planes may be negative or beyond the last.
-    ///
-    /// At a closed end the outermost slab reaches on without end, as in [`Self::plane_of`]. A rank
-    /// can appear up to three times in a periodic domain, and the own rank is not left out. Empty
-    /// slabs overlap nothing.
-    pub fn ranks_overlapping(&self, low: i64, high: i64) -> impl Iterator<Item = (usize, i64)> {
-        let planes = signed(self.planes());
-        let periods = if self.periodic { -1..=1 } else { 0..=0 };
-        periods.flat_map(move |period| {
-            (0..self.size()).filter_map(move |rank| {
-                let range = self.range(rank);
-                let (mut start, mut end) = (signed(range.start), signed(range.end));
-                if !self.periodic && start == 0 {
-                    start = i64::MIN;
-                }
-                if !self.periodic && end == planes {
-                    end = i64::MAX;
-                }
-                let overlaps = low < end.saturating_add(period * planes)
-                    && high > start.saturating_add(period * planes);
-                (!range.is_empty() && low < high && overlaps).then_some((rank, period))
-            })
-        })
-    }
 }
 
 /// The split, and my place in it.
@@ -328,36 +276,6 @@ impl Domain {
     pub fn owns_plane(&self, plane: usize) -> bool {
         self.range().contains(&plane)
     }
-
-    /// The ranks whose planes overlap `low..high`; see [`Slabs::ranks_overlapping`].
-    pub fn ranks_overlapping(&self, low: i64, high: i64) -> impl Iterator<Item = (usize, i64)> {
-        self.slabs.ranks_overlapping(low, high)
-    }
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the cast saturates: far positions are clamped or wrapped afterwards"
-)]
-fn floor_to_integer(value: f64) -> i64 {
-    value.floor() as i64
-}
-
-#[expect(
-    clippy::cast_possible_wrap,
-    reason = "no array has 2^63 planes in memory"
-)]
-fn signed(plane: usize) -> i64 {
-    plane as i64
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "called with planes of the domain, from 0 to their number"
-)]
-fn unsigned(plane: i64) -> usize {
-    plane as usize
 }
 
 #[cfg(test)]
@@ -406,42 +324,10 @@ mod tests {
     }
 
     #[test]
-    fn overlap_sees_periodic_images() {
-        let periodic = Slabs::even(Axis::X, 8, 2, true);
-        let ranks = |low, high| periodic.ranks_overlapping(low, high).collect::<Vec<_>>();
-        assert_eq!(ranks(1, 3), [(0, 0)]);
-        assert_eq!(ranks(-1, 1), [(1, -1), (0, 0)]);
-        assert_eq!(ranks(7, 9), [(1, 0), (0, 1)]);
-        assert_eq!(ranks(3, 3), []);
-        assert_eq!(
-            ranks(-1, 9),
-            [(1, -1), (0, 0), (1, 0), (0, 1)],
-            "a body larger than the domain meets itself"
-        );
-        let closed = Slabs::from_bounds(Axis::X, vec![0, 0, 4, 8, 8], false).unwrap();
-        let ranks = |low, high| closed.ranks_overlapping(low, high).collect::<Vec<_>>();
-        assert_eq!(ranks(3, 5), [(1, 0), (2, 0)]);
-        assert_eq!(ranks(-7, -3), [(1, 0)], "end slabs own what has left");
-        assert_eq!(ranks(12, 15), [(2, 0)]);
-    }
-
-    #[test]
     fn longest_axis_prefers_the_first() {
         assert_eq!(Axis::longest([4, 4, 1]), Axis::X);
         assert_eq!(Axis::longest([4, 5, 5]), Axis::Y);
         assert_eq!(Axis::longest([4, 5, 6]).index(), 2);
-    }
-
-    #[test]
-    fn lost_positions_still_have_one_plane() {
-        for periodic in [false, true] {
-            let slabs = Slabs::even(Axis::X, 7, 3, periodic);
-            for position in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
-                let plane = slabs.plane_of(position, 0.0, 0.1);
-                assert!(slabs.owner_of_plane(plane).is_some(), "{position}");
-            }
-        }
-        assert_eq!(Slabs::even(Axis::X, 0, 3, true).plane_of(1.0, 0.0, 1.0), 0);
     }
 
     fn split() -> impl Strategy<Value = Slabs> {
@@ -461,55 +347,7 @@ mod tests {
             })
     }
 
-    /// The next float above (`up`) or below.
-    fn step(value: f64, up: bool) -> f64 {
-        if up {
-            value.next_up()
-        } else {
-            value.next_down()
-        }
-    }
-
     proptest! {
-        /// Rule 7: at every face of every cell, one unit in the last place below, at and above it,
-        /// exactly one rank owns the position.
-        #[test]
-        fn every_position_has_exactly_one_owner(
-            slabs in split(),
-            origin in -3.0_f64..3.0,
-            spacing in 1e-6_f64..2.0,
-        ) {
-            let planes = slabs.planes();
-            let mut previous = (i64::MIN, 0);
-            for face in -2..=signed(planes) + 2 {
-                #[expect(clippy::cast_precision_loss, reason = "a few planes")]
-                let at = origin + spacing * face as f64;
-                for position in [step(at, false), at, step(at, true)] {
-                    let (plane, period) = slabs.plane_and_period(position, origin, spacing);
-                    prop_assert_eq!(plane, slabs.plane_of(position, origin, spacing));
-                    let owners: Vec<usize> = (0..slabs.size())
-                        .filter(|&rank| slabs.range(rank).contains(&plane))
-                        .collect();
-                    prop_assert_eq!(owners.len(), 1);
-                    prop_assert_eq!(slabs.owner_of_plane(plane), Some(owners[0]));
-                    // Cells are in the order of positions and within one of the exact cell.
-                    prop_assert!(previous <= (period, plane));
-                    previous = (period, plane);
-                    if slabs.periodic() {
-                        let cell = period * signed(planes) + signed(plane);
-                        prop_assert!((face - 1..=face).contains(&cell));
-                    }
-                    // The owner is among the ranks that see the cell.
-                    let cell = period * signed(planes) + signed(plane);
-                    if period.abs() <= 1 {
-                        prop_assert!(
-                            slabs.ranks_overlapping(cell, cell + 1).eq([(owners[0], period)])
-                        );
-                    }
-                }
-            }
-        }
-
         /// Neighbourhood is mutual, and a message downwards arrives from above.
         #[test]
         fn neighbours_are_mutual(slabs in split()) {

@@ -8,11 +8,11 @@
 //! | output of a lattice | [`image`] |
 //! | output of grains, contacts and blocks | [`mesh`] |
 //! | the index by which ParaView finds the steps | [`series`] |
-//! | checkpoints of the whole state | [`checkpoint`] |
+//! | checkpoints of the whole state, written and read | [`checkpoint`] |
 //! | tables as text | [`csv`] |
 //! | numbers over time | [`table`] |
 //! | tables as a checkpoint knows them, for restarts | [`marks`] |
-//! | reading files back | [`fields`] |
+//! | contents and columns of the HDF5 files of outputs, for each rank by itself | [`fields`] |
 //! | reading files of unknown origin | [`plain`] |
 //!
 //! The crate guarantees:

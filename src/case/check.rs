@@ -1,14 +1,19 @@
 //! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing, mistyped or
 //! out-of-range field. Ranges are stated beside the fields.
 
+mod controls;
+mod nearest;
 mod template;
 
+pub use nearest::nearest;
+
 use super::text::{MOST_PROBLEMS, brief, join, unlisted};
-use crate::error::{Problem, Remedy, Severity, controls};
+use crate::error::{Problem, Remedy, Severity};
+use controls::control_characters;
+use nearest::{choose, clipped, nearest_remedy, nearest_word};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value};
-use std::borrow::Cow;
 use std::sync::OnceLock;
 use template::Template;
 
@@ -77,65 +82,6 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
 
 /// From so many values on the values of a list are first compared with a template of their schema.
 const MANY: usize = 16;
-
-/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They
-/// are refused here, once, so that no output has to guard against them. A description may have lines.
-fn control_characters(tree: &Value) -> Vec<Problem> {
-    let mut found = Vec::new();
-    look_for_controls(tree, &Place::Case, false, &mut found);
-    found
-}
-
-/// Where a value stands; made into text only where something is wrong there: lists have a hundred thousand values.
-enum Place<'a> {
-    Case,
-    Key(&'a Place<'a>, &'a str),
-    Index(&'a Place<'a>, usize),
-}
-
-impl Place<'_> {
-    fn path(&self) -> String {
-        match self {
-            Self::Case => String::new(),
-            Self::Key(above, key) => join(&above.path(), key),
-            Self::Index(above, index) => format!("{}[{index}]", above.path()),
-        }
-    }
-}
-
-fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>) {
-    let check = |text: &str, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>| {
-        let stays = |c| lines && matches!(c, '\n' | '\r' | '\t');
-        if let Some(c) = text.chars().find(|&c| controls(c) && !stays(c)) {
-            found.push(Problem {
-                path: place.path(),
-                value: brief(&text.into()),
-                reason: format!(
-                    "the text contains the control character U+{:04X}",
-                    u32::from(c)
-                ),
-                remedy: "write a text of one line without control characters".into(),
-                severity: Severity::Error,
-            });
-        }
-    };
-    match value {
-        Value::String(text) => check(text, place, lines, found),
-        Value::Array(list) => {
-            for (n, child) in list.iter().enumerate() {
-                look_for_controls(child, &Place::Index(place, n), lines, found);
-            }
-        }
-        Value::Object(map) => {
-            for (key, child) in map {
-                let here = Place::Key(place, key);
-                check(key, &here, false, found);
-                look_for_controls(child, &here, key == "description", found);
-            }
-        }
-        _ => {}
-    }
-}
 
 /// Keywords by which a schema restricts a value; without one of them any value is valid.
 const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
@@ -564,53 +510,6 @@ fn about(schema: &Value) -> String {
     }
 }
 
-fn choose(names: &[&str]) -> String {
-    format!("use one of: {}", names.join(", "))
-}
-
-fn nearest_remedy(name: &str, known: &[&str]) -> String {
-    match nearest(name, known) {
-        _ if known.is_empty() => "remove it: there are no fields here".into(),
-        Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
-        None => format!("remove it, or {}", choose(known)),
-    }
-}
-
-/// As [`nearest_remedy`] for a word of a choice; it is proposed where it stands alone, without parameters.
-fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
-    let remedy = Remedy::from(nearest_remedy(name, known));
-    match nearest(name, known) {
-        Some(close) if plain.contains(&close) => remedy.set(path, close),
-        _ => remedy,
-    }
-}
-
-/// No name of a case is longer than this [bytes].
-const LONGEST_NAME: usize = 200;
-
-/// A name as it stands in a sentence.
-fn clipped(name: &str) -> Cow<'_, str> {
-    if name.len() <= LONGEST_NAME {
-        return name.into();
-    }
-    let begin: String = name.chars().take(60).collect();
-    format!("{begin}...").into()
-}
-
-/// The name with the smallest edit distance, if it is close enough to be meant.
-#[must_use]
-pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    if name.len() > LONGEST_NAME {
-        return None;
-    }
-    known
-        .iter()
-        .map(|candidate| (strsim::levenshtein(name, candidate), *candidate))
-        .min()
-        .filter(|(d, candidate)| *d <= candidate.len().max(name.len()).div_ceil(2))
-        .map(|(_, candidate)| candidate)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -643,14 +542,5 @@ mod tests {
                 "{new} is a name of the case"
             );
         }
-    }
-
-    #[test]
-    fn the_nearest_name_is_by_edit_distance() {
-        assert_eq!(
-            nearest("viscosty", &["density", "viscosity"]),
-            Some("viscosity")
-        );
-        assert_eq!(nearest("qqqqqq", &["density", "viscosity"]), None);
     }
 }

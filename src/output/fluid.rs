@@ -3,7 +3,7 @@
 //! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central difference,
 //! one-sided in the cells at a face that is not periodic.
 
-use super::planes::Velocities;
+use super::vorticity::Velocities;
 use crate::case::fluid::Precision;
 use crate::case::observe::FieldName;
 use crate::coupling::{BandStates, FluidView, bands, cells_of};

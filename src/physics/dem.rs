@@ -10,12 +10,13 @@
 //! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact law. The bits
 //! of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
 //! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
-//! | `region`, `migration` | the box; which rank owns a grain |
+//! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
+//! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `neighbors` | candidate pairs |
@@ -23,12 +24,14 @@
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
-//! | `engine` | the step |
+//! | `engine` | the step, the lists, the hand-over of grains and histories |
+//! | `deepest` | the deepest contact of all steps |
 //! | `relax` | unbalanced force |
 //! | `escape` | a grain that left the box |
 //! | `state` | contacts as named columns |
 
 mod blocks;
+mod census;
 mod columns;
 pub mod contact;
 pub mod deepest;

@@ -1,6 +1,11 @@
-//! Families of models: one list generates the enum of the case, its schema, and the dispatch to the model.
+//! Families of models: what they share, and the list macro of the families of the seepage.
 //!
-//! A model is a type that implements the trait of its family, such as [`crate::darcy::drag::Law`]. A model without
+//! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws, permeabilities and porosity
+//! methods use the macro of this file. Contact laws, collision operators, eddy viscosities, boundaries, solid operators and shapes of
+//! structures have list macros of their own, beside the lists. [`Description`] and `describe_choices` are shared by the families of the
+//! lattice and of structures.
+//!
+//! A model in the macro of this file is a type that implements the trait of its family, such as [`crate::darcy::drag::Law`]. A model without
 //! parameters is a unit struct and stands in a case as its name; a model with parameters is a struct of the same name, whose
 //! fields stand in the case below the name.
 //!
@@ -21,6 +26,25 @@
 
 use schemars::Schema;
 use serde_json::Value;
+
+/// A model and why it is there, as `plan` prints them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// The model with its parameters.
+    pub model: String,
+    /// Why this model is used, or what it does.
+    pub reason: String,
+}
+
+impl Description {
+    /// A description of two texts.
+    pub fn new(model: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self {
+            model: model.into(),
+            reason: reason.into(),
+        }
+    }
+}
 
 /// See the module.
 macro_rules! family {

@@ -1,13 +1,31 @@
 //! Lattice Boltzmann: populations, collision, streaming, boundaries, moments.
 //!
-//! All quantities are in lattice units: cells, steps, deviations of the density from one. A step is one fused collide-and-stream pass
-//! ([`kernel`]), the exchange of the populations that leave the slab, and the boundary conditions ([`boundary`]). The module
-//! [`crate::coupling`] handles moving bodies, through [`populations::Link`] or through the cells that they cover ([`saturation`]).
+//! All quantities are in lattice units: cells, steps, deviations of the density from one. [`fluid::Fluid::advance`] is the step: one fused
+//! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab ([`halo`]), and the boundary conditions
+//! ([`boundary`]). The module [`crate::coupling`] handles moving bodies, through [`populations::Link`] or through the cells that they cover
+//! ([`saturation`]).
+//!
+//! | file | content |
+//! |---|---|
+//! | `fluid` | one slab of fluid: the step, its state, surfaces told to the eddy viscosity |
+//! | `kernel` | the fused pass over the rows of a slab |
+//! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |
+//! | `halo` | populations that leave a slab |
+//! | `initial` | populations from density and velocity at the start |
+//! | `lattice` | velocity sets |
+//! | `lanes` | numbers and vectors of numbers in the pass |
+//! | `collision` | collision operators, one file each |
+//! | `turbulence` | eddy viscosities, one file each, and the velocities that they read |
+//! | `boundary` | boundaries, one file each, with their parameters in a case |
+//! | `synthetic` | synthetic turbulence of inlets and initial flows |
+//! | `links` | bounce-back on links that cross the surface of a body or of a structure |
+//! | `saturation` | partially saturated cells, solid collision operators |
+//! | `extremes` | largest speed and compression of each row |
+//! | `quanta` | sums that do not depend on the order |
 
 pub mod boundary;
 pub mod collision;
 pub mod extremes;
-pub mod family;
 pub mod fluid;
 pub mod halo;
 pub mod initial;

@@ -3,7 +3,7 @@
 use super::Clock;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
 use crate::case::fluid::Precision;
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::findings::number;

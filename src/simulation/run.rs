@@ -3,12 +3,14 @@
 //! | file | content |
 //! |---|---|
 //! | `start` | everything before the first step: state from the plan or a checkpoint, preparation |
+//! | `warm_up` | the flow around grains at rest before the run |
 //! | `runner` | the loop, requests, checkpoints |
 //! | `summary` | the table at the end and `summary.json` |
 
 mod runner;
 mod start;
 mod summary;
+mod warm_up;
 
 use super::Simulation;
 use super::agreement;
@@ -50,12 +52,19 @@ pub struct RunOptions {
     pub allow_unstable: bool,
 }
 
-/// Runs a plan from its start.
+/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks, before the run
+/// writes anything.
 ///
 /// # Errors
-/// The reason of an early end; [`Error::Stopped`] after a request.
-pub fn run(plan: Plan, options: RunOptions) -> Result<(), Error> {
+/// The reason of an early end; [`Error::Stopped`] after a request; the error of `accepted`.
+pub fn run(
+    plan: Plan,
+    options: RunOptions,
+    accepted: impl FnOnce(&Plan) -> Result<(), Error>,
+) -> Result<(), Error> {
     on_world(options.threads, |communicator, threads| {
+        listed_slabs(&plan.scene.grid, communicator.size())?;
+        agreement::on_first(communicator, || accepted(&plan))?;
         let path = options.output.as_deref().unwrap_or(Path::new("results"));
         let entry = Entry::Fresh {
             overwrite: options.overwrite,

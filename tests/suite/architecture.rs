@@ -1,12 +1,6 @@
-//! Reads the sources and holds who may use whom, and where what is dangerous may stand.
+//! Reads the sources and checks who may use whom, and where dangerous code may stand.
 //!
-//! ```text
-//! main -> cli -> uncertainty -> sweep -> analysis, plan
-//!                simulation -> output, checkpoint -> io
-//!                simulation -> scene, plan -> case -> units, and parameters of coupling, darcy
-//!                simulation -> coupling -> lbm | dem -> decomposition
-//!                lbm -> units, geometry
-//! ```
+//! `src/ARCHITECTURE.md` draws the dependencies (section Modules); the table [`ROOMS`] states each of them.
 //!
 //! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
 

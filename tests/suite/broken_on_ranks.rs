@@ -79,6 +79,17 @@ fn slabs_for_another_number_of_ranks_are_refused() {
     });
     assert!(line.is_some(), "{}", done.stderr);
     assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
+    // One verdict, and nothing else: neither a plan nor a folder.
+    assert_eq!(done.stdout.trim(), "");
+    let verdict = ": refused, 1 problem; nothing was run";
+    assert_eq!(done.stderr.matches(verdict).count(), 1, "{}", done.stderr);
+    assert!(!study.path("run").exists());
+    let mut arguments = study.arguments("run", 1, &[]);
+    arguments.push("--json".into());
+    let done = run(2, &arguments).expect(3);
+    let report: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
+    assert_eq!(report["verdict"], "refused");
+    assert_eq!(report["findings"][0]["path"], "domain.slab_bounds");
 }
 
 #[test]

@@ -13,7 +13,8 @@
 //! | `facets` | contacts with walls of facets |
 //! | `parts` | forces by threads |
 //! | `blocks` | bodies that are polyhedra |
-//! | `histories` | contact histories between lists, ranks and runs |
+//! | `histories` | contact histories between lists and runs |
+//! | `migrate` | grains and histories sent to the owners of the grains |
 //! | `bond_events` | bonds made, failed and removed |
 //! | `report` | contacts and counts for output |
 
@@ -24,16 +25,18 @@ mod bond_events;
 mod facets;
 mod histories;
 mod lists;
+mod migrate;
 mod pairs;
 mod parts;
 mod report;
 
+use super::census::{agree, census};
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use super::deepest::{Deepest, Other, Record, inner_radius};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
-use super::migration::{self, agree, pack_grains, unpack_grains};
+use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles};
 use super::region::Region;
@@ -272,7 +275,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair[0].id
             )));
         }
-        let census = migration::census(particles, domain)?;
+        let census = census(particles, domain)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
         if let Some(before) = self.total {
             let added: u64 = census.iter().map(|one| one.added).sum();

@@ -4,10 +4,10 @@
 //! within the interaction range. One giant therefore does not make all grains ghosts everywhere. A body may be larger than a
 //! slab: every rank in its range has a ghost of it.
 
+use super::census::Census;
 use super::columns::Crosses;
 use super::ghost_plan::{GhostPlan, Messages};
 use super::message::{Reader, Writer};
-use super::migration::Census;
 use super::particles::Particles;
 use super::region::{Region, edge};
 use super::space::{Components, Space};

@@ -1,4 +1,6 @@
-//! Which rank owns a grain, and the hand-over of grains that crossed into the slab of another rank.
+//! Which rank owns a grain, the wrap of positions into the box, and the bytes of grains that change their rank.
+//!
+//! [`super::engine`] sends these bytes with the histories of the contacts.
 //!
 //! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split axis,
 //! clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
@@ -10,7 +12,7 @@ use super::particles::Particles;
 use super::region::{Region, plane_of, wraps};
 use super::space::{Components, Space};
 use crate::error::Error;
-use decomposition::{Domain, exchange};
+use decomposition::Domain;
 
 /// Moves the shift of every owned grain into the box and checks that none is lost.
 pub(super) fn wrap<S: Space>(
@@ -83,47 +85,6 @@ pub(super) fn owners<S: Space>(
         .collect()
 }
 
-/// Counts and radii of the grains of a rank, known to all ranks when lists are made.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Census {
-    pub(super) owned: u64,
-    pub(super) added: u64,
-    pub(super) removed: u64,
-    pub(super) smallest: f64,
-    pub(super) largest: f64,
-}
-
-/// Every rank's census, by rank. Collective.
-pub(super) fn census<S: Space>(
-    particles: &Particles<S>,
-    domain: &Domain,
-) -> Result<Vec<Census>, Error> {
-    let mut mine = Writer::default();
-    mine.integer(particles.owned() as u64);
-    mine.integer(particles.added);
-    mine.integer(particles.removed);
-    let radii = || {
-        particles.body[..particles.owned()]
-            .iter()
-            .map(|body| body.radius)
-    };
-    mine.float(radii().fold(f64::INFINITY, f64::min));
-    mine.float(radii().fold(0.0, f64::max));
-    gather_all(domain, &mine.0)
-        .iter()
-        .map(|bytes| {
-            let mut reader = Reader(bytes);
-            Ok(Census {
-                owned: reader.integer()?,
-                added: reader.integer()?,
-                removed: reader.integer()?,
-                smallest: reader.float()?,
-                largest: reader.float()?,
-            })
-        })
-        .collect()
-}
-
 /// Writes owned grains for their new owner.
 pub(super) fn pack_grains<S: Space>(particles: &Particles<S>, leaving: &[usize], to: &mut Writer) {
     to.integer(leaving.len() as u64);
@@ -142,29 +103,4 @@ pub(super) fn unpack_grains<S: Space>(
         particles.owned += 1;
     }
     Ok(())
-}
-
-/// The bytes of every rank, by rank. Collective.
-fn gather_all(domain: &Domain, mine: &[u8]) -> Vec<Vec<u8>> {
-    let (rank, size) = (domain.rank(), domain.communicator().size());
-    let messages = (0..size)
-        .filter(|&other| other != rank)
-        .map(|other| (other, mine.to_vec()))
-        .collect();
-    let mut all = vec![Vec::new(); size];
-    all[rank] = mine.to_vec();
-    for (other, bytes) in exchange(domain.communicator(), messages) {
-        all[other] = bytes;
-    }
-    all
-}
-
-/// Returns an error on every rank where any rank has one: its own, or the lowest failing rank's. Collective.
-pub(super) fn agree(domain: &Domain, mine: Result<(), Error>) -> Result<(), Error> {
-    if domain.communicator().size() == 1 {
-        return mine;
-    }
-    let outcome = domain.communicator().agree(mine.as_ref().copied());
-    mine?;
-    outcome.map_err(|error| Error::Numerical(error.to_string()))
 }

@@ -58,7 +58,8 @@ impl<S: Space> Region<S> {
     }
 }
 
-/// The plane that contains a coordinate, clamped to `0..planes`.
+/// The plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With [`decomposition::Slabs::owner_of_plane`] it alone decides
+/// which rank owns a grain.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -83,4 +84,42 @@ pub(super) fn wraps(coordinate: f64, lower: f64, length: f64) -> i32 {
 )]
 pub(super) fn edge(plane: usize, lower: f64, spacing: f64) -> f64 {
     lower + plane as f64 * spacing
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plane_of;
+    use decomposition::{Axis, Slabs};
+
+    #[test]
+    fn every_coordinate_has_one_owner() {
+        let bounds = vec![0, 2, 2, 7];
+        let slabs = Slabs::from_bounds(Axis::X, bounds, false).unwrap();
+        for (origin, spacing) in [(0.0, 0.1), (-2.7, 1e-6), (1.3, 1.9)] {
+            let mut before = 0;
+            for face in -2..=9_i32 {
+                let at = origin + spacing * f64::from(face);
+                // One unit in the last place below the face of a cell, at it, and above it.
+                for coordinate in [at.next_down(), at, at.next_up()] {
+                    let plane = plane_of(coordinate, origin, spacing, slabs.planes());
+                    let owners = (0..slabs.size()).filter(|&r| slabs.range(r).contains(&plane));
+                    assert!(owners.eq(slabs.owner_of_plane(plane)), "{coordinate}");
+                    // Planes are in the order of coordinates and within one of the exact plane.
+                    assert!(before <= plane, "{coordinate}");
+                    before = plane;
+                    let near = [face - 1, face].map(|n| usize::try_from(n.clamp(0, 6)).unwrap());
+                    assert!(near.contains(&plane), "{coordinate}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lost_coordinates_have_a_plane() {
+        for coordinate in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
+            assert!(plane_of(coordinate, 0.0, 0.1, 7) < 7, "{coordinate}");
+        }
+        assert_eq!(plane_of(f64::NAN, 0.0, 0.1, 7), 0);
+        assert_eq!(plane_of(1.0, 0.0, 1.0, 0), 0);
+    }
 }

@@ -49,10 +49,10 @@ pub use rule::{Giver, Moment, Rule};
 pub use site::{Opening, Place, Site};
 pub use sound::{Sound, Sums};
 
-use super::family;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};
+use crate::family;
 use crate::units::LatticeUnits;
 use decomposition::Communicator;
 use profile::ReadTable;

@@ -14,10 +14,10 @@ pub mod linear_stability;
 mod products;
 pub mod second_order;
 
-use super::family::{self, Description};
 use super::lanes::Lanes;
 use super::lattice::{Lattice, VelocitySet, unroll};
 use crate::error::Finding;
+use crate::family::{self, Description};
 use border::{Border, Situation};
 use linear_stability::Wave;
 use schemars::JsonSchema;

@@ -379,25 +379,6 @@ impl<S: Stored> Populations<S> {
         add_rows(&self.velocities.c, row, moments);
     }
 
-    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
-    /// momentum.
-    #[inline(never)]
-    pub fn row_extremes(
-        &self,
-        cell: usize,
-        length: usize,
-        half: [f64; 3],
-        moments: &mut [Vec<f64>; 4],
-    ) -> Extremes {
-        self.row_moments(cell, length, moments);
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has it.
-            return unsafe { extremes_avx2(moments, half) };
-        }
-        extremes(moments, half)
-    }
-
     /// Local coordinates of the interior or ghost cell at a position within an array.
     #[must_use]
     pub fn coordinates(&self, position: usize) -> [isize; 3] {
@@ -434,77 +415,6 @@ impl<S: Stored> Populations<S> {
         }
         (drho, m)
     }
-}
-
-/// The extreme values of the cells of a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extremes {
-    /// Largest squared speed.
-    pub squared_speed: f64,
-    /// Largest size of the density deviation.
-    pub compression: f64,
-    /// Whether every number is finite.
-    pub finite: bool,
-}
-
-/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a cell has the
-/// same bits alone and in its row.
-#[inline(always)]
-#[must_use]
-pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
-    let m: [f64; 3] = std::array::from_fn(|a| momentum[a] + half[a]);
-    (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / ((1.0 + drho) * (1.0 + drho))
-}
-
-/// Cells that are compared at a time.
-const AT_ONCE: usize = 8;
-
-#[inline(always)]
-fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
-    let [drho, m @ ..] = moments;
-    let (mut fastest, mut squeezed) = ([0.0_f64; AT_ONCE], [0.0_f64; AT_ONCE]);
-    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them by.
-    let mut zero = [0.0_f64; AT_ONCE];
-    let mut look = |k: usize, d: f64, m: [f64; 3]| {
-        let squared = squared_speed(d, m, half);
-        fastest[k] = if squared > fastest[k] {
-            squared
-        } else {
-            fastest[k]
-        };
-        squeezed[k] = if d.abs() > squeezed[k] {
-            d.abs()
-        } else {
-            squeezed[k]
-        };
-        zero[k] += 0.0 * squared;
-    };
-    let chunks = |row: &Vec<f64>| row.len() / AT_ONCE * AT_ONCE;
-    let whole = chunks(drho);
-    let parts = drho[..whole]
-        .chunks_exact(AT_ONCE)
-        .zip(m[0].chunks_exact(AT_ONCE))
-        .zip(m[1].chunks_exact(AT_ONCE).zip(m[2].chunks_exact(AT_ONCE)));
-    for ((d, x), (y, z)) in parts {
-        for k in 0..AT_ONCE {
-            look(k, d[k], [x[k], y[k], z[k]]);
-        }
-    }
-    for n in whole..drho.len() {
-        look(n - whole, drho[n], [m[0][n], m[1][n], m[2][n]]);
-    }
-    Extremes {
-        squared_speed: fastest.into_iter().fold(0.0, f64::max),
-        compression: squeezed.into_iter().fold(0.0, f64::max),
-        finite: zero.into_iter().sum::<f64>() == 0.0,
-    }
-}
-
-/// The same, four lanes at a time.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn extremes_avx2(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
-    extremes(moments, half)
 }
 
 /// The order of (c_y, c_z) in memory: those of D2Q9 first, those that D3Q19 does not combine with c_x last.
@@ -577,38 +487,6 @@ fn position(n: usize) -> u32 {
 mod tests {
     use super::*;
     use crate::lbm::lattice::D3Q19;
-
-    #[test]
-    fn extremes_of_a_row_are_those_of_its_cells() {
-        let velocities = Velocities::of::<D3Q19, 19>();
-        let mut lattice = Populations::<f64>::new(velocities, [21, 4, 3], 2).unwrap();
-        for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
-            *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;
-        }
-        let half = [1e-4, -2e-4, 3e-4];
-        let fast = lattice.order()[2];
-        let mut row = <[Vec<f64>; 4]>::default();
-        let first = lattice.interior_cell([0, 2, 1]);
-        let place = lattice.slot(first + 5, 7);
-        for poison in [None, Some(f64::NAN), Some(f64::INFINITY)] {
-            if let Some(poison) = poison {
-                lattice.numbers_mut()[place] = poison;
-            }
-            let found = lattice.row_extremes(first, lattice.cells()[fast], half, &mut row);
-            assert_eq!(found.finite, poison.is_none());
-            if poison.is_some() {
-                continue;
-            }
-            let (mut fastest, mut squeezed) = (0.0_f64, 0.0_f64);
-            for k in 0..lattice.cells()[fast] {
-                let (d, m) = lattice.moments(first + k);
-                fastest = fastest.max(squared_speed(d, m, half));
-                squeezed = squeezed.max(d.abs());
-            }
-            assert_eq!(found.squared_speed.to_bits(), fastest.to_bits());
-            assert_eq!(found.compression.to_bits(), squeezed.to_bits());
-        }
-    }
 
     #[test]
     fn a_position_leads_back_to_its_cell() {

@@ -7,9 +7,9 @@
 
 pub mod field;
 
-use super::family::{self, Description};
 use super::lanes::Lanes;
 use crate::error::Finding;
+use crate::family::{self, Description};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

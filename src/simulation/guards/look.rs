@@ -7,9 +7,8 @@
 
 use crate::coupling::lattice::LatticeFlow;
 use crate::dem::space::Space;
-use crate::lbm::extremes::Rows;
+use crate::lbm::extremes::{Extremes, Rows, squared_speed};
 use crate::lbm::lanes::Stored;
-use crate::lbm::populations::{Extremes, squared_speed};
 
 /// A number and the place of its cell in the order of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use super::super::Simulation;
 use super::super::balance::{self, Costs};
 use super::super::escape;
 use super::super::folder::RunFolder;
-use super::super::phases::{Phase, Phases};
+use super::super::phases::Phase;
 use super::super::progress::{Moment, Progress};
 use super::super::recorders::Recorders;
 use super::super::resume::{self, Resumed};
@@ -379,13 +379,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             Err(error) => return Err(Error::Io(error.to_string())),
         }
         self.watch.wrote(begun.elapsed());
-        simulation_phase(&mut self.simulation.phases);
+        self.simulation.phases.done(Phase::Checkpoint);
         Ok(())
     }
-}
-
-fn simulation_phase(phases: &mut Phases) {
-    phases.done(Phase::Checkpoint);
 }
 
 /// Why the loop over the steps ended.

@@ -20,7 +20,7 @@ use super::super::watch::Watch;
 use super::super::{Present, Simulation};
 use super::Start;
 use super::runner::Runner;
-use crate::case::time::WarmUp;
+use super::warm_up::warm_up;
 use crate::checkpoint::{self, Saved, State};
 use crate::coupling::Flow;
 use crate::coupling::lattice::LatticeFlow;
@@ -36,14 +36,12 @@ use crate::output::Outputs;
 use crate::output::averages::Averages;
 use crate::plan::Plan;
 use crate::preparation::rest::Rest;
-use crate::preparation::supervision::{Request, Requests};
+use crate::preparation::supervision::Request;
 use crate::scene::initial::Initial;
-use crate::units::LatticeUnits;
 use decomposition::{Communicator, Domain};
 use io::checkpoint::Reader;
 use io::marks::Marker;
 use serde_json::{Value, json};
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
@@ -96,7 +94,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         // A wrong file is found before grains are prepared for hours.
         let mut field = match (&plan.scene.flow, units) {
             (Some(scene), Some(units)) if !flowed => match &scene.initial {
-                Initial::File(path) => Some(field_of_file(path, &plan, units)?),
+                Initial::File(path) => Some(setup::initial::file(path, &plan, units)?),
                 _ => None,
             },
             _ => None,
@@ -174,11 +172,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     .and_then(|setup| Fluid::<S>::new(setup, &domain).map_err(Error::Internal));
                 let mut fluid = made?;
                 if !flowed {
-                    match setup::initial(&plan, scene, &units) {
+                    match setup::initial::formula(&plan, scene, &units) {
                         Some(field) => fluid.initialise(field.as_ref()),
                         None => {
                             if let Some(field) = field.take() {
-                                fluid.initialise(&field);
+                                fluid.initialise(field.as_ref());
                             }
                         }
                     }
@@ -516,98 +514,6 @@ fn typical_radius(
     } else {
         plan.scene.grid.spacing
     }
-}
-
-/// Steps between two looks at whether the fluid is steady.
-const LOOK_EVERY: u64 = 100;
-
-/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. It goes on from `reached`,
-/// the steps taken and the velocities at the last look (three numbers a cell, [z][y]\[x\]), and hands the same to `keep` where the
-/// outside asks for it. Collective.
-fn warm_up<Sp: Space, S: Saved>(
-    plan: &Plan,
-    flow: &mut dyn LatticeFlow<Sp, S>,
-    particles: &mut Particles<Sp>,
-    domain: &Domain,
-    (watch, guards): (&mut Watch, &mut Guards),
-    reached: (u64, Option<Vec<f64>>),
-    mut keep: impl FnMut(
-        u64,
-        &[f64],
-        &dyn LatticeFlow<Sp, S>,
-        &Particles<Sp>,
-        (&mut Watch, &Guards),
-        Request,
-    ) -> Result<(), Error>,
-) -> Result<(u64, String), Error> {
-    let Some(WarmUp::FluidOnly {
-        relative_change, ..
-    }) = plan.scene.time.warm_up
-    else {
-        return Ok((0, String::new()));
-    };
-    let communicator = domain.communicator();
-    let cells = checkpoint::cells_in_order(flow.fluid());
-    let (mut step, before) = reached;
-    let mut before = before.unwrap_or_else(|| vec![0.0; 3 * cells.len()]);
-    let mut change = f64::INFINITY;
-    let mut ask_at = step + watch.steps();
-    while step < plan.clock.warm_up_steps {
-        flow.advance(particles, domain)?;
-        step += 1;
-        guards.check_warm_up(step, flow, particles, plan, domain)?;
-        if step % LOOK_EVERY == 0 {
-            let (mut moved, mut size) = (0.0_f64, 0.0_f64);
-            for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {
-                let (_, u) = flow.fluid().state(cell);
-                for a in 0..3 {
-                    moved = moved.max((u[a] - old[a]).abs());
-                    size = size.max(u[a].abs());
-                }
-                old.copy_from_slice(&u);
-            }
-            change = communicator.all_reduce_max_f64(moved)
-                / communicator.all_reduce_max_f64(size).max(1e-300);
-            if change < relative_change {
-                break;
-            }
-        }
-        if step >= ask_at {
-            let request = watch.ask(communicator);
-            ask_at = step + watch.steps();
-            if request != Request::None {
-                keep(step, &before, flow, particles, (watch, guards), request)?;
-            }
-        }
-    }
-    Ok((
-        step,
-        format!(
-            "fluid warmed up for {step} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps"
-        ),
-    ))
-}
-
-/// Deviation of the density and velocity in lattice units, by position in cells.
-type Field = Box<dyn Fn([f64; 3]) -> (f64, [f64; 3]) + Sync>;
-
-/// Velocity and pressure from a field output of the same size.
-fn field_of_file(path: &Path, plan: &Plan, units: LatticeUnits) -> Result<Field, Error> {
-    let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
-    let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
-    let (velocity, pressure) = (read("velocity")?, read("pressure")?);
-    let cells = plan.scene.grid.cells;
-    let count = cells[0] * cells[1] * cells[2];
-    if velocity.values.len() != 3 * count || pressure.values.len() != count {
-        return Err(wrong(format!("it does not hold {cells:?} cells")));
-    }
-    Ok(Box::new(move |p: [f64; 3]| {
-        let at: [usize; 3] =
-            std::array::from_fn(|a| crate::number::whole(p[a].floor().max(0.0)).min(cells[a] - 1));
-        let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
-        let u = std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
-        (units.pressure_to_density_deviation(pressure.values[n]), u)
-    }))
 }
 
 fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, String)> {

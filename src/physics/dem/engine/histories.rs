@@ -1,5 +1,5 @@
-//! Histories of contacts apart from the lists: kept while lists are made anew, sent with grains that change their rank, saved in
-//! checkpoints and restored.
+//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their bytes in
+//! messages.
 //!
 //! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
 
@@ -62,82 +62,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
-    /// Sends grains that left the slab, with their contacts, to their owners.
-    pub(super) fn migrate(
-        &mut self,
-        particles: &mut Particles<S>,
-        region: &Region<S>,
-        domain: &Domain,
-    ) -> Result<(), Error> {
-        let owners = migration::owners(particles, region, domain)?;
-        let mut messages = Vec::new();
-        let mut numbers = Vec::new();
-        for target in (0..domain.communicator().size()).filter(|&target| target != domain.rank()) {
-            let leaving: Vec<usize> = (0..owners.len()).filter(|&k| owners[k] == target).collect();
-            if leaving.is_empty() {
-                continue;
-            }
-            let mut ids: Vec<u64> = leaving.iter().map(|&k| particles.body[k].id).collect();
-            ids.sort_unstable();
-            let leaves = |id: u64| ids.binary_search(&id).is_ok();
-            let mut writer = Writer::default();
-            pack_grains(particles, &leaving, &mut writer);
-            let grains = || {
-                self.histories
-                    .iter()
-                    .filter(|(key, _)| leaves(key.first) || leaves(key.second))
-            };
-            let walls = || self.wall_histories.iter().filter(|(key, _)| leaves(key.0));
-            writer.integer(grains().count() as u64);
-            for (key, history) in grains() {
-                writer.integer(key.first);
-                writer.integer(key.second);
-                for n in key.shift {
-                    writer.signed(n);
-                }
-                pack_history::<S, L>(history, &mut numbers, &mut writer);
-            }
-            writer.integer(walls().count() as u64);
-            for ((id, wall, facet), history) in walls() {
-                writer.integer(*id);
-                writer.integer(u64::from(*wall));
-                writer.integer(u64::from(*facet));
-                pack_history::<S, L>(history, &mut numbers, &mut writer);
-            }
-            messages.push((target, writer.0));
-        }
-        particles.keep(|k| owners[k] == domain.rank());
-        for (_, bytes) in exchange(domain.communicator(), messages) {
-            let mut reader = Reader(&bytes);
-            unpack_grains(particles, &mut reader)?;
-            for _ in 0..reader.integer()? {
-                let (first, second) = (reader.integer()?, reader.integer()?);
-                let shift = [reader.signed()?, reader.signed()?, reader.signed()?];
-                let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;
-                self.histories.push((
-                    Key {
-                        first,
-                        second,
-                        shift,
-                    },
-                    history,
-                ));
-            }
-            for _ in 0..reader.integer()? {
-                let id = reader.integer()?;
-                let mut small = || {
-                    u32::try_from(reader.integer()?)
-                        .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
-                };
-                let (wall, facet) = (small()?, small()?);
-                let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;
-                self.wall_histories.push(((id, wall, facet), history));
-            }
-        }
-        self.put_histories_in_order();
-        Ok(())
-    }
-
     /// Key and history of each contact this rank reports, in no order: with grains, then with walls.
     pub(in crate::dem) fn each_history(
         &self,
@@ -195,4 +119,29 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.total = None;
         self.steps = steps;
     }
+}
+
+/// Writes the numbers of a history; `numbers` is a buffer that is reused.
+pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
+    history: &L::History,
+    numbers: &mut Vec<f64>,
+    to: &mut Writer,
+) {
+    numbers.clear();
+    L::save(history, numbers);
+    for number in &*numbers {
+        to.float(*number);
+    }
+}
+
+/// Reads what [`pack_history`] wrote.
+pub(super) fn unpack_history<S: Space, L: ContactLaw<S>>(
+    numbers: &mut Vec<f64>,
+    from: &mut Reader<'_>,
+) -> Result<L::History, Error> {
+    numbers.clear();
+    for _ in 0..L::NUMBERS {
+        numbers.push(from.float()?);
+    }
+    Ok(L::load(numbers))
 }

@@ -1,4 +1,4 @@
-//! One pair: keys, masses, separations measured in blocks, the action of the law, and its history in messages.
+//! One pair: keys, masses, separations measured in blocks, and the action of the law.
 
 use super::*;
 
@@ -230,27 +230,4 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         action.on_second += force.moment;
     }
     Some(action)
-}
-
-pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
-    history: &L::History,
-    numbers: &mut Vec<f64>,
-    to: &mut Writer,
-) {
-    numbers.clear();
-    L::save(history, numbers);
-    for number in &*numbers {
-        to.float(*number);
-    }
-}
-
-pub(super) fn unpack_history<S: Space, L: ContactLaw<S>>(
-    numbers: &mut Vec<f64>,
-    from: &mut Reader<'_>,
-) -> Result<L::History, Error> {
-    numbers.clear();
-    for _ in 0..L::NUMBERS {
-        numbers.push(from.float()?);
-    }
-    Ok(L::load(numbers))
 }

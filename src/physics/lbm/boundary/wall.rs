@@ -1,7 +1,8 @@
 //! Half-way bounce-back at a wall at rest, a moving wall, or a face with prescribed velocity (Ladd 1994).
 //!
 //! f_ī(x, t+1) = f*_i(x, t) - 6 w_i c_i·u_w with the reference density one in the last term, which so cancels exactly
-//! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow (validation 1.2).
+//! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
+//! (`jobs/verification/couette`).
 //!
 //! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
 //! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers

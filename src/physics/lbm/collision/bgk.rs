@@ -7,7 +7,7 @@ use super::border::{Border, Bounds, Situation};
 use super::trt::{self, AntisymmetricRate, Trt};
 use super::{Collision, Dispatch, Kernels, Model, Moments, Site, along};
 use crate::error::number;
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 use schemars::JsonSchema;

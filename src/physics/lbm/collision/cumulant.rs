@@ -23,7 +23,7 @@
 use super::border::{self, Border, Bounds, Situation};
 use super::products::{POPULATION, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, VelocitySet, unroll};
 use schemars::JsonSchema;

@@ -33,7 +33,7 @@ use super::mrt::{self, Rates};
 use super::products::{POPULATION, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};
 use crate::error::{Finding, Remedy, Severity, number};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{D3Q27, Lattice, VelocitySet, unroll};
 use schemars::JsonSchema;

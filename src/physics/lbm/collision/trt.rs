@@ -11,7 +11,7 @@
 
 use super::border::{self, Border, Bounds, Situation, Surroundings};
 use super::{Collision, Dispatch, Kernels, Model, Moments, Site, along};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 use schemars::JsonSchema;

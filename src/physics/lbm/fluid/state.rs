@@ -2,9 +2,9 @@
 
 use super::Fluid;
 use crate::lbm::boundary::Flux;
+use crate::lbm::extremes::Extremes;
 use crate::lbm::initial;
 use crate::lbm::lanes::Stored;
-use crate::lbm::populations::Extremes;
 use std::ops::Range;
 
 impl<S: Stored> Fluid<S> {

@@ -8,7 +8,7 @@
 )]
 
 use super::{ASKED, Model, strain_squared};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

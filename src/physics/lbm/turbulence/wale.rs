@@ -12,7 +12,7 @@
 
 use super::{ASKED, Model, strain_squared};
 use crate::error::{Finding, Remedy, Severity};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::unroll;
 use schemars::JsonSchema;

@@ -2,7 +2,7 @@
 
 use crate::lbm::collision::border::{Border, Situation};
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Model, Site};
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::Lattice;
 use schemars::JsonSchema;

@@ -1,6 +1,6 @@
 //! The file of an eddy viscosity that exists in this test only.
 
-use crate::lbm::family::Description;
+use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::turbulence::Model;
 use schemars::JsonSchema;

@@ -1,4 +1,4 @@
-//! Velocities of a slab and of the adjacent planes, for derivatives across slabs.
+//! The vorticity of the fluid: derivatives of the velocities of a slab and of the adjacent planes of other slabs.
 
 use crate::coupling::{BandStates, FluidView, bands};
 use crate::error::Error;

@@ -1,0 +1,64 @@
+//! Control characters in the texts of a case.
+
+use crate::case::text::{brief, join};
+use crate::error::{Problem, Severity, controls};
+use serde_json::Value;
+
+/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They
+/// are refused here, once, so that no output has to guard against them. A description may have lines.
+pub(super) fn control_characters(tree: &Value) -> Vec<Problem> {
+    let mut found = Vec::new();
+    look_for_controls(tree, &Place::Case, false, &mut found);
+    found
+}
+
+/// Where a value stands; made into text only where something is wrong there: lists have a hundred thousand values.
+enum Place<'a> {
+    Case,
+    Key(&'a Place<'a>, &'a str),
+    Index(&'a Place<'a>, usize),
+}
+
+impl Place<'_> {
+    fn path(&self) -> String {
+        match self {
+            Self::Case => String::new(),
+            Self::Key(above, key) => join(&above.path(), key),
+            Self::Index(above, index) => format!("{}[{index}]", above.path()),
+        }
+    }
+}
+
+fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>) {
+    let check = |text: &str, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>| {
+        let stays = |c| lines && matches!(c, '\n' | '\r' | '\t');
+        if let Some(c) = text.chars().find(|&c| controls(c) && !stays(c)) {
+            found.push(Problem {
+                path: place.path(),
+                value: brief(&text.into()),
+                reason: format!(
+                    "the text contains the control character U+{:04X}",
+                    u32::from(c)
+                ),
+                remedy: "write a text of one line without control characters".into(),
+                severity: Severity::Error,
+            });
+        }
+    };
+    match value {
+        Value::String(text) => check(text, place, lines, found),
+        Value::Array(list) => {
+            for (n, child) in list.iter().enumerate() {
+                look_for_controls(child, &Place::Index(place, n), lines, found);
+            }
+        }
+        Value::Object(map) => {
+            for (key, child) in map {
+                let here = Place::Key(place, key);
+                check(key, &here, false, found);
+                look_for_controls(child, &here, key == "description", found);
+            }
+        }
+        _ => {}
+    }
+}

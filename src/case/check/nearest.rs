@@ -1,0 +1,67 @@
+//! The known name that is nearest to an unknown one, and the remedies that propose it.
+
+use crate::error::Remedy;
+use std::borrow::Cow;
+
+/// The names to choose from, as a remedy.
+pub(super) fn choose(names: &[&str]) -> String {
+    format!("use one of: {}", names.join(", "))
+}
+
+/// The remedy for a name that is not among the known ones.
+pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
+    match nearest(name, known) {
+        _ if known.is_empty() => "remove it: there are no fields here".into(),
+        Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
+        None => format!("remove it, or {}", choose(known)),
+    }
+}
+
+/// As [`nearest_remedy`] for a word of a choice; it is proposed where it stands alone, without parameters.
+pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
+    let remedy = Remedy::from(nearest_remedy(name, known));
+    match nearest(name, known) {
+        Some(close) if plain.contains(&close) => remedy.set(path, close),
+        _ => remedy,
+    }
+}
+
+/// No name of a case is longer than this [bytes].
+const LONGEST_NAME: usize = 200;
+
+/// A name as it stands in a sentence.
+pub(super) fn clipped(name: &str) -> Cow<'_, str> {
+    if name.len() <= LONGEST_NAME {
+        return name.into();
+    }
+    let begin: String = name.chars().take(60).collect();
+    format!("{begin}...").into()
+}
+
+/// The name with the smallest edit distance, if it is close enough to be meant.
+#[must_use]
+pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
+    known
+        .iter()
+        .map(|candidate| (strsim::levenshtein(name, candidate), *candidate))
+        .min()
+        .filter(|(d, candidate)| *d <= candidate.len().max(name.len()).div_ceil(2))
+        .map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_by_edit_distance() {
+        assert_eq!(
+            nearest("viscosty", &["density", "viscosity"]),
+            Some("viscosity")
+        );
+        assert_eq!(nearest("qqqqqq", &["density", "viscosity"]), None);
+    }
+}

@@ -1,0 +1,131 @@
+//! The fluid at the start as a field on the lattice: the formulas of a case, and a field output of an earlier run.
+
+use crate::error::Error;
+use crate::lbm::initial::Field;
+use crate::number::{real, whole};
+use crate::plan::Plan;
+use crate::scene::flow::Flow;
+use crate::scene::grid::Grid;
+use crate::scene::initial::Initial;
+use crate::units::LatticeUnits;
+use std::path::Path;
+
+/// Lengths in cells after which a field repeats.
+fn repeats(grid: &Grid) -> [Option<f64>; 3] {
+    std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
+}
+
+/// The fluid at the start as a field on the lattice, by the formula of the case; none for a file.
+#[must_use]
+pub fn formula(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn Field>> {
+    let cells = plan.scene.grid.cells.map(real);
+    let u = |v: f64| units.velocity_to_lattice(v);
+    Some(match &flow.initial {
+        Initial::Uniform {
+            velocity,
+            pressure,
+            weight,
+        } => {
+            let (v, drho) = (
+                velocity.map(u),
+                units.pressure_to_density_deviation(*pressure),
+            );
+            let Some(weight) = weight else {
+                return Some(Box::new(move |_: [f64; 3]| (drho, v)));
+            };
+            // The density rises by 3 F from cell to cell, F as the collision adds it.
+            let force = weight.force.map(|f| units.force_density_to_lattice(f));
+            let place = weight.place.map(|x| x / units.spacing);
+            let there = drho + units.pressure_to_density_deviation(weight.pressure);
+            Box::new(move |p: [f64; 3]| {
+                let rise = |a: usize| 3.0 * force[a] * (p[a] - place[a]);
+                (there + (0..3).map(rise).sum::<f64>(), v)
+            })
+        }
+        Initial::TaylorGreen {
+            velocity,
+            wave_numbers,
+        } => {
+            let (speed, h) = (u(*velocity), units.spacing);
+            let [a, b, c] = wave_numbers.map(|k| k * h);
+            Box::new(move |p: [f64; 3]| {
+                let [x, y, z] = [a * p[0], b * p[1], c * p[2]];
+                let v = [
+                    -speed * x.cos() * y.sin() * z.cos(),
+                    speed * (a / b) * x.sin() * y.cos() * z.cos(),
+                    0.0,
+                ];
+                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²) and
+                // B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three times that.
+                let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
+                let drho = -0.375
+                    * speed
+                    * speed
+                    * ((2.0 * x).cos() * along(a) + (a / b).powi(2) * (2.0 * y).cos() * along(b));
+                (drho, v)
+            })
+        }
+        Initial::ShearLayers {
+            velocity,
+            thickness,
+            perturbation,
+        } => {
+            let (speed, sharp) = (u(*velocity), cells[1] * units.spacing / thickness);
+            let across = perturbation * speed;
+            Box::new(move |p: [f64; 3]| {
+                let [x, y] = [p[0] / cells[0], p[1] / cells[1]];
+                let from_layer = if y <= 0.5 { y - 0.25 } else { 0.75 - y };
+                let v = across * (std::f64::consts::TAU * (x + 0.25)).sin();
+                (0.0, [speed * (sharp * from_layer).tanh(), v, 0.0])
+            })
+        }
+        Initial::Channel {
+            flow,
+            across,
+            peak,
+            fluctuations,
+        } => {
+            let (flow, across, peak) = (*flow, *across, u(*peak));
+            let grid = &plan.scene.grid;
+            let eddies = fluctuations.map(|written| {
+                let modes = written.modes(grid.dimension, units);
+                let modes = modes.periodic(repeats(grid));
+                (written.intensity, modes)
+            });
+            Box::new(move |p: [f64; 3]| {
+                let s = p[across] / cells[across];
+                let speed = 4.0 * peak * s * (1.0 - s);
+                let mut v = [0.0; 3];
+                if let Some((intensity, modes)) = &eddies {
+                    v = modes.at(p).map(|u| u * intensity * speed);
+                }
+                v[flow] += speed;
+                (0.0, v)
+            })
+        }
+        Initial::File(_) => return None,
+    })
+}
+
+/// The fluid at the start from a field output of the same size.
+///
+/// # Errors
+/// Where the file cannot be read or has another number of cells.
+pub fn file(path: &Path, plan: &Plan, units: LatticeUnits) -> Result<Box<dyn Field>, Error> {
+    let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
+    let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
+    let (velocity, pressure) = (read("velocity")?, read("pressure")?);
+    let cells = plan.scene.grid.cells;
+    let count = cells[0] * cells[1] * cells[2];
+    if velocity.values.len() != 3 * count || pressure.values.len() != count {
+        return Err(wrong(format!("it does not hold {cells:?} cells")));
+    }
+    Ok(Box::new(move |p: [f64; 3]| {
+        let at: [usize; 3] =
+            std::array::from_fn(|a| whole(p[a].floor().max(0.0)).min(cells[a] - 1));
+        let n = (at[2] * cells[1] + at[1]) * cells[0] + at[0];
+        let u: [f64; 3] =
+            std::array::from_fn(|a| units.velocity_to_lattice(velocity.values[3 * n + a]));
+        (units.pressure_to_density_deviation(pressure.values[n]), u)
+    }))
+}
