@@ -18,14 +18,15 @@ use solver::dem::contact::Scaled;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::contact::linear::{self, Linear};
 use solver::dem::{
-    Body, Components, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space,
-    Surface, Volume, Wall, alone,
+    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space, Surface, Volume,
+    Wall, alone,
 };
 use solver::error::Error;
 use solver::preparation::growth::{Packing, PackingSettings, Sizes, Stop};
 use solver::preparation::numbering::curve_order;
 use solver::preparation::supervision::Supervision;
 use solver::random::Stream;
+use solver::simulation::calibration;
 
 const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
     normal_stiffness: Scaled::PerDiameter(150e6),
@@ -127,53 +128,7 @@ fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
 
 /// Spheres in a periodic box, packed or falling.
 fn spheres(count: usize, packed: bool) -> Result<(), Error> {
-    let side = (count as f64).cbrt().ceil();
-    let (spacing, jitter) = if packed {
-        (1.985e-3, 2e-3)
-    } else {
-        (3e-3, 0.1)
-    };
-    let parameters = linear::Parameters {
-        normal_stiffness: Scaled::Absolute(1e5),
-        stiffness_ratio: 2.0 / 7.0,
-        friction: 0.5,
-        normal_damping: 0.3,
-        shear_damping: 0.0,
-        attraction: false,
-    };
-    let law = Law::Linear(Linear {
-        parameters: PairTable::uniform(1, parameters),
-    });
-    let length = side * spacing;
-    let mut region = Region::<Volume>::closed(
-        Vector3::zeros(),
-        Vector3::new(length, length, length),
-        spacing,
-    );
-    region.periodic = [true; 3];
-    let mut particles = Particles::<Volume>::new();
-    for n in 0..count {
-        let mut draw = Stream::new(1, n as u64, 0);
-        let mut motion = Motion::<Volume>::default();
-        let cell = [
-            n as f64 % side,
-            (n as f64 / side).floor() % side,
-            (n as f64 / side / side).floor(),
-        ];
-        for (axis, cell) in cell.into_iter().enumerate() {
-            motion.position.set(
-                axis,
-                (cell + 0.5 + jitter * (draw.uniform() - 0.5)) * spacing,
-            );
-            motion.velocity.set(axis, 0.02 * (draw.uniform() - 0.5));
-        }
-        particles.insert(Body::uniform::<Volume>(n as u64, 1e-3, 2600.0, 0), motion);
-    }
-    let mut settings = Settings::new(region, 1e-6, if packed { 1e-4 } else { 5e-4 });
-    if !packed {
-        settings.gravity = Vector3::new(0.0, 0.0, -9.81);
-    }
-    let mut dem = Dem::new(law, settings, Vec::new())?;
+    let (mut dem, mut particles) = calibration::spheres(count, packed)?;
     let name = format!(
         "{} spheres, {}",
         count,
