@@ -1,8 +1,8 @@
 //! The file of an operator that exists in this test only.
 
+use crate::family::Description;
 use crate::lbm::collision::border::{Border, Situation};
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Model, Site};
-use crate::family::Description;
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::Lattice;
 use schemars::JsonSchema;
