@@ -83,14 +83,14 @@ const LINKS: [f64; 2] = [2.5, 5.0];
 const COVERED: [f64; 3] = [4e-8, 9e-8, 1.8e-7];
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
 const MAPPED: [f64; 2] = [1.4e-7, 4e-7];
-/// The same of grains in a bed, most of which rest.
+/// The same of grains in a bonded bed, most of which rest.
 const RESTING: f64 = 6e-10;
 /// A look of the guards at a population of a cell.
 const GUARD: f64 = 1.05e-9;
 /// Steps between looks of the guards.
 const GUARD_EVERY: f64 = 100.0;
 /// A solid step.
-const SOLID_STEP: f64 = 7e-7;
+const SOLID_STEP: f64 = 1.3e-7;
 /// A disc and a sphere in contact.
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 /// What bonds add to a grain.
@@ -136,6 +136,10 @@ impl Parts {
     #[must_use]
     pub fn of(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
+        let bonds = scene
+            .contact
+            .as_ref()
+            .is_some_and(|table| table.model().bonds());
         let mut all = Self::default();
         let three = usize::from(scene.grid.dimension == 3);
         if let Some(flow) = &scene.flow {
@@ -150,12 +154,9 @@ impl Parts {
                 Some(Coupling::PartiallySaturated(_)) => all.covered = COVERED[kind],
                 None => {}
             }
-            all.mapped = [RESTING, MAPPED[usize::from(blocks > 0)]];
+            let bed = if bonds { RESTING } else { MAPPED[0] };
+            all.mapped = [bed, MAPPED[usize::from(blocks > 0)]];
         }
-        let bonds = scene
-            .contact
-            .as_ref()
-            .is_some_and(|table| table.model().bonds());
         let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
         let solid_steps = f64::from(clock.solid_steps_per_step);
         if scene.seepage.is_some() {
