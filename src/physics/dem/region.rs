@@ -88,29 +88,57 @@ pub(super) fn edge(plane: usize, lower: f64, spacing: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::plane_of;
+    use super::{plane_of, wraps};
     use decomposition::{Axis, Slabs};
+    use proptest::prelude::*;
 
-    #[test]
-    fn every_coordinate_has_one_owner() {
-        let bounds = vec![0, 2, 2, 7];
-        let slabs = Slabs::from_bounds(Axis::X, bounds, false).unwrap();
-        for (origin, spacing) in [(0.0, 0.1), (-2.7, 1e-6), (1.3, 1.9)] {
+    fn split() -> impl Strategy<Value = Slabs> {
+        let thickness = prop::collection::vec(0_usize..6, 1..6);
+        (thickness, 1_usize..4, any::<bool>()).prop_map(|(thickness, last, periodic)| {
+            let mut bounds = vec![0];
+            for planes in thickness.into_iter().chain([last]) {
+                bounds.push(bounds[bounds.len() - 1] + planes);
+            }
+            Slabs::from_bounds(Axis::X, bounds, periodic).unwrap()
+        })
+    }
+
+    proptest! {
+        /// One unit in the last place below the face of a cell, at it, and above it.
+        #[test]
+        fn every_coordinate_has_one_owner(
+            slabs in split(),
+            origin in -3.0_f64..3.0,
+            spacing in 1e-6_f64..2.0,
+        ) {
+            let planes = i32::try_from(slabs.planes()).unwrap();
             let mut before = 0;
-            for face in -2..=9_i32 {
+            for face in -2..=planes + 2 {
                 let at = origin + spacing * f64::from(face);
-                // One unit in the last place below the face of a cell, at it, and above it.
                 for coordinate in [at.next_down(), at, at.next_up()] {
                     let plane = plane_of(coordinate, origin, spacing, slabs.planes());
                     let owners = (0..slabs.size()).filter(|&r| slabs.range(r).contains(&plane));
-                    assert!(owners.eq(slabs.owner_of_plane(plane)), "{coordinate}");
+                    prop_assert!(owners.eq(slabs.owner_of_plane(plane)), "{}", coordinate);
                     // Planes are in the order of coordinates and within one of the exact plane.
-                    assert!(before <= plane, "{coordinate}");
+                    prop_assert!(before <= plane, "{}", coordinate);
                     before = plane;
-                    let near = [face - 1, face].map(|n| usize::try_from(n.clamp(0, 6)).unwrap());
-                    assert!(near.contains(&plane), "{coordinate}");
+                    let inside = |n: i32| usize::try_from(n.clamp(0, planes - 1)).unwrap();
+                    prop_assert!([inside(face - 1), inside(face)].contains(&plane), "{}", coordinate);
                 }
             }
+        }
+
+        /// Coordinates within some box lengths come back into the box, to one unit in the last place of what was added.
+        #[test]
+        fn wrapped_coordinates_are_in_the_box(
+            lower in -3.0_f64..3.0,
+            length in 1e-6_f64..2.0,
+            boxes in -5.0_f64..5.0,
+        ) {
+            let raw = lower + boxes * length;
+            let wrapped = raw + f64::from(wraps(raw, lower, length)) * length;
+            let rounding = 4.0 * f64::EPSILON * (lower.abs() + 6.0 * length);
+            prop_assert!(wrapped >= lower - rounding && wrapped < lower + length + rounding, "{}", wrapped);
         }
     }
 
