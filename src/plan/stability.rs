@@ -103,7 +103,7 @@ pub(super) fn check(
     let cell = speed.value * scene.grid.spacing / flow.kinematic_viscosity;
     links_at_faces(scene, flow, &speed.path, cell, findings);
     let situation = Situation {
-        dimension: scene.grid.dimension,
+        velocities: flow.lattice,
         surroundings: surroundings(flow),
         lid_meets_wall: lid_meets_wall(flow),
         eddies: flow.turbulence.is_some(),

@@ -31,6 +31,15 @@ impl VelocitySet {
         }
     }
 
+    /// Number of space dimensions.
+    #[must_use]
+    pub fn dimension(self) -> usize {
+        match self {
+            Self::D2Q9 => 2,
+            Self::D3Q19 | Self::D3Q27 => 3,
+        }
+    }
+
     /// Its velocities.
     #[must_use]
     pub fn velocities(self) -> Velocities {

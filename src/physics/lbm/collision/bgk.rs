@@ -25,6 +25,8 @@ const FREE: &[Bounds] = &[
 ];
 const LID: &[Bounds] = &Bounds::always(10.0, 18.0);
 const CUBE: &[Bounds] = &Bounds::always(10.0, 20.0);
+const DUCT_19: [Bounds; 1] = Bounds::always(9.0, 10.0);
+const DUCT_27: [Bounds; 1] = Bounds::always(15.0, 17.6);
 const CUBE_EDDIES: &[Bounds] = &[
     Bounds::up_to(0.03, 30.0, 90.0),
     Bounds::up_to(f64::INFINITY, 10.0, 20.0),
@@ -49,6 +51,7 @@ impl Model for Parameters {
             FREE,
             LID,
             if situation.eddies { CUBE_EDDIES } else { CUBE },
+            [&DUCT_19, &DUCT_27],
         )
     }
 

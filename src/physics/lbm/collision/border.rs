@@ -1,7 +1,10 @@
 //! The cell Reynolds number up to which runs with an operator were stable.
 //!
 //! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
-//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings).
+//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings in 2-D), a square
+//! duct between an inlet and an outlet (openings in 3-D).
+
+use crate::lbm::lattice::VelocitySet;
 
 /// Bounds of the cell Reynolds number up to a lattice velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,8 +58,8 @@ pub enum Surroundings {
 /// A flow whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
-    /// Space dimensions.
-    pub dimension: usize,
+    /// Velocity set: that with 19 velocities fails before that with 27.
+    pub velocities: VelocitySet,
     /// What surrounds the fluid.
     pub surroundings: Surroundings,
     /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
@@ -65,7 +68,16 @@ pub struct Situation {
     pub eddies: bool,
 }
 
-/// Openings, with one or two relaxation times. The map has lattice velocities 0.2 and 0.28; at the latter eddies pass the guard at 0.3.
+impl Situation {
+    /// Openings in three dimensions, without an eddy viscosity: the flows of the map of the duct.
+    pub(super) fn duct(&self) -> bool {
+        self.surroundings == Surroundings::Openings
+            && self.velocities.dimension() == 3
+            && !self.eddies
+    }
+}
+
+/// Openings in 2-D, with one or two relaxation times. The map has lattice velocities 0.2 and 0.28; at the latter eddies pass the guard at 0.3.
 pub(super) const CYLINDER: Border = Border {
     map: "cylinder-10",
     bounds: &[
@@ -78,6 +90,14 @@ pub(super) const CYLINDER: Border = Border {
 pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "cavity-3d-20",
+        bounds,
+    }
+}
+
+/// A border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
+pub(super) const fn duct(bounds: &'static [Bounds]) -> Border {
+    Border {
+        map: "duct-20",
         bounds,
     }
 }

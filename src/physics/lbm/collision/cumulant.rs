@@ -52,6 +52,10 @@ impl Default for Parameters {
 }
 
 const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
+const DUCT: &[Bounds] = &[
+    Bounds::up_to(0.06, 30.0, 60.0),
+    Bounds::up_to(f64::INFINITY, 17.6, 23.0),
+];
 
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
@@ -64,6 +68,9 @@ impl Model for Parameters {
 
     /// With eddies the border lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
+        if situation.duct() {
+            return Some(border::duct(DUCT));
+        }
         (!situation.eddies).then_some(border::cube(CUBE))
     }
 

@@ -95,6 +95,10 @@ pub struct Parameters {
 }
 
 const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
+const DUCT: &[Bounds] = &[
+    Bounds::up_to(0.06, 30.0, 60.0),
+    Bounds::up_to(f64::INFINITY, 23.0, 30.0),
+];
 const CUBE_EDDIES: &[Bounds] = &[
     Bounds::up_to(0.03, 300.0, f64::INFINITY),
     Bounds::up_to(0.1, 100.0, 300.0),
@@ -168,6 +172,9 @@ impl Model for Parameters {
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.eddies && !situation.lid_meets_wall {
             return None;
+        }
+        if situation.duct() && !self.second_order() {
+            return Some(border::duct(DUCT));
         }
         Some(border::cube(
             match (situation.eddies, self.second_order()) {

@@ -60,6 +60,10 @@ const CUBE: &[Bounds] = &[
     Bounds::up_to(0.1, 30.0, 90.0),
     Bounds::up_to(f64::INFINITY, 10.0, 20.0),
 ];
+const DUCT: &[Bounds] = &[
+    Bounds::up_to(0.06, 30.0, 60.0),
+    Bounds::up_to(f64::INFINITY, 10.0, 13.6),
+];
 const CUBE_EDDIES: &[Bounds] = &[
     Bounds::up_to(0.03, 300.0, f64::INFINITY),
     Bounds::up_to(0.1, 100.0, 300.0),
@@ -121,6 +125,9 @@ impl Model for Parameters {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
             return None;
+        }
+        if situation.duct() && !second_order {
+            return Some(border::duct(DUCT));
         }
         Some(border::cube(match (second_order, situation.eddies) {
             (true, _) => CUBE_SECOND_ORDER,

@@ -13,7 +13,7 @@ use super::border::{self, Border, Bounds, Situation, Surroundings};
 use super::{Collision, Dispatch, Kernels, Model, Moments, Site, along};
 use crate::family::Description;
 use crate::lbm::lanes::Lanes;
-use crate::lbm::lattice::{Lattice, unroll};
+use crate::lbm::lattice::{Lattice, VelocitySet, unroll};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +46,8 @@ const FREE: &[Bounds] = &[
 ];
 const LID: &[Bounds] = &Bounds::always(20.0, 28.0);
 const CUBE: &[Bounds] = &Bounds::always(20.0, 30.0);
+const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 8.1);
+const DUCT_27: [Bounds; 1] = Bounds::always(10.0, 10.5);
 
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
@@ -60,7 +62,7 @@ impl Model for Parameters {
     }
 
     fn border(&self, situation: &Situation) -> Option<Border> {
-        border_of_two_rates(situation, FREE, LID, CUBE)
+        border_of_two_rates(situation, FREE, LID, CUBE, [&DUCT_19, &DUCT_27])
     }
 
     fn fails_at_faces(&self) -> f64 {
@@ -72,7 +74,8 @@ impl Model for Parameters {
     }
 }
 
-/// The border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a lid in 2-D, in 3-D.
+/// The border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a lid in 2-D, in 3-D, and in a duct
+/// between openings with 19 and with 27 velocities.
 ///
 /// With eddies, flows under a lid and flows without openings are judged: turbulent Taylor-Green vortices failed with WALE and with
 /// Smagorinsky (`benches/accuracy/eddy-models`), while streams and channels run at a thousand times these values.
@@ -81,23 +84,31 @@ pub(super) fn border_of_two_rates(
     free: &'static [Bounds],
     lid: &'static [Bounds],
     cube: &'static [Bounds],
+    duct: [&'static [Bounds]; 2],
 ) -> Option<Border> {
     let open = situation.surroundings == Surroundings::Openings;
     if situation.eddies && open && !situation.lid_meets_wall {
         return None;
     }
-    Some(match (situation.surroundings, situation.dimension) {
-        (Surroundings::Openings, _) => border::CYLINDER,
-        (Surroundings::Periodic, 2) => Border {
-            map: "shear-layers-64",
-            bounds: free,
+    if situation.duct() {
+        let [of_19, of_27] = duct;
+        let more = situation.velocities == VelocitySet::D3Q27;
+        return Some(border::duct(if more { of_27 } else { of_19 }));
+    }
+    Some(
+        match (situation.surroundings, situation.velocities.dimension()) {
+            (Surroundings::Openings, _) => border::CYLINDER,
+            (Surroundings::Periodic, 2) => Border {
+                map: "shear-layers-64",
+                bounds: free,
+            },
+            (_, 2) => Border {
+                map: "cavity-32",
+                bounds: lid,
+            },
+            _ => border::cube(cube),
         },
-        (_, 2) => Border {
-            map: "cavity-32",
-            bounds: lid,
-        },
-        _ => border::cube(cube),
-    })
+    )
 }
 
 impl Kernels for Parameters {
