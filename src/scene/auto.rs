@@ -16,6 +16,7 @@ pub(crate) mod features;
 mod gaps;
 pub mod measured;
 pub(crate) mod promise;
+mod resistance;
 mod seepage;
 pub(crate) mod solids;
 pub mod sound;

@@ -12,10 +12,11 @@
 //!
 //! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load. `measured_seepage.csv` lists the
 //! resulting errors of the flow: the largest error of two beds, one near the critical gradient and one that the flow presses down, at this and every
-//! smaller overlap or interval. Both errors add up, and the plan promises twice their sum. Porosity is computed from exact overlaps, because other
-//! methods cost as much at equal error.
+//! smaller overlap or interval. Both errors add up. The plan promises twice their sum and the error of the law of resistance
+//! ([`resistance`](super::resistance)); nothing where that is not known. Porosity is computed from exact overlaps, because other methods cost as much
+//! at equal error.
 
-use super::step;
+use super::{resistance, step};
 use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -195,24 +196,44 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         );
         return;
     };
-    let promised = 2.0 * (contacts.error + interval.error);
-    scene.chosen.promised = Some(promised);
-    let text = format!(
-        "error of the flow from {} and {} ({}); the plan promises twice their sum",
+    let numerics = 2.0 * (contacts.error + interval.error);
+    let of_numerics = format!(
+        "error of the flow from {} and {} ({}), twice their sum: {} %",
         contacts.name(),
         interval.name(),
-        contacts.place
+        contacts.place,
+        number(100.0 * numerics)
     );
+    let (law, of_law) = match resistance::error(scene) {
+        Ok(error) => error,
+        Err(reason) => {
+            let text = format!("{of_numerics}; nothing is promised beside it: {reason}");
+            scene.chosen.note("accuracy", text);
+            findings.warn(
+                "accuracy",
+                format!(
+                    "contacts and coupling interval change the flow by at most {} %, but the plan promises no error: {reason}",
+                    number(100.0 * numerics)
+                ),
+                "compare the flow with a measurement; `solver estimate` runs the case under other laws of resistance",
+            );
+            return;
+        }
+    };
+    let promised = numerics + law;
+    scene.chosen.promised = Some(promised);
+    let text = format!("{of_numerics}; law of resistance {of_law}");
     scene.chosen.note("accuracy", text);
     if promised > target {
         findings.warn(
             "accuracy",
             format!(
-                "{} % is requested, but the measured rows promise {} %",
+                "{} % is requested, but the plan promises {} %, of which the law of resistance is {} %",
                 number(100.0 * target),
-                number(100.0 * promised)
+                number(100.0 * promised),
+                number(100.0 * law)
             ),
-            "use stiffer contacts where they are stated, or request less accuracy",
+            "use stiffer contacts where they are stated, or another law, or state measured permeabilities (`fluid.darcy.zones`)",
         );
     }
 }
@@ -304,7 +325,39 @@ mod tests {
             .and_then(|s| s.coupling_time)
             .unwrap();
         assert!((chosen / time - 1.0).abs() < 1e-9, "{chosen}");
-        assert_eq!(scene.chosen.promised, Some(2.0 * (0.0190 + 0.0160)));
+        // Two grains are no bed, and no law was measured for them.
+        assert_eq!(scene.chosen.promised, None);
+    }
+
+    /// A cubic array of 5 x 5 x 5 spheres that touch. Kozeny and Carman's law is nearer to random beds than Ergun's.
+    #[test]
+    fn the_promise_covers_the_law_of_resistance() {
+        let mut grains = Vec::new();
+        for n in 0..125 {
+            let at = |n: i32| 0.002 + 0.004 * f64::from(n % 5);
+            grains.push(format!(
+                r#"{{"position": [{}, {}, {}], "radius": 0.002}}"#,
+                at(n),
+                at(n / 5),
+                at(n / 25)
+            ));
+        }
+        let bed = format!(r#"grains.initial={{"list": [{}]}}"#, grains.join(", "));
+        let slow = "fluid.darcy.viscosity=10";
+        let of = |law: &str| {
+            let law = format!(r#"fluid.darcy.resistance="{law}""#);
+            scene(&[&bed, slow, &law]).chosen.promised.unwrap() - 2.0 * (0.0190 + 0.0160)
+        };
+        let (carman, ergun) = (of("kozeny_carman"), of("ergun"));
+        assert!((0.03..0.06).contains(&carman), "{carman}");
+        assert!((0.2..0.3).contains(&ergun), "{ergun}");
+        // In water it is too fast for Darcy's law.
+        assert!(of_water(&bed) > 1.0);
+    }
+
+    fn of_water(bed: &str) -> f64 {
+        let law = r#"fluid.darcy.resistance="kozeny_carman""#;
+        scene(&[bed, law]).chosen.promised.unwrap()
     }
 
     #[test]
@@ -316,7 +369,8 @@ mod tests {
         };
         let stiff = scene(&[&law(1e7)]);
         assert!((softest(&stiff).unwrap() / 1e7 - 1.0).abs() < 1e-9);
-        assert_eq!(stiff.chosen.promised, Some(2.0 * (0.0056 + 0.0160)));
+        let reasons = |scene: &Scene| format!("{:?}", scene.chosen.reasons);
+        assert!(reasons(&stiff).contains("twice their sum: 4.32 %"));
         assert_eq!(scene(&[&law(10.0)]).chosen.promised, None);
         let often = scene(&["fluid.darcy.coupling_interval=7"]);
         let seepage = often.seepage.as_ref().unwrap();
