@@ -1,6 +1,6 @@
 //! A bound of the error over the number of cells and the Reynolds number, from all measured rows of an obstacle.
 //!
-//! The bound is e = [`TRANSFER`] exp(a) N^-p (1 + Re)^q. At given p and q, a is the 95th percentile of ln e + p ln N - q ln(1 + Re) over the rows;
+//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th percentile of ln e + p ln N - q ln(1 + Re) over the rows;
 //! p and q have the smallest loss of the quantile regression (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a
 //! grid. The bound holds from the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
 //! the bound of the most.
@@ -10,10 +10,11 @@ use crate::number::{real, whole};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Part of the rows that lie below the bound, before [`TRANSFER`].
+/// Part of the rows that lie below the bound, before its margin.
 const CONFIDENCE: f64 = 0.95;
-/// Other scenes differ from the problems of the rows. With this factor, bounds without one of the problems hold for 96 % of its rows.
-const TRANSFER: f64 = 1.25;
+/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this margin, bounds without one of
+/// the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
+const MARGIN: f64 = 3.0;
 /// Up to this Reynolds number inertia changes forces and flows by less than the rows differ: rows of creeping flow count.
 const CREEPING: f64 = 1.0;
 /// Steps of p, from a fifth to 3.5, and of q, from 0 to 0.8.
@@ -69,6 +70,7 @@ impl Bound {
         let [constant, order, inertia] = best.map_or([f64::INFINITY, 0.0, 0.0], |(_, fit)| fit);
         let cells = rows.iter().map(|row| row.cells);
         let mut problems: Vec<&str> = rows.iter().map(|row| row.problem.as_str()).collect();
+        problems.sort_unstable();
         problems.dedup();
         Self {
             constant,
@@ -98,7 +100,7 @@ impl Bound {
 
     fn at(&self, cells: f64, reynolds: f64) -> f64 {
         let log = self.constant - self.order * cells.ln() + self.inertia * reynolds.ln_1p();
-        TRANSFER * log.exp()
+        (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
 
     /// The smallest number of cells with at most this error; the most of the rows where it is not reached. Faster flow than that of the rows
@@ -207,9 +209,7 @@ mod tests {
         }
         let mut list = Vec::new();
         for (key, rows) in groups {
-            let mut problems = Bound::from(&rows).problems;
-            problems.sort_unstable();
-            problems.dedup();
+            let problems = Bound::from(&rows).problems;
             for problem in problems.iter().copied().filter(|_| problems.len() > 1) {
                 let others = rows.iter().copied().filter(|row| row.problem != problem);
                 let bound = Bound::from(&others.collect::<Vec<_>>());
@@ -230,8 +230,8 @@ mod tests {
         list
     }
 
-    /// Of fewer problems, those left over say little.
-    const ENOUGH: usize = 7;
+    /// One other problem says nothing of how problems differ.
+    const ENOUGH: usize = 2;
 
     /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the bound.
     #[test]
@@ -244,7 +244,7 @@ mod tests {
             assert!(one.worst <= 2.0, "{key:?}, {problem}: {}", one.worst);
         }
         assert!(
-            judged > 200 && 20 * kept >= 19 * judged,
+            judged > 1000 && 20 * kept >= 19 * judged,
             "{kept} of {judged}"
         );
     }

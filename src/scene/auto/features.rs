@@ -21,6 +21,9 @@ const DENSE: f64 = 0.6;
 /// Rows of the table for layers that viscosity spreads in time.
 pub(crate) const LAYERS: &str = "layers in time";
 
+/// Rows of the table for vortices away from walls.
+const VORTICES: &str = "vortices";
+
 /// Something that the water must resolve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Feature {
@@ -138,22 +141,22 @@ pub(crate) fn of(
             obstacle: LAYERS,
         });
     }
-    let mut walls = |what: String, size: f64| {
+    let mut vortices = |what: String, size: f64| {
         list.push(Feature {
             what,
             size,
-            obstacle: "walls",
+            obstacle: VORTICES,
         });
     };
     if let Initial::TaylorGreen { waves, .. } = &lbm.initial {
         let lengths = (case.domain.size.0.iter().zip(waves)).map(|(l, n)| 0.5 * l / f64::from(*n));
-        walls(
+        vortices(
             "half a wave of the vortices".into(),
             lengths.fold(f64::INFINITY, f64::min),
         );
     }
     if let Initial::ShearLayers { thickness, .. } = &lbm.initial {
-        walls(
+        vortices(
             "twice the thickness of a shear layer".into(),
             2.0 * thickness,
         );
@@ -210,11 +213,18 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
         .narrowest
         .filter(|gap| gap.width < DENSE * gap.beside && !gap.faces);
     list.extend(dense.map(|gap| Feature {
-        what: format!("diameter beside the {}", gap.what),
-        size: gap.beside,
+        what: format!("pores beside the {}", gap.what),
+        size: gap.beside * pores(found.solid),
         obstacle: packed(round),
     }));
     list
+}
+
+/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid fraction, over their diameter; at
+/// most 1. Errors of packed spheres go with it: on simple, body-centred and face-centred cubic lattices from 0.216 to 0.65 they
+/// are one curve.
+fn pores(solid: f64) -> f64 {
+    (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
 }
 
 /// A gap that water passes. Beside faces the rows hold the mean of width and gap.

@@ -14,6 +14,7 @@ use crate::dem::polyhedron::Polyhedron;
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample;
 use nalgebra::{Rotation3, Unit, Vector3};
+use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 /// The largest number of solids whose gaps are looked at.
@@ -45,6 +46,8 @@ pub(crate) struct Gaps {
     pub(crate) moving: Vec<Gap>,
     /// The narrowest gap of all; 3-D only.
     pub(crate) narrowest: Option<Gap>,
+    /// Solid fraction of the box about all round solids, along periodic axes the period; 3-D only.
+    pub(crate) solid: f64,
 }
 
 enum Form {
@@ -215,8 +218,27 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
         gaps.ways = axes.filter_map(way).collect();
     } else {
         gaps.narrowest = near.first().map(|link| link.gap(&solids));
+        gaps.solid = solid_fraction(&places, &solids);
     }
     gaps
+}
+
+/// Volume of the spheres over that of the box about them.
+fn solid_fraction(places: &Places<'_>, solids: &[Solid]) -> f64 {
+    let balls = solids.iter().filter_map(|solid| match &solid.form {
+        Form::Ball(radius) => Some((solid.at, *radius)),
+        Form::Hull(..) => None,
+    });
+    let volume: f64 = balls.clone().map(|(_, r)| 4.0 / 3.0 * PI * r.powi(3)).sum();
+    let end = |axis: usize, sign: f64| {
+        let ends = balls.clone().map(|(at, radius)| sign * at[axis] + radius);
+        ends.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let edge = |axis: usize| match places.period[axis] {
+        Some(period) => period,
+        None => end(axis, 1.0) + end(axis, -1.0),
+    };
+    (volume / (0..3).map(edge).product::<f64>()).min(1.0)
 }
 
 /// A pair of solids, or a solid and a wall, and its gap.

@@ -4,8 +4,9 @@ use super::bound::Bound;
 use super::features::{self, Feature};
 use super::{Chosen, asked, step};
 use crate::case::Case;
-use crate::case::fluid::{Fluid, LatticeBoltzmann};
+use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
 use crate::error::Remedy;
+use crate::lbm::boundary::Condition;
 use crate::number::{real, whole};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, length_of, number};
@@ -151,10 +152,37 @@ fn needs(
         Some((feature.size / cells, reason))
     };
     // What grows in a short run asks for no cells: the plan says that it is not resolved.
-    features::of(case, lbm, flow, None)
+    let mut needs: Vec<(f64, String)> = features::of(case, lbm, flow, None)
         .iter()
         .filter_map(need)
-        .collect()
+        .collect();
+    needs.extend(eddies(lbm).map(|length| {
+        let reason = format!(
+            "two cells across the imposed eddies of {} m",
+            number(length)
+        );
+        (0.5 * length, reason)
+    }));
+    needs
+}
+
+/// Length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
+fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
+    let initial = match &lbm.initial {
+        Initial::Channel { fluctuations, .. } => *fluctuations,
+        _ => None,
+    };
+    let inlets = lbm
+        .boundaries
+        .iter()
+        .filter_map(|boundary| match &boundary.condition {
+            Condition::Velocity(velocity) => velocity.turbulence,
+            _ => None,
+        });
+    initial
+        .into_iter()
+        .chain(inlets)
+        .map(|eddies| eddies.length_scale)
 }
 
 /// Grains decide where there is no lattice.
