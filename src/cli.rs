@@ -72,6 +72,12 @@ enum Command {
     Plan {
         #[command(flatten)]
         case: CaseArgs,
+        /// Estimate the time on this number of MPI ranks, too.
+        #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+        ranks: Option<u32>,
+        /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
+        #[arg(long, value_parser = usage::threads)]
+        threads: Option<u16>,
         #[command(flatten)]
         stability: Stability,
     },
@@ -315,7 +321,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             start(&case, options)
         }
         Command::Validate { case, stability } => validate(&case, stability),
-        Command::Plan { case, stability } => plan(&case, stability),
+        Command::Plan {
+            case,
+            ranks,
+            threads,
+            stability,
+        } => plan(&case, (ranks, threads), stability),
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
         Command::Reference { format, output } => {
@@ -365,9 +376,6 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             threads,
             max_walltime,
         } => {
-            if let Some(warning) = usage::too_many_threads(threads) {
-                report_error(&warning);
-            }
             let search = Search {
                 output: output.unwrap_or_else(|| folder_of(&case.case)),
                 case: case.case.clone(),
@@ -517,9 +525,6 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
 }
 
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
-    if let Some(warning) = usage::too_many_threads(run.threads) {
-        report_error(&warning);
-    }
     RunOptions {
         output: None,
         case: None,
@@ -543,9 +548,19 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     judge(&plan.warnings, case, stability)
 }
 
-fn plan(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+fn plan(
+    case: &CaseArgs,
+    (ranks, threads): (Option<u32>, Option<u16>),
+    stability: Stability,
+) -> Result<(), Error> {
     let mut plan = prepare(case)?;
     plan.on_machine(simulation::calibration::machine(&plan));
+    if ranks.is_some() || threads.is_some() {
+        let ranks = ranks.map_or(1, |ranks| ranks as usize);
+        let threads = threads.map_or_else(|| (usage::cores() / ranks).max(1), usize::from);
+        let crowded = simulation::calibration::crowded(&plan, ranks * threads);
+        plan.on_cores(ranks, threads, crowded);
+    }
     if case.json {
         let mut tree = shown(&plan);
         tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);

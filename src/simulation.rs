@@ -17,6 +17,7 @@
 //! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
 //! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of the phases of a step |
 
+mod affinity;
 pub(crate) mod agreement;
 mod balance;
 pub mod blocks;

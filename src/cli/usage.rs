@@ -43,16 +43,6 @@ pub(super) fn threads(text: &str) -> Result<u16, String> {
     }
 }
 
-/// What a reader should know of a number of threads that is allowed.
-pub(super) fn too_many_threads(threads: Option<u16>) -> Option<String> {
-    let (threads, cores) = (usize::from(threads?), cores());
-    (threads > cores).then(|| {
-        format!(
-            "warning: --threads = {threads}: this process may use {cores} core(s), and threads that share a core wait for each other; use at most {cores}"
-        )
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,7 +70,5 @@ mod tests {
         for bad in ["0", "1025", "65535", "65536", "-1", "two"] {
             assert!(threads(bad).unwrap_err().contains("1 to 1024"), "{bad}");
         }
-        assert_eq!(too_many_threads(None), None);
-        assert_eq!(too_many_threads(Some(1)), None);
     }
 }

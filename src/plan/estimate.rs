@@ -63,6 +63,23 @@ pub struct Estimate {
     pub seconds: Seconds,
     /// Time of the run on one core \[s\].
     pub seconds_on_one_core: f64,
+    /// Time on the cores that were asked for.
+    pub on_cores: Option<OnCores>,
+}
+
+/// The time of a run on several cores.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OnCores {
+    /// MPI ranks.
+    pub ranks: usize,
+    /// Threads of each.
+    pub threads: usize,
+    /// Speed of a core in its part of the lattice while all pass theirs, over that of one core in the whole.
+    pub crowded: f64,
+    /// Planes of the thickest slab over the mean.
+    pub unevenness: f64,
+    /// Time of the run \[s\].
+    pub seconds: f64,
 }
 
 /// What the costs are made of.
@@ -195,6 +212,24 @@ impl Estimate {
         }
     }
 
+    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared, the pass over the lattice
+    /// at the speed of cores that pass at the same time. Messages are not counted.
+    pub fn on_cores(&mut self, scene: &Scene, ranks: usize, threads: usize, crowded: f64) {
+        let planes = scene.grid.cells[scene.grid.split_axis.min(2)];
+        let cores = real(ranks * threads);
+        let unevenness = real(planes.div_ceil(ranks) * ranks) / real(planes.max(1));
+        let alone = self.seconds.start_and_end + self.seconds.output;
+        let shared = self.seconds.sum() - alone - self.seconds.fluid;
+        let seconds = alone + (shared + self.seconds.fluid / crowded) * unevenness / cores;
+        self.on_cores = Some(OnCores {
+            ranks,
+            threads,
+            crowded,
+            unevenness,
+            seconds,
+        });
+    }
+
     /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice, or where grains
     /// alone need more.
     fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
@@ -286,6 +321,7 @@ fn machine_memory() -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use crate::case::{Document, examples};
+    use crate::number::real;
     use crate::plan::Plan;
     use std::path::Path;
 
@@ -293,6 +329,24 @@ mod tests {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let text = examples::find(name).unwrap().text;
         Document::read(text, &set, Path::new(".")).and_then(Plan::prepare)
+    }
+
+    #[test]
+    fn ranks_and_threads_share_all_but_start_end_and_output() {
+        let mut plan = planned("taylor-green", &["domain.spacing=1.5625e-5"]).unwrap();
+        let one = plan.estimate.seconds_on_one_core;
+        plan.on_cores(1, 1, 1.0);
+        let on = |plan: &Plan| plan.estimate.on_cores.unwrap();
+        assert!((on(&plan).seconds / one - 1.0).abs() < 1e-12);
+        let seconds = plan.estimate.seconds;
+        let alone = seconds.start_and_end + seconds.output;
+        plan.on_cores(3, 2, 0.5);
+        let rest = one - alone + seconds.fluid;
+        let planes = plan.scene.grid.cells[plan.scene.grid.split_axis];
+        let unevenness = 3.0 * real(planes.div_ceil(3)) / real(planes);
+        assert!((on(&plan).unevenness - unevenness).abs() < 1e-12);
+        let expected = alone + rest / 6.0 * unevenness;
+        assert!((on(&plan).seconds / expected - 1.0).abs() < 1e-12);
     }
 
     #[test]

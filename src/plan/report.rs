@@ -179,6 +179,16 @@ impl Plan {
             duration(e.seconds_on_one_core),
             why.join(", "),
         ]);
+        if let Some(on) = e.on_cores {
+            rows.push([
+                format!("time on {} x {} cores", on.ranks, on.threads),
+                duration(on.seconds),
+                format!(
+                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} times the mean; no messages",
+                    on.crowded, on.unevenness
+                ),
+            ]);
+        }
         rows
     }
 }

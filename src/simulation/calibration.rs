@@ -17,6 +17,7 @@ use crate::scene::flow::Flow;
 use decomposition::{Axis, Domain};
 use nalgebra::Vector3;
 use std::io::Write;
+use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
 /// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in its run.
@@ -129,18 +130,79 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
     Ok((Dem::new(law, settings, Vec::new())?, particles))
 }
 
+/// The speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the speed of the whole on one core: memory
+/// is shared by the cores, and smaller parts fit their caches. At most as many cores as there are count. 1 without a lattice.
+#[must_use]
+pub fn crowded(plan: &Plan, cores: usize) -> f64 {
+    let busy = cores.min(std::thread::available_parallelism().map_or(1, usize::from));
+    let Some(flow) = plan.scene.flow.as_ref().filter(|_| cores > 1) else {
+        return 1.0;
+    };
+    let start = Barrier::new(busy);
+    let rate = || {
+        // A pool of one thread, so that the passes of a part stay on its core.
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .ok()?;
+        pool.install(|| match flow.storage {
+            Precision::F64 => measure::<f64>(plan, flow, cores, Some(&start)),
+            Precision::F32 => measure::<f32>(plan, flow, cores, Some(&start)),
+        })
+    };
+    let rates: Vec<Option<f64>> = std::thread::scope(|scope| {
+        let parts: Vec<_> = (0..busy).map(|_| scope.spawn(rate)).collect();
+        let joined = parts.into_iter().map(|part| part.join().ok().flatten());
+        joined.collect()
+    });
+    let slowest = rates
+        .iter()
+        .flatten()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    if slowest.is_finite() && plan.estimate.mlups > 0.0 {
+        slowest / plan.estimate.mlups
+    } else {
+        1.0
+    }
+}
+
 /// Million lattice updates per second of one core with the operator, the eddies and the storage of a plan, in a closed box without solids;
 /// none without a lattice, or where the memory for the measurement is refused.
 fn mlups(plan: &Plan) -> Option<f64> {
     let flow = plan.scene.flow.as_ref()?;
     match flow.storage {
-        Precision::F64 => measure::<f64>(plan, flow),
-        Precision::F32 => measure::<f32>(plan, flow),
+        Precision::F64 => measure::<f64>(plan, flow, 1, None),
+        Precision::F32 => measure::<f32>(plan, flow, 1, None),
     }
 }
 
-fn measure<S: Stored>(plan: &Plan, flow: &Flow) -> Option<f64> {
+/// The rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of the fastest.
+fn measure<S: Stored>(
+    plan: &Plan,
+    flow: &Flow,
+    parts: usize,
+    together: Option<&Barrier>,
+) -> Option<f64> {
+    let fluid = part::<S>(plan, flow, parts);
+    if let Some(start) = together {
+        // Every part arrives, also one whose memory was refused.
+        start.wait();
+    }
+    let (mut fluid, cells) = fluid?;
+    let seconds = if together.is_some() {
+        mean_pass(&mut fluid)
+    } else {
+        fastest_pass(&mut fluid)
+    };
+    Some(1e-6 * real(cells) / seconds)
+}
+
+/// One of `parts` of the lattice of a plan, and its cells.
+fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, usize)> {
     let mut cells = plan.scene.grid.cells;
+    let split = plan.scene.grid.split_axis.min(2);
+    cells[split] = cells[split].div_ceil(parts);
     while cells.iter().product::<usize>() * flow.lattice.count() > POPULATIONS {
         let longest = (0..3).max_by_key(|a| cells[*a]).unwrap_or(0);
         cells[longest] = cells[longest].div_ceil(2);
@@ -163,9 +225,22 @@ fn measure<S: Stored>(plan: &Plan, flow: &Flow) -> Option<f64> {
     };
     let axis = [Axis::X, Axis::Y, Axis::Z][plan.scene.grid.split_axis.min(2)];
     let domain = Domain::serial(axis, cells[plan.scene.grid.split_axis], false);
-    let mut fluid = Fluid::<S>::new(setup, &domain).ok()?;
-    let fastest = fastest_pass(&mut fluid);
-    Some(1e-6 * real(cells.iter().product::<usize>()) / fastest)
+    let fluid = Fluid::<S>::new(setup, &domain).ok()?;
+    Some((fluid, cells.iter().product()))
+}
+
+/// Time \[s\] of the mean pass.
+fn mean_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
+    fluid.advance();
+    fluid.advance();
+    let begin = Instant::now();
+    let mut passes = 0_usize;
+    while begin.elapsed() < TIME {
+        fluid.advance();
+        fluid.advance();
+        passes += 2;
+    }
+    begin.elapsed().as_secs_f64() / real(passes)
 }
 
 /// Time \[s\] of the fastest pass.

@@ -13,6 +13,7 @@ mod summary;
 mod warm_up;
 
 use super::Simulation;
+use super::affinity::{self, Cores};
 use super::agreement;
 use super::folder::{Entry, RunFolder};
 use super::resume::{self, Resumed};
@@ -218,6 +219,18 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
             .unwrap_or_else(|| communicator.size());
         (std::thread::available_parallelism().map_or(1, usize::from) / local.max(1)).max(1)
     });
+    match affinity::provide(threads) {
+        Cores::Enough => {}
+        // Ranks of a launcher have the same number of cores.
+        _ if communicator.rank() > 0 => {}
+        Cores::Widened(had) => log::info!(
+            "each rank was started on {had} core(s); its {threads} threads now have as many"
+        ),
+        Cores::TooFew(had) => log::warn!(
+            "rank {}: {threads} threads have {had} core(s) and take turns, which is slower than {had} thread(s): use `--threads {had}`, or more              cores a rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)",
+            communicator.rank()
+        ),
+    }
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .use_current_thread()

@@ -1,0 +1,115 @@
+//! The cores that the threads of a rank may use.
+//!
+//! `mpirun` binds each rank to one core unless it is told otherwise. Threads on one core wait for each other instead of sharing the work: two are
+//! up to ten times slower than one. A rank that is to have more threads than cores therefore takes its share of the cores of the machine,
+//! where the system lets it.
+
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::env::var;
+
+/// What became of the cores of a rank.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Cores {
+    /// There are enough.
+    Enough,
+    /// There were this many, and now there are enough.
+    Widened(usize),
+    /// There are this many and no more.
+    TooFew(usize),
+}
+
+/// Gives this process at least as many cores as threads, before threads are started.
+pub(super) fn provide(threads: usize) -> Cores {
+    let Ok(before) = sched_getaffinity(None) else {
+        return Cores::Enough;
+    };
+    let had = count(&before);
+    if had >= threads {
+        return Cores::Enough;
+    }
+    let wanted = share(threads, online(), local("RANK").unwrap_or(0));
+    // The system leaves out cores that a job may not use.
+    let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
+    if widened.is_ok_and(|now| count(&now) >= threads) {
+        return Cores::Widened(had);
+    }
+    let _ = sched_setaffinity(None, &before);
+    Cores::TooFew(had)
+}
+
+/// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough for all.
+fn share(threads: usize, online: usize, rank: usize) -> CpuSet {
+    let all = 0..online;
+    let own = rank * threads..(rank + 1) * threads;
+    let mut cores = CpuSet::new();
+    for core in if own.end <= online { own } else { all } {
+        if core < CpuSet::MAX_CPU {
+            cores.set(core);
+        }
+    }
+    cores
+}
+
+fn count(cores: &CpuSet) -> usize {
+    cores.count() as usize
+}
+
+/// Cores of the machine that run, whether or not this process may use them.
+fn online() -> usize {
+    let text = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
+    // Such as `0-15` or `0,2-5`: the last number counts.
+    let last = text.trim().rsplit([',', '-']).next();
+    last.and_then(|n| n.parse::<usize>().ok())
+        .map_or(1, |n| n + 1)
+}
+
+/// Rank on this machine, as Open MPI or Slurm say.
+fn local(what: &str) -> Option<usize> {
+    let names = [
+        format!("OMPI_COMM_WORLD_LOCAL_{what}"),
+        "SLURM_LOCALID".to_owned(),
+    ];
+    names
+        .iter()
+        .find_map(|name| var(name).ok()?.parse::<usize>().ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_take_cores_that_follow_each_other() {
+        let cores = |rank| {
+            let set = share(3, 8, rank);
+            (0..8).filter(|core| set.is_set(*core)).collect::<Vec<_>>()
+        };
+        assert_eq!(cores(0), [0, 1, 2]);
+        assert_eq!(cores(1), [3, 4, 5]);
+        // Not enough for a third one, which may use all.
+        assert_eq!(cores(2), [0, 1, 2, 3, 4, 5, 6, 7]);
+    }
+
+    /// On a thread of its own, since threads inherit cores.
+    #[test]
+    fn a_process_on_one_core_gets_the_cores_of_its_threads_or_says_that_it_does_not() {
+        let test = || {
+            let before = sched_getaffinity(None).unwrap();
+            assert_eq!(provide(1), Cores::Enough);
+            let first = (0..CpuSet::MAX_CPU)
+                .find(|core| before.is_set(*core))
+                .unwrap();
+            let mut one = CpuSet::new();
+            one.set(first);
+            sched_setaffinity(None, &one).unwrap();
+            let got = provide(2);
+            let now = count(&sched_getaffinity(None).unwrap());
+            match got {
+                Cores::Widened(1) => assert!(now >= 2, "{now}"),
+                Cores::TooFew(1) => assert_eq!(now, 1),
+                other => panic!("{other:?}"),
+            }
+        };
+        std::thread::spawn(test).join().unwrap();
+    }
+}
