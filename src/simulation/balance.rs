@@ -1,13 +1,13 @@
 //! Slabs of equal cost.
 //!
 //! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres lie in it. The rates
-//! are those of the plan ([`Parts`]). They decide nothing but where the slabs are cut: no result depends on them. A run that saves a
+//! are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters. They decide nothing but where the slabs are cut: no result depends on them. A run that saves a
 //! checkpoint compares the rates with the times that its phases took, and continues from it with other slabs where these cost clearly
 //! less.
 //!
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
-use super::setup;
+use super::{calibration, setup};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::number::{floor_i64, real, to_i64};
@@ -22,6 +22,8 @@ const UNEVEN: f64 = 1.05;
 const WORTH: f64 = 0.1;
 /// A step of all ranks together that is cheaper gains nothing by other slabs: messages take longer.
 const LEAST: i64 = 20_000_000;
+/// A run of this time on one core takes the time to measure the speed of the machine \[s\].
+const LONG: f64 = 10.0;
 /// Picoseconds of a second.
 const PICOSECONDS: f64 = 1e12;
 
@@ -41,7 +43,9 @@ impl Costs {
         particles: &Particles<Sp>,
         communicator: &Communicator,
     ) -> Self {
-        let (scene, parts) = (&plan.scene, Parts::of(&plan.scene, &plan.clock));
+        let (scene, mut parts) = (&plan.scene, Parts::of(&plan.scene, &plan.clock));
+        // The pass over the lattice depends on the width of vectors and on the memory; the work of solids hardly does.
+        parts.cell /= plan.estimate.machine.fluid;
         let axis = scene.grid.split_axis;
         let planes = scene.grid.cells[axis];
         let mut all = Self {
@@ -167,6 +171,31 @@ pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     } else {
         1.0
     }
+}
+
+/// Whether the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the run is long.
+#[must_use]
+pub(super) fn depends_on_the_machine(
+    plan: &Plan,
+    planes: &[i64],
+    communicator: &Communicator,
+) -> bool {
+    let equal = equal(&plan.scene, planes.len(), communicator.size());
+    communicator.size() > 1
+        && plan.scene.flow.is_some()
+        && plan.estimate.seconds_on_one_core > LONG
+        && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
+}
+
+/// Speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure at the same time. Collective.
+#[must_use]
+pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
+    communicator.barrier();
+    let parts = communicator.size();
+    let own = calibration::fluid(plan, parts) / real(rayon::current_num_threads());
+    let sum = communicator.all_reduce_sum_i64(picoseconds(own));
+    let mean = real(sum) / PICOSECONDS / real(parts);
+    if mean > 0.0 { mean } else { 1.0 }
 }
 
 /// Slabs of equal thickness.

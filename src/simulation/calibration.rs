@@ -42,7 +42,7 @@ pub fn machine(plan: &Plan) -> Machine {
         .num_threads(1)
         .use_current_thread()
         .build_global();
-    let fluid = mlups(plan).map_or(1.0, |now| now / plan.estimate.mlups);
+    let fluid = fluid(plan, 1);
     let reference = Machine::default();
     Machine {
         fluid,
@@ -167,14 +167,19 @@ pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     }
 }
 
-/// Million lattice updates per second of one core with the operator, the eddies and the storage of a plan, in a closed box without solids;
-/// none without a lattice, or where the memory for the measurement is refused.
-fn mlups(plan: &Plan) -> Option<f64> {
-    let flow = plan.scene.flow.as_ref()?;
-    match flow.storage {
-        Precision::F64 => measure::<f64>(plan, flow, 1, None),
-        Precision::F32 => measure::<f32>(plan, flow, 1, None),
-    }
+/// Speed of the threads of this process in one of `parts` of the lattice, over that of one core in the plan: with the operator, the eddies and the
+/// storage of the plan, in a closed box without solids. 1 without a lattice, or where the memory for the measurement is refused.
+#[must_use]
+pub fn fluid(plan: &Plan, parts: usize) -> f64 {
+    let rate = plan
+        .scene
+        .flow
+        .as_ref()
+        .and_then(|flow| match flow.storage {
+            Precision::F64 => measure::<f64>(plan, flow, parts, None),
+            Precision::F32 => measure::<f32>(plan, flow, parts, None),
+        });
+    rate.map_or(1.0, |now| now / plan.estimate.mlups)
 }
 
 /// The rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of the fastest.

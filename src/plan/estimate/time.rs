@@ -81,6 +81,8 @@ const LINK: f64 = 4.3e-9;
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
 const COVERED: [f64; 3] = [4e-8, 9e-8, 1.8e-7];
+/// What eddies add to a covered cell of D3Q19.
+const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
 const MAPPED: [f64; 2] = [1.4e-7, 4e-7];
 /// The same of grains in a bonded bed, most of which rest.
@@ -151,7 +153,10 @@ impl Parts {
             };
             match &scene.coupling {
                 Some(Coupling::BounceBack(_)) => all.linked = LINKS[three] * LINK,
-                Some(Coupling::PartiallySaturated(_)) => all.covered = COVERED[kind],
+                Some(Coupling::PartiallySaturated(_)) => {
+                    let eddies = flow.turbulence.is_some() && flow.lattice == VelocitySet::D3Q19;
+                    all.covered = COVERED[kind] + if eddies { COVERED_EDDIES } else { 0.0 };
+                }
                 None => {}
             }
             let bed = if bonds { RESTING } else { MAPPED[0] };

@@ -155,7 +155,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let slabs = match start.slabs.or(listed) {
             Some(slabs) => slabs,
             None => {
-                let costs = Costs::of(&plan, &particles, &communicator).planned();
+                let mut costs = Costs::of(&plan, &particles, &communicator).planned();
+                if balance::depends_on_the_machine(&plan, &costs, &communicator) {
+                    plan.estimate.machine.fluid = balance::speed(&plan, &communicator);
+                    costs = Costs::of(&plan, &particles, &communicator).planned();
+                }
                 let slabs = balance::cut(&plan.scene, &costs, communicator.size());
                 let equal = balance::equal(&plan.scene, costs.len(), communicator.size());
                 if slabs != equal {
