@@ -8,7 +8,7 @@
 //! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; the fluid with its coupling |
 //! | `preparation` | the sample of grains, its reports and checkpoints |
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
-//! | `balance`, `calibration` | slabs of equal cost; speed of the fluid on this machine |
+//! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of the threads of a rank |
 //! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |

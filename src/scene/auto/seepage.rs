@@ -325,11 +325,17 @@ mod tests {
             .and_then(|s| s.coupling_time)
             .unwrap();
         assert!((chosen / time - 1.0).abs() < 1e-9, "{chosen}");
+        let reasons = format!("{:?}", scene.chosen.reasons);
+        let numerics = format!(
+            "twice their sum: {} %",
+            number(100.0 * 2.0 * (0.0190 + 0.0160))
+        );
+        assert!(reasons.contains(&numerics), "{reasons}");
         // Two grains are no bed, and no law was measured for them.
         assert_eq!(scene.chosen.promised, None);
     }
 
-    /// A cubic array of 5 x 5 x 5 spheres that touch. Kozeny and Carman's law is nearer to random beds than Ergun's.
+    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in random beds, Ergun's 4 and 21 %.
     #[test]
     fn the_promise_covers_the_law_of_resistance() {
         let mut grains = Vec::new();
@@ -349,7 +355,7 @@ mod tests {
             scene(&[&bed, slow, &law]).chosen.promised.unwrap() - 2.0 * (0.0190 + 0.0160)
         };
         let (carman, ergun) = (of("kozeny_carman"), of("ergun"));
-        assert!((0.03..0.06).contains(&carman), "{carman}");
+        assert!((0.15..0.17).contains(&carman), "{carman}");
         assert!((0.2..0.3).contains(&ergun), "{ergun}");
         // In water it is too fast for Darcy's law.
         assert!(of_water(&bed) > 1.0);

@@ -46,7 +46,8 @@ const FREE: &[Bounds] = &[
 ];
 const LID: &[Bounds] = &Bounds::always(20.0, 28.0);
 const CUBE: &[Bounds] = &Bounds::always(20.0, 30.0);
-const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 8.1);
+/// Beside the map, a duct of 24 cells failed at 7.7.
+const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 7.6);
 const DUCT_27: [Bounds; 1] = Bounds::always(10.0, 10.5);
 
 impl Model for Parameters {
