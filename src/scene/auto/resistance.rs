@@ -19,7 +19,7 @@ use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::grains::{GrainSource, Grains};
 use crate::scene::sample::Grain;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_6, PI};
 
 /// Solid fractions of random beds that stand: from the loosest (G. Y. Onoda and E. G. Liniger, Phys. Rev. Lett. 64 (1990) 2727) to the densest of
 /// the simulations.
@@ -30,7 +30,7 @@ const ARRAYS: [(f64, f64); 5] = [
     (0.216, 7.442),
     (0.343, 15.4),
     (0.45, 28.1),
-    (0.5236, 42.1),
+    (FRAC_PI_6, 42.1),
 ];
 /// Beyond the 0.6 of the simulations the first term, which is that of Kozeny and Carman, is 99 % of the drag.
 const DENSEST: f64 = 0.65;
@@ -79,9 +79,10 @@ fn velocity(solid: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
 
 /// The loss of pressure \[Pa/m\] of a simple cubic array in slow flow; none outside the solid fractions that are known.
 fn loss_of_array(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> Option<f64> {
-    let [(a, low), (b, high)] = *ARRAYS
-        .array_windows()
-        .find(|[a, b]| (a.0..=b.0 * (1.0 + 1e-3)).contains(&solid))?;
+    let pair = ARRAYS
+        .windows(2)
+        .find(|pair| (pair[0].0..=pair[1].0 * (1.0 + 1e-3)).contains(&solid))?;
+    let ((a, low), (b, high)) = (pair[0], pair[1]);
     let share = (solid - a) / (b - a);
     let drag = low * (high / low).powf(share);
     Some(18.0 * solid * liquid.viscosity * velocity * drag / (diameter * diameter))
