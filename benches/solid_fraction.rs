@@ -19,7 +19,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use solver::coupling::solid_fraction::{BallTable, Form, Method, Scratch, faces};
+use solver::coupling::solid_fraction::{BallInCells, BallTable, Form, Method, Scratch, faces};
 use solver::dem::polyhedron::Polyhedron;
 
 const CENTRE: [f64; 3] = [20.37, 20.14, 20.71];
@@ -98,15 +98,19 @@ fn show(name: &str, form: &Form, volume: f64) {
                 _ => rows.push((x, y, std::iter::once(z..z + 1).collect())),
             }
         }
-        let mut row = Vec::new();
         let time = per_cell(surface.len(), || {
-            table.fill(centre, radius, [0; 3], CELLS, [0, 1, 2]);
+            table.fill(&BallInCells {
+                centre,
+                radius,
+                lower: [0; 3],
+                cells: CELLS,
+                order: [0, 1, 2],
+            });
             let mut sum = 0.0;
             for (i, j, runs) in &rows {
                 table.layer(*i);
                 for run in runs {
-                    table.row(*j, run.clone(), &mut row);
-                    sum += row.iter().sum::<f64>();
+                    sum += table.row(*j)[run.clone()].iter().sum::<f64>();
                 }
             }
             sum

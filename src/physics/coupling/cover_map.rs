@@ -6,24 +6,23 @@
 //! alone: it is the same after a restart and on any number of ranks, because the geometry is computed in the frame of a body's raw position.
 //! A slab holds its own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the next one.
 
+mod runs;
+
+use self::runs::{Rows, Runs};
 use super::body_map::Grid;
 use super::solid_fraction::{Form, Method, Scratch, faces};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
-use crate::lbm::lanes::Stored;
+use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::links::{Plane, Rigid};
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
-use crate::number::{floor_i32, single, to_i32, to_u32};
+use crate::number::{to_i32, to_u32};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::ops::Range;
 
 /// Who is mapped: id, and which image.
 type Name = (u64, [i32; 3]);
-
-/// A covered cell: its position in the lattice, and how much of it; of a ghost cell the negative.
-type Cell = (u32, f32);
 
 /// One body, or one image of a body, near this slab.
 #[derive(Debug, Default)]
@@ -32,9 +31,9 @@ struct Mapped {
     slot: u32,
     /// What it was mapped as; none before the first time.
     at: Option<Pose>,
-    /// Its cells by rising position.
-    cells: Vec<Cell>,
-    next: Vec<Cell>,
+    /// Its cells, and those that it has from the next update on.
+    cells: Runs,
+    next: Runs,
     /// Faces of a polyhedron; none of a disc or sphere.
     planes: Vec<Plane>,
     moved: bool,
@@ -66,16 +65,6 @@ struct Pose {
     orientation: [f64; 4],
 }
 
-/// The lattice as rows of cells.
-#[derive(Clone, Copy, Debug)]
-struct Rows {
-    cells: [i32; 3],
-    strides: [usize; 3],
-    origin: usize,
-    /// Axes from slowest to fastest.
-    order: [usize; 3],
-}
-
 /// The map of one slab.
 #[derive(Debug)]
 pub struct CoverMap {
@@ -90,9 +79,6 @@ pub struct CoverMap {
     entries: Vec<u32>,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
-}
-fn whole(n: i32) -> usize {
-    usize::try_from(n).unwrap_or(0)
 }
 impl CoverMap {
     /// No bodies over the slab of `populations`.
@@ -111,6 +97,8 @@ impl CoverMap {
                 strides: [stride(0), stride(1), stride(2)],
                 origin,
                 order: populations.order(),
+                level: Level::best(),
+                dimension: populations.velocities().dimension,
             },
             dimension: populations.velocities().dimension,
             bodies: Vec::new(),
@@ -141,10 +129,10 @@ impl CoverMap {
 
     /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out.
     pub fn surface_cells(&self) -> impl Iterator<Item = usize> {
-        let cells = self.bodies.iter().flat_map(|body| &body.cells);
+        let cells = self.bodies.iter().flat_map(|body| body.cells.cells());
         cells
-            .filter(|(_, part)| (0.0..DEEP).contains(&part.abs()))
-            .map(|(position, _)| *position as usize)
+            .filter(|(_, part)| *part != 0.0 && part.abs() < DEEP)
+            .map(|(position, _)| position)
     }
 
     /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units.
@@ -196,11 +184,17 @@ impl CoverMap {
                 let frame = frame(grid, dimension, body.name.1);
                 let mut next = std::mem::take(&mut body.next);
                 let form = body.form(&pose, dimension);
-                rows.walk(&form, frame, dimension, method, scratch, &mut next);
+                rows.walk(&form, frame, method, scratch, &mut next);
                 if !closed.is_empty() {
-                    next.retain(|(position, _)| !closed[*position as usize]);
+                    next.leave_out(closed);
                 }
                 body.next = next;
+            }
+        };
+        let tell = |cover: &mut Cover, body: &mut Mapped| {
+            if body.moved {
+                body.next.tell(cover, body.slot, &body.cells);
+                std::mem::swap(&mut body.cells, &mut body.next);
             }
         };
         if rayon::current_num_threads() > 1 && self.bodies.len() > 16 {
@@ -208,15 +202,15 @@ impl CoverMap {
                 .par_iter_mut()
                 .with_min_len(8)
                 .for_each_init(Scratch::default, look);
+            for body in &mut self.bodies {
+                tell(cover, body);
+            }
         } else {
             let mut scratch = Scratch::default();
             for body in &mut self.bodies {
                 look(&mut scratch, body);
+                tell(cover, body);
             }
-        }
-        for body in self.bodies.iter_mut().filter(|body| body.moved) {
-            tell(cover, body.slot, &body.cells, &body.next);
-            std::mem::swap(&mut body.cells, &mut body.next);
         }
     }
 
@@ -240,7 +234,7 @@ impl CoverMap {
             }));
         }
         for gone in old.into_values() {
-            tell(cover, gone.slot, &gone.cells, &[]);
+            Runs::default().tell(cover, gone.slot, &gone.cells);
             self.unused.push(gone.slot);
         }
         for k in fresh {
@@ -294,150 +288,6 @@ fn frame(grid: &Grid, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
             0
         }
     })
-}
-
-impl Rows {
-    /// Lists the cells of the slab and its ghost cells that a body fills, by rising position.
-    fn walk(
-        &self,
-        form: &Form<'_>,
-        frame: [i32; 3],
-        dimension: usize,
-        method: Method,
-        scratch: &mut Scratch,
-        found: &mut Vec<Cell>,
-    ) {
-        found.clear();
-        if self.cells.contains(&0) {
-            return;
-        }
-        let (centre, radius) = form.bounds();
-        let (mut low, mut high) = ([0; 3], [0; 3]);
-        for a in 0..3 {
-            if a < dimension {
-                low[a] = (floor_i32(centre[a] - radius) - 1 + frame[a]).max(-1);
-                high[a] = (floor_i32(centre[a] + radius) + 2 + frame[a]).min(self.cells[a] + 1);
-            } else {
-                high[a] = 1;
-            }
-        }
-        if (0..3).any(|a| low[a] >= high[a]) {
-            return;
-        }
-        // Of a ball all cells of its box at once.
-        let ball = match (form, method) {
-            (Form::Ball { centre, radius }, Method::Exact) => {
-                let cells = std::array::from_fn(|a| whole(high[a] - low[a]));
-                let first = std::array::from_fn(|a| low[a] - frame[a]);
-                let order = self.order;
-                scratch.ball.fill(*centre, *radius, first, cells, order);
-                true
-            }
-            _ => false,
-        };
-        let [slow, middle, fast] = self.order;
-        let mut cell = [0; 3];
-        for i in low[slow]..high[slow] {
-            cell[slow] = i;
-            if ball {
-                scratch.ball.layer(whole(i - low[slow]));
-            }
-            for j in low[middle]..high[middle] {
-                cell[middle] = j;
-                cell[fast] = 0;
-                let lower = corner(cell, frame);
-                let row = form.row(fast, lower);
-                if row.misses() {
-                    continue;
-                }
-                let first = (floor_i32(row.outer[0]) + frame[fast]).max(low[fast]);
-                let last = (floor_i32(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
-                let beyond =
-                    !(0..self.cells[slow]).contains(&i) || !(0..self.cells[middle]).contains(&j);
-                let start = self
-                    .origin
-                    .wrapping_add_signed(self.strides[slow].cast_signed() * i as isize)
-                    .wrapping_add_signed(self.strides[middle].cast_signed() * j as isize);
-                let mut tell = |k: i32, fraction: f32| {
-                    let position = to_u32(start.wrapping_add_signed(k as isize));
-                    let ghost = beyond || !(0..self.cells[fast]).contains(&k);
-                    found.push((position, if ghost { -fraction } else { fraction }));
-                };
-                let last = last.max(first);
-                let full = within(&(first..last), row.inner, 0, frame[fast]);
-                let deep = within(&full, row.deep, 1, frame[fast]);
-                // Cells at the surface before those inside and behind them.
-                for (part, cells) in [first..full.start, full.end..last].into_iter().enumerate() {
-                    if part == 1 {
-                        (full.start..deep.start).for_each(|k| tell(k, 1.0));
-                        deep.clone().for_each(|k| tell(k, DEEP));
-                        (deep.end..full.end).for_each(|k| tell(k, 1.0));
-                    }
-                    if cells.is_empty() {
-                        continue;
-                    }
-                    if ball {
-                        let range = whole(cells.start - low[fast])..whole(cells.end - low[fast]);
-                        let Scratch {
-                            ball, fractions, ..
-                        } = scratch;
-                        ball.row(whole(j - low[middle]), range, fractions);
-                        for (k, &fraction) in cells.zip(&*fractions) {
-                            if single(fraction) > 0.0 {
-                                tell(k, single(fraction));
-                            }
-                        }
-                    } else {
-                        for k in cells {
-                            cell[fast] = k;
-                            let fraction =
-                                single(form.fraction(method, corner(cell, frame), scratch));
-                            if fraction > 0.0 {
-                                tell(k, fraction);
-                            }
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-/// Cells of `range` that lie, with this many cells on each side, within an interval in the raw frame; empty ranges stay in `range` too.
-fn within(range: &Range<i32>, [low, high]: [f64; 2], beside: i32, frame: i32) -> Range<i32> {
-    let start = floor_i32(low.ceil()) + beside + frame;
-    let end = floor_i32(high) - beside + frame;
-    let start = start.clamp(range.start, range.end);
-    start..end.clamp(start, range.end)
-}
-
-/// Lower corner of a local cell in the raw frame.
-fn corner(cell: [i32; 3], frame: [i32; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| f64::from(cell[a] - frame[a]))
-}
-
-/// Passes the differences between two lists, sorted by position, to the lattice.
-fn tell(cover: &mut Cover, slot: u32, old: &[Cell], new: &[Cell]) {
-    let (mut i, mut j) = (0, 0);
-    loop {
-        match (old.get(i), new.get(j)) {
-            (Some(a), Some(b)) if a.0 == b.0 => {
-                if a.1.to_bits() != b.1.to_bits() {
-                    cover.cover(b.0 as usize, slot, b.1);
-                }
-                i += 1;
-                j += 1;
-            }
-            (Some(a), b) if b.is_none_or(|b| a.0 < b.0) => {
-                cover.cover(a.0 as usize, slot, 0.0);
-                i += 1;
-            }
-            (_, Some(b)) => {
-                cover.cover(b.0 as usize, slot, b.1);
-                j += 1;
-            }
-            (_, None) => return,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -15,12 +15,13 @@
 
 mod ball;
 
-pub use ball::BallTable;
+pub use ball::{BallInCells, BallTable};
 
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
 use crate::lbm::links::Plane;
 use nalgebra::{Matrix3, Vector3};
+use std::ops::Add;
 
 /// How fractions are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,6 +98,7 @@ impl Row {
 
     /// The row does not meet the body.
     #[must_use]
+    #[inline(always)]
     pub fn misses(&self) -> bool {
         self.outer[0] > self.outer[1]
     }
@@ -115,13 +117,12 @@ pub struct Scratch {
     clipped: Vec<Vector3<f64>>,
     /// Of the ball that is mapped.
     pub(crate) ball: BallTable,
-    /// Fractions of a row of its cells.
-    pub(crate) fractions: Vec<f64>,
 }
 
 impl Form<'_> {
     /// Its centre and a radius that holds all of it.
     #[must_use]
+    #[inline(always)]
     pub fn bounds(&self) -> ([f64; 3], f64) {
         match *self {
             Self::Disc { centre, radius }
@@ -132,10 +133,18 @@ impl Form<'_> {
 
     /// The row of cells along `axis` through the cell with this lower corner.
     #[must_use]
+    #[inline(always)]
     pub fn row(&self, axis: usize, lower: [f64; 3]) -> Row {
         match self {
-            Self::Disc { centre, radius } => round_row::<2>(*centre, *radius, axis, lower),
-            Self::Ball { centre, radius } => round_row::<3>(*centre, *radius, axis, lower),
+            Self::Disc { centre, radius } => {
+                let beside = Beside::of(centre[1 - axis], lower[1 - axis]);
+                round_row(centre[axis], *radius, beside)
+            }
+            Self::Ball { centre, radius } => {
+                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+                let beside = Beside::of(centre[b], lower[b]) + Beside::of(centre[c], lower[c]);
+                round_row(centre[axis], *radius, beside)
+            }
             Self::Block { planes, .. } => block_row(planes, axis, lower),
         }
     }
@@ -214,34 +223,62 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn round_row<const D: usize>(centre: [f64; 3], radius: f64, axis: usize, lower: [f64; 3]) -> Row {
-    let mut nearest = 0.0;
-    let mut farthest = 0.0;
-    let mut beyond = 0.0;
-    for b in (0..D).filter(|&b| b != axis) {
-        let (low, high) = (lower[b] - centre[b], lower[b] + 1.0 - centre[b]);
+/// How far the cells of a layer or row lie beside the centre of a ball or disc: squares of lengths in cells.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Beside {
+    nearest: f64,
+    farthest: f64,
+    /// The farthest point of the cells on each side of them.
+    beyond: f64,
+}
+
+impl Beside {
+    /// Along one axis, of the cells from `lower` to `lower` + 1.
+    #[inline(always)]
+    pub(crate) fn of(centre: f64, lower: f64) -> Self {
+        let (low, high) = (lower - centre, lower + 1.0 - centre);
         let near = low.max(-high).max(0.0);
         let far = high.max(-low);
-        nearest += near * near;
-        farthest += far * far;
-        beyond += (far + 1.0) * (far + 1.0);
+        Self {
+            nearest: near * near,
+            farthest: far * far,
+            beyond: (far + 1.0) * (far + 1.0),
+        }
     }
+}
+
+impl Add for Beside {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self {
+            nearest: self.nearest + other.nearest,
+            farthest: self.farthest + other.farthest,
+            beyond: self.beyond + other.beyond,
+        }
+    }
+}
+
+/// The row of a ball or disc; `centre` along the row.
+#[inline(always)]
+pub(crate) fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
     let reach = |squared: f64| {
         let left = radius * radius - squared;
         if left > 0.0 {
             let half = left.sqrt();
-            [centre[axis] - half, centre[axis] + half]
+            [centre - half, centre + half]
         } else {
             Row::EMPTY
         }
     };
     Row {
-        outer: reach(nearest),
-        inner: reach(farthest),
-        deep: reach(beyond),
+        outer: reach(beside.nearest),
+        inner: reach(beside.farthest),
+        deep: reach(beside.beyond),
     }
 }
 
+#[inline(always)]
 fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
     let mut row = Row {
         outer: Row::ALL,
@@ -267,6 +304,7 @@ fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
 }
 
 /// Keeps of an interval what obeys `slope * x <= room`.
+#[inline(always)]
 fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
     if slope > LEVEL {
         interval[1] = interval[1].min(room / slope);

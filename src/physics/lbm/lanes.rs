@@ -276,7 +276,7 @@ pub use x86::{Avx2, Avx512};
 
 /// Asks for a cache line; any address will do.
 #[inline(always)]
-pub(super) fn prefetch<S>(line: *const S) {
+pub(crate) fn prefetch<S>(line: *const S) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

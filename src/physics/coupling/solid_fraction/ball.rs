@@ -4,16 +4,17 @@
 //! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the corner. This function
 //! consists of one function of each coordinate (cap) and one of each pair (edge, three arctangents). Cells share corners, and corners
 //! share coordinates. Edges are tabulated: 3 N² of them for a ball N cells across, whereas its surface alone needs 24 for each of some
-//! 3 N² cells. Corners are computed once, a plane of them at a time, and only near the surface. The loops along a row have neither branches
-//! nor calls, so that the compiler vectorises them.
+//! 3 N² cells. Corners and fractions are computed a layer at a time. The loops along a row have neither branches nor calls, and rows are
+//! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
 use crate::darcy::overlap::{cap, edge, octant_of};
-use crate::number::{real, whole};
-use std::ops::Range;
+use crate::lbm::lanes::{Level, WIDEST};
+use crate::number::real;
 
-/// The coordinates of the corners along one axis, in radii from the centre.
+/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the surface of the ball.
 #[derive(Debug, Default)]
 struct Coordinates {
+    count: usize,
     size: Vec<f64>,
     sign: Vec<f64>,
     cap: Vec<f64>,
@@ -27,13 +28,29 @@ struct Corners {
     parts: Vec<f64>,
 }
 
+/// A ball and the cells that [`BallTable::fill`] prepares.
+#[derive(Clone, Copy, Debug)]
+pub struct BallInCells {
+    /// Centre, in cells.
+    pub centre: [f64; 3],
+    /// Radius, in cells.
+    pub radius: f64,
+    /// Lower corner of the first cell.
+    pub lower: [i32; 3],
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Axes from slowest to fastest.
+    pub order: [usize; 3],
+}
+
 /// The parts of the corners of some cells; buffers reused.
 ///
 /// [`Self::fill`] starts a ball, [`Self::layer`] a layer of cells, and [`Self::row`] gives the fractions of a row of the layer.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct BallTable {
+    level: Level,
     coordinates: [Coordinates; 3],
-    /// Of axes a and a + 1, the fastest of all axes last.
+    /// Of axes a and a + 1, in rows along the fastest axis, or along axis a + 1 where neither is.
     edges: [Vec<f64>; 3],
     /// Axes from slowest to fastest.
     order: [usize; 3],
@@ -41,60 +58,146 @@ pub struct BallTable {
     centre: [f64; 3],
     radius: f64,
     corners: [Corners; 2],
-    layer: usize,
+    /// Filled parts of the cells of the layer, row by row.
+    fractions: Vec<f64>,
+}
+
+impl Default for BallTable {
+    fn default() -> Self {
+        Self {
+            level: Level::best(),
+            coordinates: Default::default(),
+            edges: Default::default(),
+            order: [0, 1, 2],
+            centre: [0.0; 3],
+            radius: 0.0,
+            corners: Default::default(),
+            fractions: Vec::new(),
+        }
+    }
 }
 
 impl BallTable {
-    /// For `cells` cells along each axis from the one with this lower corner on. `order` lists the axes from slowest to fastest.
-    pub fn fill(
-        &mut self,
-        centre: [f64; 3],
-        radius: f64,
-        lower: [i32; 3],
-        cells: [usize; 3],
-        order: [usize; 3],
-    ) {
-        self.radius = radius;
-        self.order = order;
-        self.centre = std::array::from_fn(|a| centre[a] - f64::from(lower[a]));
-        for (a, axis) in self.coordinates.iter_mut().enumerate() {
-            axis.size.clear();
-            axis.sign.clear();
-            axis.cap.clear();
-            for x in (lower[a]..).take(cells[a] + 1) {
-                let at = ((f64::from(x) - centre[a]) / radius).clamp(-1.0, 1.0);
-                axis.size.push(at.abs());
-                axis.sign.push(at.signum());
-                axis.cap.push(cap(at.abs()));
-            }
-        }
-        for a in 0..3 {
-            let (first, second) = (
-                &self.coordinates[a].size,
-                &self.coordinates[(a + 1) % 3].size,
-            );
-            let edges = &mut self.edges[a];
-            edges.clear();
-            if a == order[2] {
-                for &q in second {
-                    edges.extend(first.iter().map(|&p| edge(p, q)));
-                }
-            } else {
-                for &p in first {
-                    edges.extend(second.iter().map(|&q| edge(p, q)));
-                }
-            }
-        }
-        let plane = (cells[order[1]] + 1) * (cells[order[2]] + 1);
-        for corners in &mut self.corners {
-            corners.plane = None;
-            corners.parts.resize(plane, 0.0);
+    /// Starts a ball.
+    pub fn fill(&mut self, ball: &BallInCells) {
+        match self.level {
+            // SAFETY: `Level::best` asked the processor for it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { self.fill_avx512(ball) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { self.fill_avx2(ball) },
+            Level::Scalar => self.fill_at_any_width(ball),
         }
     }
 
     /// Goes to a layer of cells, counted along the slowest axis. Layers in rising order share their corners.
     pub fn layer(&mut self, layer: usize) {
-        self.layer = layer;
+        match self.level {
+            // SAFETY: `Level::best` asked the processor for it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { self.layer_avx512(layer) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { self.layer_avx2(layer) },
+            Level::Scalar => self.layer_at_any_width(layer),
+        }
+    }
+
+    /// The filled parts of cells at the surface in row `row` of the layer, counted along the axis between the slowest and the fastest.
+    /// The value of a cell with all eight corners inside the ball has no meaning, nor has that of one which the ball does not reach.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[f64] {
+        let along = self.coordinates[self.order[2]].size.len();
+        &self.fractions[row * along..][..along]
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx2")]
+    fn fill_avx512(&mut self, ball: &BallInCells) {
+        self.fill_at_any_width(ball);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_avx2(&mut self, ball: &BallInCells) {
+        self.fill_at_any_width(ball);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx2")]
+    fn layer_avx512(&mut self, layer: usize) {
+        self.layer_at_any_width(layer);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn layer_avx2(&mut self, layer: usize) {
+        self.layer_at_any_width(layer);
+    }
+
+    #[inline(always)]
+    fn fill_at_any_width(&mut self, ball: &BallInCells) {
+        let &BallInCells {
+            centre,
+            radius,
+            lower,
+            cells,
+            order,
+        } = ball;
+        self.radius = radius;
+        self.order = order;
+        for a in 0..3 {
+            self.centre[a] = centre[a] - f64::from(lower[a]);
+            let axis = &mut self.coordinates[a];
+            axis.count = cells[a] + 1;
+            let padded = axis.count.next_multiple_of(WIDEST);
+            axis.size.clear();
+            axis.size.resize(padded, 1.0);
+            axis.sign.clear();
+            axis.sign.resize(padded, 1.0);
+            axis.cap.clear();
+            axis.cap.resize(padded, 0.0);
+            for (k, x) in (lower[a]..).take(axis.count).enumerate() {
+                let at = ((f64::from(x) - centre[a]) / radius).clamp(-1.0, 1.0);
+                axis.size[k] = at.abs();
+                axis.sign[k] = at.signum();
+                axis.cap[k] = cap(at.abs());
+            }
+        }
+        for a in 0..3 {
+            let (first, second) = (&self.coordinates[a], &self.coordinates[(a + 1) % 3]);
+            let edges = &mut self.edges[a];
+            // The bits of an edge depend on the order of its arguments.
+            if a == order[2] {
+                let along = first.size.len();
+                edges.resize(second.count * along, 0.0);
+                for (edges, &q) in edges.chunks_exact_mut(along).zip(&second.size) {
+                    for (e, &p) in edges.iter_mut().zip(&first.size) {
+                        *e = edge(p, q);
+                    }
+                }
+            } else {
+                let along = second.size.len();
+                edges.resize(first.count * along, 0.0);
+                for (edges, &p) in edges.chunks_exact_mut(along).zip(&first.size) {
+                    for (e, &q) in edges.iter_mut().zip(&second.size) {
+                        *e = edge(p, q);
+                    }
+                }
+            }
+        }
+        let plane = self.coordinates[order[1]].count * self.coordinates[order[2]].size.len();
+        for corners in &mut self.corners {
+            corners.plane = None;
+            // The last row of cells reads one number beyond its corners.
+            corners.parts.resize(plane + 1, 0.0);
+        }
+        self.fractions.resize(plane, 0.0);
+    }
+
+    #[inline(always)]
+    fn layer_at_any_width(&mut self, layer: usize) {
         for plane in [layer, layer + 1] {
             if self.corners[plane % 2].plane != Some(plane) {
                 let mut corners = std::mem::take(&mut self.corners[plane % 2]);
@@ -107,95 +210,93 @@ impl BallTable {
                 self.corners[plane % 2] = corners;
             }
         }
-    }
-
-    /// The corners of a plane that cells at the surface have.
-    fn plane<const FAST: usize>(&self, plane: usize, parts: &mut [f64]) {
-        let [slow, middle, _] = self.order;
-        let along = self.coordinates[FAST].size.len();
-        let away = |axis: usize, corner: usize| (real(corner) - self.centre[axis]).abs();
-        let squared = |x: f64| x * x;
-        let out = away(slow, plane);
-        for (j, parts) in parts.chunks_exact_mut(along).enumerate() {
-            // The cells at a corner reach one cell to each side.
-            let beside = away(middle, j);
-            let near = squared((out - 1.0).max(0.0)) + squared((beside - 1.0).max(0.0));
-            let far = squared(out + 1.0) + squared(beside + 1.0);
-            let all = squared(self.radius);
-            if near >= all {
+        let [slow, middle, fast] = self.order;
+        let along = self.coordinates[fast].size.len();
+        let rows = self.coordinates[middle].count - 1;
+        let lower = &self.corners[layer % 2].parts[..];
+        let upper = &self.corners[(layer + 1) % 2].parts[..];
+        let near = |axis: usize, cell: usize| {
+            let low = real(cell) - self.centre[axis];
+            low.max(-1.0 - low).max(0.0)
+        };
+        let (out, all) = (near(slow, layer), self.radius * self.radius);
+        let radius = self.radius;
+        let mut fractions = std::mem::take(&mut self.fractions);
+        for (row, fractions) in fractions.chunks_exact_mut(along).take(rows).enumerate() {
+            let beside = near(middle, row);
+            if out * out + beside * beside >= all {
                 continue;
             }
-            let (outer, inner) = ((all - near).sqrt(), (all - far).max(0.0).sqrt());
-            let corner = |x: f64| whole(x.max(0.0)).min(along);
-            let centre = self.centre[FAST];
-            let (first, last) = (corner(centre - outer - 1.0), corner(centre + outer + 3.0));
-            let (left, right) = (corner(centre - inner + 3.0), corner(centre + inner - 1.0));
-            if left < right {
-                self.part_of_row::<FAST>(plane, j, first..left, parts);
-                self.part_of_row::<FAST>(plane, j, right..last, parts);
-            } else {
-                self.part_of_row::<FAST>(plane, j, first..last, parts);
+            let edges = [
+                &lower[row * along..][..=along],
+                &lower[(row + 1) * along..][..=along],
+                &upper[row * along..][..=along],
+                &upper[(row + 1) * along..][..=along],
+            ];
+            match self.order {
+                [0, 1, 2] => sum_corners::<0, 1, 2>(edges, radius, fractions),
+                [0, 2, 1] => sum_corners::<0, 2, 1>(edges, radius, fractions),
+                [1, 0, 2] => sum_corners::<1, 0, 2>(edges, radius, fractions),
+                [1, 2, 0] => sum_corners::<1, 2, 0>(edges, radius, fractions),
+                [2, 0, 1] => sum_corners::<2, 0, 1>(edges, radius, fractions),
+                _ => sum_corners::<2, 1, 0>(edges, radius, fractions),
             }
         }
+        self.fractions = fractions;
     }
 
+    /// The corners of a plane.
     #[inline(always)]
-    fn part_of_row<const FAST: usize>(
-        &self,
-        plane: usize,
-        j: usize,
-        range: Range<usize>,
-        parts: &mut [f64],
-    ) {
+    fn plane<const FAST: usize>(&self, plane: usize, parts: &mut [f64]) {
         let [slow, middle, _] = self.order;
         let along = self.coordinates[FAST].size.len();
         let mut at = [0; 3];
         at[slow] = plane;
-        at[middle] = j;
         // The pairs (FAST, next), (next, last) and (last, FAST), each in the order that `edge` takes.
         let (next, last) = ((FAST + 1) % 3, (FAST + 2) % 3);
-        let row = |axis: usize, k: usize| &self.edges[axis][k * along..][range.clone()];
-        let (of_next, of_last) = (row(FAST, at[next]), row(last, at[last]));
         let others = self.coordinates[last].size.len();
-        let between = self.edges[next][at[next] * others + at[last]];
         let own = &self.coordinates[FAST];
-        let (sizes, signs, caps) = (
-            &own.size[range.clone()],
-            &own.sign[range.clone()],
-            &own.cap[range.clone()],
-        );
-        let [p, q] = [next, last].map(|a| {
-            let axis = &self.coordinates[a];
-            (axis.size[at[a]], axis.sign[at[a]], axis.cap[at[a]])
-        });
-        let sign = p.1 * q.1;
-        for (k, part) in parts[range].iter_mut().enumerate() {
-            let (mut size, mut caps_of, mut edges) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-            (size[FAST], size[next], size[last]) = (sizes[k], p.0, q.0);
-            (caps_of[FAST], caps_of[next], caps_of[last]) = (caps[k], p.2, q.2);
-            (edges[FAST], edges[next], edges[last]) = (of_next[k], between, of_last[k]);
-            *part = sign * signs[k] * octant_of(size, caps_of, edges);
+        for (j, parts) in parts.chunks_exact_mut(along).enumerate() {
+            at[middle] = j;
+            let row = |axis: usize, k: usize| &self.edges[axis][k * along..][..along];
+            let (of_next, of_last) = (row(FAST, at[next]), row(last, at[last]));
+            let between = self.edges[next][at[next] * others + at[last]];
+            let (sizes, signs, caps) = (&own.size[..along], &own.sign[..along], &own.cap[..along]);
+            let other = |a: usize| {
+                let axis = &self.coordinates[a];
+                (axis.size[at[a]], axis.sign[at[a]], axis.cap[at[a]])
+            };
+            let (p, q) = (other(next), other(last));
+            let sign = p.1 * q.1;
+            for k in 0..along {
+                let (mut size, mut caps_of, mut edges) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+                (size[FAST], size[next], size[last]) = (sizes[k], p.0, q.0);
+                (caps_of[FAST], caps_of[next], caps_of[last]) = (caps[k], p.2, q.2);
+                (edges[FAST], edges[next], edges[last]) = (of_next[k], between, of_last[k]);
+                parts[k] = sign * signs[k] * octant_of(size, caps_of, edges);
+            }
         }
     }
+}
 
-    /// The filled parts of cells at the surface in row `row` of the layer, counted along the axis between the slowest and the fastest.
-    /// The value of a cell with all eight corners inside the ball has no meaning.
-    pub fn row(&self, row: usize, cells: Range<usize>, fractions: &mut Vec<f64>) {
-        let along = self.coordinates[self.order[2]].size.len();
-        let count = cells.len();
-        // Corner c lies at the upper end of the axes whose bit it has.
-        let corners: [&[f64]; 8] = std::array::from_fn(|c| {
-            let [slow, middle, fast] = self.order.map(|axis| c >> axis & 1);
-            let parts = &self.corners[(self.layer + slow) % 2].parts;
-            &parts[(row + middle) * along + cells.start + fast..][..count]
-        });
-        let radius = self.radius;
-        fractions.clear();
-        fractions.extend((0..count).map(|k| {
-            let c = corners.map(|parts| parts[k]);
-            let sum = 0.0 - c[0] + c[1] + c[2] - c[3] + c[4] - c[5] - c[6] + c[7];
-            (sum * radius * radius * radius).clamp(0.0, 1.0)
-        }));
+/// The filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that along the middle one.
+#[inline(always)]
+fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
+    edges: [&[f64]; 4],
+    radius: f64,
+    fractions: &mut [f64],
+) {
+    let count = fractions.len();
+    // Corner c lies at the upper end of the axes whose bit it has. No closures over arrays here: they would stay calls in the loop.
+    let corner = |c: usize| {
+        let edge = edges[2 * (c >> SLOW & 1) + (c >> MIDDLE & 1)];
+        &edge[c >> FAST & 1..][..count]
+    };
+    let (c0, c1, c2, c3) = (corner(0), corner(1), corner(2), corner(3));
+    let (c4, c5, c6, c7) = (corner(4), corner(5), corner(6), corner(7));
+    for k in 0..count {
+        let sum = 0.0 - c0[k] + c1[k] + c2[k] - c3[k] + c4[k] - c5[k] - c6[k] + c7[k];
+        fractions[k] = (sum * radius * radius * radius).clamp(0.0, 1.0);
     }
 }
 
@@ -207,7 +308,6 @@ mod tests {
     #[test]
     fn the_bits_of_one_cell_after_the_other() {
         let mut table = BallTable::default();
-        let mut row = Vec::new();
         for (centre, radius, lower, edge) in [
             ([4.3, 5.1, 3.7], 2.9, [0, 1, -1], 9),
             ([-3.2, 0.4, 7.9], 0.3, [-5, -1, 6], 4),
@@ -218,14 +318,19 @@ mod tests {
             for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
                 let cells = [edge, edge + 1, edge + 2];
                 let [slow, middle, fast] = order;
-                table.fill(centre, radius, lower, cells, order);
+                table.fill(&BallInCells {
+                    centre,
+                    radius,
+                    lower,
+                    cells,
+                    order,
+                });
                 let mut surface = 0;
                 let mut volume = 0.0;
                 for i in 0..cells[slow] {
                     table.layer(i);
                     for j in 0..cells[middle] {
-                        table.row(j, 0..cells[fast], &mut row);
-                        for (k, &found) in row.iter().enumerate() {
+                        for (k, &found) in table.row(j)[..cells[fast]].iter().enumerate() {
                             let mut low = [0.0; 3];
                             low[slow] = f64::from(lower[slow]) + real(i);
                             low[middle] = f64::from(lower[middle]) + real(j);

@@ -2,7 +2,7 @@
 
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;
-use crate::lbm::lanes::{Stored, WIDEST};
+use crate::lbm::lanes::{Stored, WIDEST, prefetch};
 use crate::lbm::links::{Load, Rigid, add_force, add_moment, surface_velocity};
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};
@@ -202,7 +202,15 @@ impl Cover {
         }
     }
 
+    /// Fetches what is known of the cell at a position into the cache.
+    #[inline(always)]
+    pub fn ask(&self, position: usize) {
+        prefetch(self.owner.as_ptr().wrapping_add(position));
+        prefetch(self.fraction.as_ptr().wrapping_add(position));
+    }
+
     /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
+    #[inline]
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         let owner = self.owner[position];
         if owner == STILL {
@@ -219,8 +227,15 @@ impl Cover {
         if owner == NONE || owner == slot {
             self.fraction[position] = sign * fraction;
             self.owner[position] = if fraction > 0.0 { slot } else { NONE };
-            return;
+        } else {
+            self.share(position, slot, sign, fraction);
         }
+    }
+
+    /// The same where another body is too.
+    #[inline(never)]
+    fn share(&mut self, position: usize, slot: u32, sign: f32, fraction: f32) {
+        let (owner, held) = (self.owner[position], self.fraction[position]);
         let place = if owner & SHARED == 0 {
             if fraction <= 0.0 {
                 return;

@@ -264,7 +264,7 @@ impl View {
         });
         cell.at_solid::<L, Q>(|i, value| g[i] = value);
         let act = Act {
-            rest: m.map(|m| zero - m),
+            rest: [zero - m[0], zero - m[1], zero - m[2]],
             scale: rho,
             share: one,
         };
@@ -464,8 +464,13 @@ impl View {
             let mut velocity = [[0.0; WIDEST]; 3];
             // SAFETY: promised by the caller.
             unsafe { self.velocities_one_by_one::<L, N, Q>(place, &mut velocity) };
-            // SAFETY: arrays of at least the lanes' width.
-            return velocity.map(|v| unsafe { <f64 as Memory<N>>::load(v.as_ptr()) });
+            // `map` of an array of lanes would be a call.
+            let mut lanes = [N::splat(0.0); 3];
+            for (lanes, v) in lanes.iter_mut().zip(&velocity) {
+                // SAFETY: an array of at least the lanes' width.
+                *lanes = unsafe { <f64 as Memory<N>>::load(v.as_ptr()) };
+            }
+            return lanes;
         };
         // SAFETY: slots were made by `Cover::make_room`.
         let solid = unsafe { &*self.solids.add(slot as usize) };
@@ -485,7 +490,8 @@ impl View {
             }
         });
         // As `surface_velocity`, operation by operation.
-        let [u, w] = [solid.motion.velocity, solid.motion.spin].map(|v| v.map(N::splat));
+        let splat = |v: [f64; 3]| [N::splat(v[0]), N::splat(v[1]), N::splat(v[2])];
+        let (u, w) = (splat(solid.motion.velocity), splat(solid.motion.spin));
         if L::DIMENSION == 2 {
             [u[0] - w[2] * r[1], u[1] + w[2] * r[0], N::splat(0.0)]
         } else {

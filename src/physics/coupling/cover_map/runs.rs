@@ -1,0 +1,355 @@
+//! The cells that a body covers, as runs along the rows of the lattice.
+
+use super::super::solid_fraction::{BallInCells, Beside, Form, Method, Row, Scratch, round_row};
+use crate::lbm::lanes::Level;
+use crate::lbm::saturation::{Cover, DEEP};
+use crate::number::{floor_i32, single, to_i32, to_u32};
+use std::ops::Range;
+
+/// Neighbouring cells of a row.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// Position in the lattice of cell 0 of the row.
+    row: u32,
+    /// Its first cell.
+    first: i32,
+    /// Where its fractions end in [`Runs::parts`]; they begin where those of the run before it end.
+    end: u32,
+}
+
+/// The cells of one body by rising position, at most one run in a row.
+#[derive(Debug, Default)]
+pub(super) struct Runs {
+    runs: Vec<Run>,
+    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the negative.
+    parts: Vec<f32>,
+}
+
+/// The next run and its fractions.
+type Piece<'a> = (Run, &'a [f32]);
+
+impl Runs {
+    fn clear(&mut self) {
+        self.runs.clear();
+        self.parts.clear();
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+        let mut start = 0;
+        self.runs.iter().map(move |run| {
+            let parts = &self.parts[start..run.end as usize];
+            start = run.end as usize;
+            (*run, parts)
+        })
+    }
+
+    /// Positions of its cells and how much of each it fills.
+    pub(super) fn cells(&self) -> impl Iterator<Item = (usize, f32)> {
+        self.pieces().flat_map(|(run, parts)| {
+            let row = run.row as usize;
+            let cells = (run.first..).zip(parts);
+            cells.map(move |(k, part)| (row.wrapping_add_signed(k as isize), *part))
+        })
+    }
+
+    /// Takes out the cells marked at their position.
+    pub(super) fn leave_out(&mut self, closed: &[bool]) {
+        let mut start = 0;
+        for run in &self.runs {
+            let parts = &mut self.parts[start..run.end as usize];
+            for (k, part) in (run.first..).zip(parts) {
+                if closed[(run.row as usize).wrapping_add_signed(k as isize)] {
+                    *part = 0.0;
+                }
+            }
+            start = run.end as usize;
+        }
+    }
+
+    /// Passes to the lattice in what the cells of a body differ from those that it covered before.
+    pub(super) fn tell(&self, cover: &mut Cover, slot: u32, before: &Self) {
+        // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
+        const AHEAD: usize = 16;
+        let place = |run: &Run, k: i32| (run.row as usize).wrapping_add_signed(k as isize);
+        let ask = |cover: &Cover, k: usize| {
+            if let Some(run) = self.runs.get(k) {
+                let before = k.checked_sub(1).map_or(0, |k| self.runs[k].end);
+                cover.ask(place(run, run.first));
+                cover.ask(place(run, run.first + (run.end - before).cast_signed()));
+            }
+        };
+        for k in 0..AHEAD {
+            ask(cover, k);
+        }
+        let mut olds = before.pieces().peekable();
+        for (k, (run, parts)) in self.pieces().enumerate() {
+            ask(cover, k + AHEAD);
+            while let Some((old, gone)) = olds.next_if(|(old, _)| old.row < run.row) {
+                change(cover, slot, old.row, (old.first, gone), (old.first, &[]));
+            }
+            match olds.next_if(|(old, _)| old.row == run.row) {
+                Some((old, was)) => {
+                    change(cover, slot, run.row, (old.first, was), (run.first, parts));
+                }
+                None => change(cover, slot, run.row, (run.first, &[]), (run.first, parts)),
+            }
+        }
+        for (old, gone) in olds {
+            change(cover, slot, old.row, (old.first, gone), (old.first, &[]));
+        }
+    }
+}
+
+/// Passes to the lattice in what two runs of a row differ, each given by its first cell and its fractions.
+#[inline(always)]
+fn change(
+    cover: &mut Cover,
+    slot: u32,
+    row: u32,
+    (was_first, was): (i32, &[f32]),
+    (first, parts): (i32, &[f32]),
+) {
+    let row = row as usize;
+    let mut tell = |k: i32, part: f32| {
+        cover.cover(row.wrapping_add_signed(k as isize), slot, part);
+    };
+    // The cells that both have lie between `from` and `to`.
+    let from = was_first.max(first);
+    let to = (was_first + to_i32(was.len()))
+        .min(first + to_i32(parts.len()))
+        .max(from);
+    let cut = |first: i32, parts: &[f32], k: i32| whole(k - first).min(parts.len());
+    let (was_from, was_to) = (cut(was_first, was, from), cut(was_first, was, to));
+    let (parts_from, parts_to) = (cut(first, parts, from), cut(first, parts, to));
+    for (k, gone) in [
+        (was_first, &was[..was_from]),
+        (was_first.max(to), &was[was_to..]),
+    ] {
+        for (k, _) in (k..).zip(gone).filter(|(_, held)| **held != 0.0) {
+            tell(k, 0.0);
+        }
+    }
+    for (k, new) in [
+        (first, &parts[..parts_from]),
+        (first.max(to), &parts[parts_to..]),
+    ] {
+        for (k, part) in (k..).zip(new).filter(|(_, part)| **part != 0.0) {
+            tell(k, *part);
+        }
+    }
+    let both = was[was_from..was_to]
+        .iter()
+        .zip(&parts[parts_from..parts_to]);
+    for (k, (held, part)) in (from..).zip(both) {
+        if held.to_bits() != part.to_bits() {
+            tell(k, *part);
+        }
+    }
+}
+
+/// The lattice as rows of cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows {
+    pub(super) cells: [i32; 3],
+    pub(super) strides: [usize; 3],
+    pub(super) origin: usize,
+    /// Axes from slowest to fastest.
+    pub(super) order: [usize; 3],
+    pub(super) level: Level,
+    pub(super) dimension: usize,
+}
+
+fn whole(n: i32) -> usize {
+    usize::try_from(n).unwrap_or(0)
+}
+
+impl Rows {
+    /// Lists the cells of the slab and its ghost cells that a body fills.
+    pub(super) fn walk(
+        &self,
+        form: &Form<'_>,
+        frame: [i32; 3],
+        method: Method,
+        scratch: &mut Scratch,
+        found: &mut Runs,
+    ) {
+        match self.level {
+            // SAFETY: `Level::best` asked the processor for it.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 | Level::Avx2 => unsafe {
+                self.walk_avx2(form, frame, method, scratch, found);
+            },
+            Level::Scalar => self.walk_at_any_width(form, frame, method, scratch, found),
+        }
+    }
+
+    /// The same; rounding to whole cells is one instruction there and a call elsewhere.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn walk_avx2(
+        &self,
+        form: &Form<'_>,
+        frame: [i32; 3],
+        method: Method,
+        scratch: &mut Scratch,
+        found: &mut Runs,
+    ) {
+        self.walk_at_any_width(form, frame, method, scratch, found);
+    }
+
+    #[inline(always)]
+    fn walk_at_any_width(
+        &self,
+        form: &Form<'_>,
+        frame: [i32; 3],
+        method: Method,
+        scratch: &mut Scratch,
+        found: &mut Runs,
+    ) {
+        found.clear();
+        if self.cells.contains(&0) {
+            return;
+        }
+        let (centre, radius) = form.bounds();
+        let (mut low, mut high) = ([0; 3], [1; 3]);
+        for a in 0..self.dimension {
+            low[a] = (floor_i32(centre[a] - radius) + frame[a]).max(-1);
+            high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(self.cells[a] + 1);
+        }
+        if (0..3).any(|a| low[a] >= high[a]) {
+            return;
+        }
+        // Of a ball all cells of its box at once.
+        let ball = match (form, method) {
+            (Form::Ball { centre, radius }, Method::Exact) => {
+                let (mut cells, mut lower) = ([0; 3], [0; 3]);
+                for a in 0..3 {
+                    cells[a] = whole(high[a] - low[a]);
+                    lower[a] = low[a] - frame[a];
+                }
+                scratch.ball.fill(&BallInCells {
+                    centre: *centre,
+                    radius: *radius,
+                    lower,
+                    cells,
+                    order: self.order,
+                });
+                true
+            }
+            _ => false,
+        };
+        let [slow, middle, fast] = self.order;
+        let round = match form {
+            Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
+                Some((*centre, *radius))
+            }
+            Form::Block { .. } => None,
+        };
+        let beside = |axis: usize, raw: i32| {
+            round
+                .filter(|_| axis < self.dimension)
+                .map_or_else(Beside::default, |(centre, _)| {
+                    Beside::of(centre[axis], f64::from(raw))
+                })
+        };
+        let mut raw = [0; 3];
+        for i in low[slow]..high[slow] {
+            raw[slow] = i - frame[slow];
+            let of_layer = beside(slow, raw[slow]);
+            if ball {
+                scratch.ball.layer(whole(i - low[slow]));
+            }
+            for j in low[middle]..high[middle] {
+                raw[middle] = j - frame[middle];
+                raw[fast] = -frame[fast];
+                let row = if let Some((centre, radius)) = round {
+                    round_row(centre[fast], radius, of_layer + beside(middle, raw[middle]))
+                } else {
+                    form.row(fast, corner(raw))
+                };
+                if row.misses() {
+                    continue;
+                }
+                let first = (floor_i32(row.outer[0]) + frame[fast]).max(low[fast]);
+                let last = (floor_i32(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
+                if first >= last {
+                    continue;
+                }
+                let start = found.parts.len();
+                let (full, deep) = inside(&row, &(first..last), frame[fast]);
+                let mut surface = |cells: Range<i32>, parts: &mut Vec<f32>| {
+                    if ball {
+                        let fractions = scratch.ball.row(whole(j - low[middle]));
+                        let range = whole(cells.start - low[fast])..whole(cells.end - low[fast]);
+                        parts.extend(fractions[range].iter().map(|&x| single(x)));
+                    } else {
+                        for k in cells {
+                            raw[fast] = k - frame[fast];
+                            let fraction = form.fraction(method, corner(raw), scratch);
+                            parts.push(single(fraction));
+                        }
+                    }
+                };
+                surface(first..full.start, &mut found.parts);
+                let mut filled = |to: i32, part: f32| {
+                    found.parts.resize(start + whole(to - first), part);
+                };
+                filled(deep.start, 1.0);
+                filled(deep.end, DEEP);
+                filled(full.end, 1.0);
+                surface(full.end..last, &mut found.parts);
+                let ghosts =
+                    !(0..self.cells[slow]).contains(&i) || !(0..self.cells[middle]).contains(&j);
+                let parts = &mut found.parts[start..];
+                if ghosts {
+                    parts.iter_mut().for_each(turn);
+                } else {
+                    // The ghost cells at the ends of the row.
+                    let before = whole(-first).min(parts.len());
+                    parts[..before].iter_mut().for_each(turn);
+                    let own = whole(self.cells[fast] - first).clamp(before, parts.len());
+                    parts[own..].iter_mut().for_each(turn);
+                }
+                let position = self
+                    .origin
+                    .wrapping_add_signed(self.strides[slow].cast_signed() * i as isize)
+                    .wrapping_add_signed(self.strides[middle].cast_signed() * j as isize);
+                found.runs.push(Run {
+                    row: to_u32(position),
+                    first,
+                    end: to_u32(found.parts.len()),
+                });
+            }
+        }
+    }
+}
+
+/// Marks a ghost cell.
+#[inline(always)]
+fn turn(part: &mut f32) {
+    // Not -0: a cell that is not covered has one form.
+    *part = 0.0 - *part;
+}
+
+/// Of the cells of a row those that the body fills, and of these the ones deep inside.
+#[inline(always)]
+fn inside(row: &Row, range: &Range<i32>, frame: i32) -> (Range<i32>, Range<i32>) {
+    let full = within(range, row.inner, 0, frame);
+    let deep = within(&full, row.deep, 1, frame);
+    (full, deep)
+}
+
+/// Cells of `range` that lie, with this many cells on each side, within an interval in the raw frame; empty ranges stay in `range` too.
+#[inline(always)]
+fn within(range: &Range<i32>, [low, high]: [f64; 2], beside: i32, frame: i32) -> Range<i32> {
+    let start = floor_i32(low.ceil()) + beside + frame;
+    let end = floor_i32(high) - beside + frame;
+    let start = start.clamp(range.start, range.end);
+    start..end.clamp(start, range.end)
+}
+
+/// Lower corner of a cell.
+#[inline(always)]
+fn corner(cell: [i32; 3]) -> [f64; 3] {
+    [f64::from(cell[0]), f64::from(cell[1]), f64::from(cell[2])]
+}
