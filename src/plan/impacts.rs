@@ -195,15 +195,16 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
         // A wall that goes holds nothing up for good.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
         let beside_wall = lasting.any(|wall| {
-            let away = wall.surface.as_ref().map_or_else(
+            let beside = (1.0 + BESIDE) * one.reach;
+            wall.surface.as_ref().map_or_else(
                 || {
-                    (0..3)
+                    let away: f64 = (0..3)
                         .map(|a| (one.at[a] - wall.point[a]) * wall.normal[a])
-                        .sum::<f64>()
+                        .sum();
+                    away < beside
                 },
-                |surface| surface.clearance(&Vector3::from(one.at)),
-            );
-            away < (1.0 + BESIDE) * one.reach
+                |surface| surface.is_within(&Vector3::from(one.at), beside),
+            )
         });
         one.falls &= !touches && !beside_wall;
     }

@@ -248,7 +248,7 @@ impl<S: Space> Deposition<S> {
                 let mut walls = self.walls.iter().filter(|wall| !wall.open);
                 let clear_of_walls = walls.all(|wall| match &wall.surface {
                     None => wall.distance(&at) >= radius,
-                    Some(surface) => surface.clearance(&S::to_volume(&at)) >= radius,
+                    Some(surface) => !surface.is_within(&S::to_volume(&at), radius),
                 });
                 let point = S::to_volume(&at).into();
                 let clear = clear_of_walls

@@ -45,13 +45,20 @@ pub(crate) fn overlaps(
     for (n, solid) in solids.iter().enumerate() {
         // Structures have an inside.
         for wall in walls.iter().filter(|wall| wall.structure.is_none()) {
+            let allowed = (1.0 - ALLOWED) * solid.reach;
+            let at = Vector3::from(solid.at);
+            if let Some(surface) = &wall.surface
+                && !surface.is_within(&at, allowed)
+            {
+                continue;
+            }
             let distance = wall.surface.as_ref().map_or_else(
                 || {
                     (0..3)
                         .map(|a| (solid.at[a] - wall.point[a]) * wall.normal[a])
                         .sum::<f64>()
                 },
-                |surface| surface.clearance(&Vector3::from(solid.at)),
+                |surface| surface.clearance(&at),
             );
             let depth = solid.reach - distance;
             if depth > ALLOWED * solid.reach {

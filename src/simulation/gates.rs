@@ -124,12 +124,19 @@ pub(super) fn clear_of<S: Space>(
         let (wall, written) = (&walls[n], &plan.scene.walls[n]);
         for k in 0..particles.owned() {
             let at = particles.location(k);
+            let radius = particles.body[k].radius;
+            let allowed = (1.0 - ALLOWED) * radius;
             let distance = match &wall.surface {
                 None => wall.distance(&at),
-                Some(surface) => surface.clearance(&S::to_volume(&at)),
+                Some(surface) => {
+                    let at = S::to_volume(&at);
+                    if !surface.is_within(&at, allowed) {
+                        continue;
+                    }
+                    surface.clearance(&at)
+                }
             };
-            let radius = particles.body[k].radius;
-            if distance < (1.0 - ALLOWED) * radius {
+            if distance < allowed {
                 struck.get_or_insert_with(|| {
                     format!(
                         "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",

@@ -450,15 +450,18 @@ fn first_free<S: Space>(
     let mut covered = [0_i64; BATCH];
     for (covered, place) in covered.iter_mut().zip(places) {
         let at_wall = plan.scene.walls.iter().any(|wall| {
-            let distance = wall.surface.as_ref().map_or_else(
-                || {
-                    (0..S::DIMENSION)
-                        .map(|axis| (place[axis] - wall.point[axis]) * wall.normal[axis])
-                        .sum::<f64>()
-                },
-                |surface| surface.clearance(&Vector3::from(*place)),
-            );
-            wall.exists(time) && distance < radius
+            let near = || {
+                wall.surface.as_ref().map_or_else(
+                    || {
+                        let height: f64 = (0..S::DIMENSION)
+                            .map(|axis| (place[axis] - wall.point[axis]) * wall.normal[axis])
+                            .sum();
+                        height < radius
+                    },
+                    |surface| surface.is_within(&Vector3::from(*place), radius),
+                )
+            };
+            wall.exists(time) && near()
         });
         let by_grain = || {
             (0..particles.owned()).any(|k| {

@@ -263,6 +263,19 @@ impl Surface {
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of its cost.
+    #[must_use]
+    pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
+        let (point, _) = self.in_domain(point);
+        (0..self.len()).any(|facet| {
+            let Facet { first, size, .. } = self.facets[facet];
+            let corner = self.vertices[self.corners[first as usize] as usize];
+            let farthest = reach + size;
+            (point - corner).norm_squared() < farthest * farthest
+                && self.nearest(facet, &point, reach).is_some()
+        })
+    }
+
     /// Whether two facets share a vertex, or are the same; by their numbers or their names.
     #[must_use]
     pub fn adjacent(&self, a: u32, b: u32) -> bool {
