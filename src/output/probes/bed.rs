@@ -4,7 +4,8 @@
 //! A = b L.
 //!
 //! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction s(y) of its cells, averaged
-//!   over one diameter of height. Its surface is the lowest y at which s falls below the threshold, so that grains in suspension do not count.
+//!   over one diameter of height. Its surface is the lowest y at which s falls below the threshold and stays there for one diameter, so that
+//!   neither grains in suspension nor gaps between layers of grains, as on a rough floor, count.
 //!   A column that is solid up to the top of the part, as in a pier, is left out. `surface_height` is the mean of the columns, h;
 //!   `lowest_height` is the lowest one; both scours are measured down from the level.
 //! - **Shear stress by the balance of forces** on the water above the plane y = h, of volume V:
@@ -255,25 +256,28 @@ fn heights<S: Space>(
         .collect()
 }
 
-/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first, between two
-/// edges of layers; none where it never does. A window ends at the ends of the column.
+/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first and stays there for
+/// twice as many layers, between two edges of layers; none where it never does. A window ends at the ends of the column.
 fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64> {
     let mean = |edge: usize| {
         let window = &solid[edge.saturating_sub(half)..(edge + half).min(solid.len())];
         real(window.iter().sum::<i64>()) / (real(window.len()) * real(cells))
     };
-    let mut before = f64::INFINITY;
+    let mut first = None;
     for edge in 0..=solid.len() {
-        let here = mean(edge);
-        if here < threshold {
-            if edge == 0 {
-                return Some(0.0);
-            }
-            return Some(real(edge - 1) + (before - threshold) / (before - here));
+        if mean(edge) >= threshold {
+            first = None;
+        } else if edge - *first.get_or_insert(edge) >= 2 * half {
+            break;
         }
-        before = here;
     }
-    None
+    first.map(|edge| {
+        if edge == 0 {
+            return 0.0;
+        }
+        let (before, here) = (mean(edge - 1), mean(edge));
+        real(edge - 1) + (before - threshold) / (before - here)
+    })
 }
 
 /// Calls `look` with each cell of this rank in a box of cells of the domain: its place in the slab and in the domain.
