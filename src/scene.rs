@@ -21,6 +21,7 @@ pub mod initial;
 mod motion;
 pub mod observe;
 mod overlaps;
+pub(crate) mod packed;
 pub(crate) mod pairs;
 pub mod profile;
 mod region;

@@ -147,6 +147,10 @@ pub trait Model {
 
     /// Density ratios of free bodies whose fluid inside is left out of their inertia, from `benches/stability/README.md`.
     fn lightest(&self, body: &LightBody) -> DensityRatios;
+
+    /// Density ratio from which on grains hold that touch others on all sides, as in a bed: there the water between them resists each one's
+    /// motion within the step. From `benches/stability/README.md`; for discs and spheres of two to six cells in radius.
+    fn lightest_in_a_bed(&self, body: &LightBody) -> f64;
 }
 
 /// A body that may be too light for the fluid that carries it.
@@ -172,6 +176,12 @@ impl LightBody {
     /// Between the bound at a relaxation time of 0.6 and that at 0.9: spheres depend on it more than discs.
     fn rises(&self, slow: f64, fast: f64) -> f64 {
         slow + (fast - slow) * ((self.relaxation_time - 0.6) / 0.3).clamp(0.0, 1.0)
+    }
+
+    /// The relaxation time, which the bound of a bed follows, but not below `least`, nor below `slow` where it is below 0.6.
+    fn time_in_a_bed(&self, least: f64, slow: f64) -> f64 {
+        let least = if self.relaxation_time < 0.6 { slow } else { least };
+        self.relaxation_time.max(least)
     }
 
     /// Whether the relaxation time is one of those that were measured.

@@ -15,7 +15,7 @@
 
 use super::gaps::Gap;
 use super::{Limit, sound};
-use crate::case::coupling::Coupling;
+use crate::case::coupling::{Coupling, SolidOperator};
 use crate::case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use crate::lbm::collision::cumulant;
 use crate::lbm::turbulence::wale::Wale;
@@ -23,7 +23,9 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
+use crate::number::{real, whole};
 use crate::scene::initial::Initial;
+use crate::scene::packed::{in_a_bed, lie_packed};
 use crate::scene::speed::{self, Speed};
 use crate::units::LatticeUnits;
 
@@ -157,6 +159,12 @@ fn limits(
         ),
         h * (compression * flow.density / (3.0 * pressure)).sqrt(),
     );
+    if let Some(tau) = longest_in_a_bed(scene, flow) {
+        add(
+            format!("a relaxation time of {tau}, at which the bed of grains is stable"),
+            LatticeUnits::time_step_for(tau, h, nu),
+        );
+    }
     if let BodyForce::Oscillating { period, .. } = flow.body_force {
         add(
             format!("{STEPS_IN_A_PERIOD} steps in a period"),
@@ -179,6 +187,33 @@ fn limits(
         add(what, time_step.max(stable));
     }
     limits
+}
+
+/// The largest relaxation time of two at which packed grains are heavy enough for the water between them, a tenth to spare; none
+/// where any is, or none.
+fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let coupling = scene.coupling.as_ref()?;
+    let grains = scene.grains.as_ref()?;
+    let (smallest, _) = grains.radii?;
+    let operator = match coupling {
+        Coupling::PartiallySaturated(written) => written
+            .solid_operator
+            .unwrap_or(SolidOperator::ViscosityMatched),
+        Coupling::BounceBack(_) => return None,
+    };
+    if !lie_packed(scene) {
+        return None;
+    }
+    let radius = smallest * coupling.hydraulic_radius_factor() / scene.grid.spacing;
+    let flat = scene.grid.dimension == 2;
+    let lightest = grains
+        .materials()
+        .map(|material| scene.density(material) / flow.density)
+        .fold(f64::INFINITY, f64::min);
+    let holds = |tau: f64| 1.1 * in_a_bed(coupling, Some(operator), tau, flat, radius) <= lightest;
+    // In steps of 0.05 down to where the bound is as low as it gets.
+    let mut times = (12..=whole(20.0 * MOST_TAU)).rev().map(|n| real(n) / 20.0);
+    times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
 }
 
 /// The largest pressure imposed, at the start, or of the water column \[Pa\].

@@ -43,6 +43,11 @@ impl Model for BounceBackAboutSolid {
         };
         DensityRatios::of(body, fails, holds, wider)
     }
+
+    fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
+        let (size, slow) = if body.flat { (11.2, 0.87) } else { (7.0, 1.15) };
+        size * body.time_in_a_bed(0.87, slow) / body.radius.powf(1.6)
+    }
 }
 
 impl Mixed for BounceBackAboutSolid {

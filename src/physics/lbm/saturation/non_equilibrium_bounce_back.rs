@@ -45,6 +45,11 @@ impl Model for NonEquilibriumBounceBack {
         }
         ratios
     }
+
+    fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
+        let (slope, rest) = if body.flat { (1.2, 3.3) } else { (1.5, 2.1) };
+        (slope * body.time_in_a_bed(0.6, 1.3) + rest) / body.radius
+    }
 }
 
 impl Mixed for NonEquilibriumBounceBack {

@@ -40,6 +40,11 @@ impl Model for Superposition {
         };
         DensityRatios::of(body, fails, holds, wider)
     }
+
+    fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
+        let (slope, rest) = if body.flat { (0.6, 2.55) } else { (0.6, 2.4) };
+        (slope * body.time_in_a_bed(0.6, 2.7) + rest) / body.radius
+    }
 }
 
 impl Mixed for Superposition {

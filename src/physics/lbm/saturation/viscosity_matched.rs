@@ -59,6 +59,11 @@ impl Model for ViscosityMatched {
         };
         DensityRatios::of(body, fails, holds, 0.05)
     }
+
+    fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
+        let (size, slow) = if body.flat { (12.7, 0.85) } else { (7.7, 1.05) };
+        size * body.time_in_a_bed(0.85, slow) / body.radius.powf(1.6)
+    }
 }
 
 impl SolidCollision for ViscosityMatched {

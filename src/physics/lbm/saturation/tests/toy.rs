@@ -29,6 +29,10 @@ impl Model for Toy {
             holds: 1.0,
         }
     }
+
+    fn lightest_in_a_bed(&self, _: &LightBody) -> f64 {
+        0.0
+    }
 }
 
 impl SolidCollision for Toy {
