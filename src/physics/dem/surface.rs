@@ -24,7 +24,9 @@ mod repeated;
 
 use nalgebra::Vector3;
 
+use super::ghosts::index;
 use crate::error::Error;
+use crate::number::whole;
 use repeated::Repeated;
 
 /// Convex facets with shared vertices, at rest; a wall carries them along.
@@ -34,6 +36,8 @@ pub struct Surface {
     /// Vertices of all facets, one facet after the other.
     corners: Vec<u32>,
     facets: Vec<Facet>,
+    /// Groups of neighbouring facets.
+    groups: Vec<Group>,
     /// How it repeats in a periodic domain.
     repeated: Option<Box<Repeated>>,
 }
@@ -45,6 +49,14 @@ struct Facet {
     normal: Vector3<f64>,
     /// Greatest extent \[m\].
     size: f64,
+}
+
+/// Neighbouring facets.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Group {
+    pub(super) facets: Vec<u32>,
+    /// The box \[m\] that holds them.
+    pub(super) bounds: [Vector3<f64>; 2],
 }
 
 /// Where on a facet its closest point lies, by numbers of vertices.
@@ -67,6 +79,8 @@ pub struct Nearest {
     feature: Feature,
 }
 
+/// Facets in a group.
+const GROUP: usize = 16;
 /// Closest points this near to the rim of a facet, over its size, lie on the rim.
 const RIM: f64 = 1e-9;
 /// Points this near to a facet, over its size, lie on it.
@@ -85,6 +99,7 @@ impl Surface {
             vertices,
             corners: Vec::new(),
             facets: Vec::new(),
+            groups: Vec::new(),
             repeated: None,
         };
         if facets.is_empty() {
@@ -126,16 +141,58 @@ impl Surface {
                     return refuse(k, "is not convex");
                 }
             }
-            let first = super::ghosts::index(surface.corners.len());
+            let first = index(surface.corners.len());
             surface.corners.extend_from_slice(corners);
             surface.facets.push(Facet {
                 first,
-                end: super::ghosts::index(surface.corners.len()),
+                end: index(surface.corners.len()),
                 normal,
                 size,
             });
         }
+        surface.groups = surface.neighbours();
         Ok(surface)
+    }
+
+    /// All facets in groups of neighbours, along a curve that fills space (Morton's).
+    fn neighbours(&self) -> Vec<Group> {
+        let none = Vector3::repeat(f64::INFINITY);
+        let join = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
+        let [low, high] = self.vertices.iter().copied().fold([none, -none], join);
+        let scale = (high - low).map(|length| if length > 0.0 { 1023.0 / length } else { 0.0 });
+        let place = |facet: usize| {
+            let first = self.numbers(facet)[0];
+            let at = (self.vertices[first as usize] - low).component_mul(&scale);
+            let cells: [usize; 3] = [at[0], at[1], at[2]].map(whole);
+            let bits = (0..10).flat_map(|bit| (0..3).map(move |axis| (bit, axis)));
+            bits.fold(0_usize, |key, (bit, axis)| {
+                key | (cells[axis] >> bit & 1) << (3 * bit + axis)
+            })
+        };
+        let mut order: Vec<(usize, usize)> = (0..self.len()).map(|k| (place(k), k)).collect();
+        order.sort_unstable();
+        let groups = order.chunks(GROUP).map(|group| {
+            let corners = group.iter().flat_map(|(_, facet)| self.corners(*facet));
+            Group {
+                facets: group.iter().map(|(_, facet)| index(*facet)).collect(),
+                bounds: corners.fold([none, -none], join),
+            }
+        });
+        groups.collect()
+    }
+
+    /// Groups of neighbouring facets; each facet is in one.
+    pub(super) fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
+    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as near.
+    #[inline(always)]
+    pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
+        let Facet { first, size, .. } = self.facets[facet];
+        let corner = self.vertices[self.corners[first as usize] as usize];
+        let farthest = (1.0 + RIM) * (reach + size);
+        (point - corner).norm_squared() <= farthest * farthest
     }
 
     /// The faces of a box between two corners \[m\].
@@ -202,7 +259,7 @@ impl Surface {
             let [a, b] = [first_of(of, a), first_of(of, b)];
             of[a.max(b) as usize] = a.min(b);
         }
-        let count = super::ghosts::index(self.len());
+        let count = index(self.len());
         let mut edges: Vec<([u32; 2], u32)> = Vec::new();
         for facet in 0..count {
             let numbers = self.numbers(facet as usize);
@@ -267,12 +324,18 @@ impl Surface {
     #[must_use]
     pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
         let (point, _) = self.in_domain(point);
-        (0..self.len()).any(|facet| {
-            let Facet { first, size, .. } = self.facets[facet];
-            let corner = self.vertices[self.corners[first as usize] as usize];
-            let farthest = reach + size;
-            (point - corner).norm_squared() < farthest * farthest
-                && self.nearest(facet, &point, reach).is_some()
+        self.groups.iter().any(|group| {
+            let [low, high] = group.bounds;
+            let outside = (low - point).sup(&(point - high)).sup(&Vector3::zeros());
+            outside.norm_squared() <= reach * reach
+                && group
+                    .facets
+                    .iter()
+                    .map(|facet| *facet as usize)
+                    .any(|facet| {
+                        self.may_reach(facet, &point, reach)
+                            && self.nearest(facet, &point, reach).is_some()
+                    })
         })
     }
 
@@ -342,7 +405,7 @@ impl Surface {
             (distance, closest.1, away)
         };
         (distance < reach).then_some(Nearest {
-            facet: super::ghosts::index(facet),
+            facet: index(facet),
             distance,
             normal,
             feature,

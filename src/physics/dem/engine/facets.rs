@@ -194,29 +194,25 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 continue;
             };
             let places = places(wall, &self.settings.region);
-            for facet in 0..surface.len() {
-                let (mut low, mut high) = (None::<S::Vector>, None::<S::Vector>);
-                for corner in surface.corners(facet) {
-                    let corner = S::from_volume(&corner);
-                    low = Some(low.map_or(corner, |low| low.combine(&corner, f64::min)));
-                    high = Some(high.map_or(corner, |high| high.combine(&corner, f64::max)));
-                }
-                let (Some(low), Some(high)) = (low, high) else {
-                    continue;
-                };
+            for group in surface.groups() {
+                let [low, high] = group.bounds.map(|corner| S::from_volume(&corner));
                 for &place in &places {
-                    let (low, high) = (low + place, high + place);
-                    search.near::<S>(&low, &high, gap, |k| {
+                    search.near::<S>(&(low + place), &(high + place), gap, |k| {
                         if k >= particles.owned() || particles.mobility[k].free <= 0.0 {
                             return;
                         }
                         let at = wall.local(&particles.motion[k].position);
-                        if surface.distance(facet, &at) <= particles.body[k].radius + gap {
-                            let (grain, facet) = (ghosts::index(k), ghosts::index(facet));
-                            facets.close.push([grain, w, facet]);
-                            surface.images_beyond(facet, &at, gap, |image| {
-                                facets.close.push([grain, w, image]);
-                            });
+                        let (grain, reach) = (ghosts::index(k), particles.body[k].radius + gap);
+                        for &number in &group.facets {
+                            let facet = number as usize;
+                            if surface.may_reach(facet, &at, reach)
+                                && surface.distance(facet, &at) <= reach
+                            {
+                                facets.close.push([grain, w, number]);
+                                surface.images_beyond(number, &at, gap, |image| {
+                                    facets.close.push([grain, w, image]);
+                                });
+                            }
                         }
                     });
                 }
