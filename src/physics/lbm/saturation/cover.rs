@@ -256,12 +256,18 @@ impl Cover {
         };
         let solids = &self.solids;
         let shares = &mut self.shared[place as usize];
-        shares.retain(|share| share.slot != slot);
-        if fraction > 0.0 {
-            let name = |slot: u32| solids.get(slot as usize).map(|solid| solid.name);
-            let at = shares.partition_point(|share| name(share.slot) < name(slot));
-            let fraction = fraction.min(1.0);
-            shares.insert(at, Share { slot, fraction });
+        match shares.iter().position(|share| share.slot == slot) {
+            Some(at) if fraction > 0.0 => shares[at].fraction = fraction.min(1.0),
+            Some(at) => {
+                shares.remove(at);
+            }
+            None if fraction > 0.0 => {
+                let name = |slot: u32| solids.get(slot as usize).map(|solid| solid.name);
+                let at = shares.partition_point(|share| name(share.slot) < name(slot));
+                let fraction = fraction.min(1.0);
+                shares.insert(at, Share { slot, fraction });
+            }
+            None => {}
         }
         if let [only] = shares[..] {
             shares.clear();
