@@ -178,8 +178,18 @@ mod tests {
             worst = worst.max((angle(y, x) - exact).abs() / (f64::EPSILON * exact));
         }
         assert!(worst < 2.0, "{worst}");
-        for (y, x) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1e-300, 1.0), (1.0, 1e-300)] {
-            assert!((angle(y, x) - f64::atan2(y, x)).abs() <= f64::EPSILON * f64::atan2(y, x), "{y} {x}");
+        for (y, x) in [
+            (0.0, 0.0),
+            (0.0, 1.0),
+            (1.0, 0.0),
+            (1.0, 1.0),
+            (1e-300, 1.0),
+            (1.0, 1e-300),
+        ] {
+            assert!(
+                (angle(y, x) - f64::atan2(y, x)).abs() <= f64::EPSILON * f64::atan2(y, x),
+                "{y} {x}"
+            );
         }
     }
 

@@ -332,3 +332,40 @@ impl Level {
         }
     }
 }
+
+/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set ([`Level::run`]).
+pub(crate) trait Work {
+    /// The loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction set.
+    fn run(self);
+}
+
+impl Level {
+    /// Runs the version of some work for this level.
+    pub(crate) fn run(self, work: impl Work) {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 if is_x86_feature_detected!("avx512f") => {
+                // SAFETY: the processor has it, and AVX2 with it.
+                unsafe { run_avx512(work) };
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 | Self::Avx2 if is_x86_feature_detected!("avx2") => {
+                // SAFETY: the processor has it.
+                unsafe { run_avx2(work) };
+            }
+            _ => work.run(),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2")]
+fn run_avx512(work: impl Work) {
+    work.run();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2(work: impl Work) {
+    work.run();
+}

@@ -180,7 +180,11 @@ impl LightBody {
 
     /// The relaxation time, which the bound of a bed follows, but not below `least`, nor below `slow` where it is below 0.6.
     fn time_in_a_bed(&self, least: f64, slow: f64) -> f64 {
-        let least = if self.relaxation_time < 0.6 { slow } else { least };
+        let least = if self.relaxation_time < 0.6 {
+            slow
+        } else {
+            least
+        };
         self.relaxation_time.max(least)
     }
 

@@ -1,7 +1,7 @@
 //! The cells that a body covers, as runs along the rows of the lattice.
 
 use super::super::solid_fraction::{BallInCells, Beside, Form, Method, Row, Scratch, round_row};
-use crate::lbm::lanes::Level;
+use crate::lbm::lanes::{Level, Work};
 use crate::lbm::saturation::{Cover, DEEP};
 use crate::number::{floor_i32, single, to_i32, to_u32};
 use std::ops::Range;
@@ -173,28 +173,14 @@ impl Rows {
         scratch: &mut Scratch,
         found: &mut Runs,
     ) {
-        match self.level {
-            // SAFETY: `Level::best` asked the processor for it.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 | Level::Avx2 => unsafe {
-                self.walk_avx2(form, frame, method, scratch, found);
-            },
-            Level::Scalar => self.walk_at_any_width(form, frame, method, scratch, found),
-        }
-    }
-
-    /// The same; rounding to whole cells is one instruction there and a call elsewhere.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn walk_avx2(
-        &self,
-        form: &Form<'_>,
-        frame: [i32; 3],
-        method: Method,
-        scratch: &mut Scratch,
-        found: &mut Runs,
-    ) {
-        self.walk_at_any_width(form, frame, method, scratch, found);
+        self.level.run(Walk {
+            rows: self,
+            form,
+            frame,
+            method,
+            scratch,
+            found,
+        });
     }
 
     #[inline(always)]
@@ -321,6 +307,24 @@ impl Rows {
                 });
             }
         }
+    }
+}
+
+/// [`Rows::walk`]: rounding to whole cells is one instruction with AVX2 and a call without.
+struct Walk<'a, 'f> {
+    rows: &'a Rows,
+    form: &'a Form<'f>,
+    frame: [i32; 3],
+    method: Method,
+    scratch: &'a mut Scratch,
+    found: &'a mut Runs,
+}
+
+impl Work for Walk<'_, '_> {
+    #[inline(always)]
+    fn run(self) {
+        let (rows, form) = (self.rows, self.form);
+        rows.walk_at_any_width(form, self.frame, self.method, self.scratch, self.found);
     }
 }
 

@@ -8,7 +8,7 @@
 //! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
 use crate::darcy::overlap::{cap, edge, octant_of};
-use crate::lbm::lanes::{Level, WIDEST};
+use crate::lbm::lanes::{Level, WIDEST, Work};
 use crate::number::real;
 
 /// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the surface of the ball.
@@ -80,28 +80,12 @@ impl Default for BallTable {
 impl BallTable {
     /// Starts a ball.
     pub fn fill(&mut self, ball: &BallInCells) {
-        match self.level {
-            // SAFETY: `Level::best` asked the processor for it.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { self.fill_avx512(ball) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { self.fill_avx2(ball) },
-            Level::Scalar => self.fill_at_any_width(ball),
-        }
+        self.level.run(Fill(self, ball));
     }
 
     /// Goes to a layer of cells, counted along the slowest axis. Layers in rising order share their corners.
     pub fn layer(&mut self, layer: usize) {
-        match self.level {
-            // SAFETY: `Level::best` asked the processor for it.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { self.layer_avx512(layer) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { self.layer_avx2(layer) },
-            Level::Scalar => self.layer_at_any_width(layer),
-        }
+        self.level.run(Layer(self, layer));
     }
 
     /// The filled parts of cells at the surface in row `row` of the layer, counted along the axis between the slowest and the fastest.
@@ -110,30 +94,6 @@ impl BallTable {
     pub fn row(&self, row: usize) -> &[f64] {
         let along = self.coordinates[self.order[2]].size.len();
         &self.fractions[row * along..][..along]
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx2")]
-    fn fill_avx512(&mut self, ball: &BallInCells) {
-        self.fill_at_any_width(ball);
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn fill_avx2(&mut self, ball: &BallInCells) {
-        self.fill_at_any_width(ball);
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx2")]
-    fn layer_avx512(&mut self, layer: usize) {
-        self.layer_at_any_width(layer);
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn layer_avx2(&mut self, layer: usize) {
-        self.layer_at_any_width(layer);
     }
 
     #[inline(always)]
@@ -276,6 +236,26 @@ impl BallTable {
                 parts[k] = sign * signs[k] * octant_of(size, caps_of, edges);
             }
         }
+    }
+}
+
+/// [`BallTable::fill`].
+struct Fill<'a>(&'a mut BallTable, &'a BallInCells);
+
+impl Work for Fill<'_> {
+    #[inline(always)]
+    fn run(self) {
+        self.0.fill_at_any_width(self.1);
+    }
+}
+
+/// [`BallTable::layer`].
+struct Layer<'a>(&'a mut BallTable, usize);
+
+impl Work for Layer<'_> {
+    #[inline(always)]
+    fn run(self) {
+        self.0.layer_at_any_width(self.1);
     }
 }
 
