@@ -82,11 +82,16 @@ fn show(name: &str, form: &Form, volume: f64) {
     }
     if let Form::Ball { centre, radius } = *form {
         let mut table = BallTable::default();
+        // The box of the ball, as the program takes it.
+        let lower = centre.map(|x| (x - radius).floor() as i32);
+        let cells: [usize; 3] =
+            std::array::from_fn(|a| ((centre[a] + radius).floor() as i32 + 1 - lower[a]) as usize);
         // The same cells row by row, as the program asks for them: from the first to the last of the surface, and not those between.
         let mut rows: Vec<(usize, usize, Vec<std::ops::Range<usize>>)> = Vec::new();
         let mut places: Vec<[usize; 3]> = surface
             .iter()
-            .map(|(cell, _)| cell.map(|x| x as usize))
+            .map(|(cell, _)| std::array::from_fn(|a| (cell[a] as i32 - lower[a]) as usize))
+            .filter(|at: &[usize; 3]| (0..3).all(|a| at[a] < cells[a]))
             .collect();
         places.sort_unstable();
         for [x, y, z] in places {
@@ -102,8 +107,8 @@ fn show(name: &str, form: &Form, volume: f64) {
             table.fill(&BallInCells {
                 centre,
                 radius,
-                lower: [0; 3],
-                cells: CELLS,
+                lower,
+                cells,
                 order: [0, 1, 2],
             });
             let mut sum = 0.0;

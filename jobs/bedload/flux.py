@@ -14,23 +14,25 @@ import sys
 import numpy as np
 from solver_results import open_run
 
-D, NU, S, G = 1.1e-3, 3.01e-4, 2.098, 9.81
-GALILEO = np.sqrt((S - 1) * G * D**3) / NU
-
-
 def row(folder, start):
     with open_run(folder) as run:
         bed, stream = run.probes["bed"], run.probes["stream"]
         with open(f"{folder}/case.json") as file:
             case = json.load(file)
+        fluid = case["fluid"]["lattice_boltzmann"]
+        viscosity, gravity = fluid["kinematic_viscosity"], abs(case["gravity"][1])
+        excess = case["materials"]["glass"]["density"] / fluid["density"] - 1
         _, height, width = case["domain"]["size"]
         bed, stream = bed[bed.time >= start], stream[stream.time >= start]
+        diameter = bed.diameter.iloc[0]
+        scale = np.sqrt(excess * gravity * diameter**3)
+        galileo = scale / viscosity
         water = stream.discharge.to_numpy() / width
         flux = bed.bedload_flux.to_numpy()
         parts = [part.mean() / water.mean() for part in np.array_split(flux, 4)]
         depth = height - bed.surface_height.mean()
-        reynolds = water.mean() / NU
-        edges = np.arange(0, height, D / 2)
+        reynolds = water.mean() / viscosity
+        edges = np.arange(0, height, diameter / 2)
         layers = []
         for grains in run.grains:
             if grains.time < start:
@@ -38,11 +40,11 @@ def row(folder, start):
             table = grains.table()
             place = np.digitize(table["y"], edges)
             speeds = [table["velocity_x"][place == k].mean() if (place == k).any() else 0.0 for k in range(1, len(edges))]
-            layers.append(np.sum(speeds) * D / 2)
-        shields = 6 * reynolds * (D / depth) ** 2 / GALILEO**2
+            layers.append(np.sum(speeds) * diameter / 2)
+        shields = 6 * reynolds * (diameter / depth) ** 2 / galileo**2
         return [
-            case["fluid"]["lattice_boltzmann"]["body_force"]["constant"][0], start, bed.time.iloc[-1], depth / D, reynolds, shields,
-            flux.mean() / np.sqrt((S - 1) * G * D**3), flux.mean() / water.mean(), min(parts), max(parts), np.mean(layers) / water.mean(),
+            fluid["body_force"]["constant"][0], start, bed.time.iloc[-1], depth / diameter, reynolds, shields,
+            flux.mean() / scale, flux.mean() / water.mean(), min(parts), max(parts), np.mean(layers) / water.mean(),
         ]
 
 

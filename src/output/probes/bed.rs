@@ -511,6 +511,10 @@ mod tests {
         above[9] = 10;
         assert_eq!(height(&above, 10, 2, 0.5), Some(5.0));
         assert_eq!(height(&[0; 12], 10, 2, 0.5), Some(0.0));
+        // Nor is a gap between layers narrower than a grain, as on a rough floor: full to layer 1, from 3 to 7.
+        let gap = [10, 0, 0, 10, 10, 10, 10, 0, 0, 0, 0, 0];
+        let found = height(&gap, 10, 1, 0.3).unwrap();
+        assert!((found - 7.4).abs() < 1e-12, "{found}");
         assert_eq!(height(&[10; 12], 10, 2, 0.5), None);
     }
 }

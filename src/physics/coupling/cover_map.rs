@@ -8,7 +8,7 @@
 
 mod runs;
 
-use self::runs::{Rows, Runs};
+use self::runs::{Rows, Runs, Walk};
 use super::body_map::Grid;
 use super::solid_fraction::{Form, Method, Scratch, faces};
 use crate::dem::particles::Particles;
@@ -184,7 +184,14 @@ impl CoverMap {
                 let frame = frame(grid, dimension, body.name.1);
                 let mut next = std::mem::take(&mut body.next);
                 let form = body.form(&pose, dimension);
-                rows.walk(&form, frame, method, scratch, &mut next);
+                rows.level.run(Walk {
+                    rows: &rows,
+                    form: &form,
+                    frame,
+                    method,
+                    scratch,
+                    found: &mut next,
+                });
                 if !closed.is_empty() {
                     next.leave_out(closed);
                 }

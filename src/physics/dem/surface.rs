@@ -531,6 +531,53 @@ mod tests {
         }
     }
 
+    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic domain.
+    #[test]
+    fn what_is_within_reach_is_what_the_clearance_says() {
+        let n = 12_u32;
+        let at = |i: u32, j: u32| {
+            let (x, y) = (f64::from(i), f64::from(j));
+            Vector3::new(x, y, (0.7 * x).sin() * (0.5 * y).cos())
+        };
+        let vertices = (0..=n)
+            .flat_map(|i| (0..=n).map(move |j| at(i, j)))
+            .collect();
+        let number = |i: u32, j: u32| i * (n + 1) + j;
+        let mut facets: Vec<Vec<u32>> = (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let (a, b) = (number(i, j), number(i + 1, j));
+                let (c, d) = (number(i + 1, j + 1), number(i, j + 1));
+                [vec![a, b, c], vec![a, c, d]]
+            })
+            .collect();
+        facets.sort_by_key(|corners| {
+            u64::from(corners[0] + 7 * corners[1]).wrapping_mul(0x9e37_79b9) % 1009
+        });
+        let alone = Surface::new(vertices, &facets).unwrap();
+        let repeated = alone.clone().repeated([0.0; 3], [12.0, 0.0, 0.0]).unwrap();
+        for surface in [&alone, &repeated] {
+            let mut within = 0;
+            for k in 0..4000 {
+                let mut draw = Stream::new(6, k, 0);
+                let point = Vector3::new(
+                    12.0 * draw.uniform(),
+                    14.0 * draw.uniform() - 1.0,
+                    6.0 * draw.uniform() - 3.0,
+                );
+                let reach = 1.5 * draw.uniform();
+                let expected = surface.clearance(&point) < reach;
+                assert_eq!(
+                    surface.is_within(&point, reach),
+                    expected,
+                    "{point} {reach}"
+                );
+                within += u32::from(expected);
+            }
+            assert!((400..3600).contains(&within), "{within}");
+        }
+    }
+
     #[test]
     fn a_box_pushes_once_per_wall_edge_or_corner() {
         let cube = Surface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();

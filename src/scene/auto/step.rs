@@ -189,8 +189,8 @@ fn limits(
     limits
 }
 
-/// The largest relaxation time of two at which packed grains are heavy enough for the water between them, a tenth to spare; none
-/// where any is, or none.
+/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to spare; none where they
+/// are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
     let grains = scene.grains.as_ref()?;

@@ -163,44 +163,37 @@ fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
 }
 
-impl Rows {
-    /// Lists the cells of the slab and its ghost cells that a body fills.
-    pub(super) fn walk(
-        &self,
-        form: &Form<'_>,
-        frame: [i32; 3],
-        method: Method,
-        scratch: &mut Scratch,
-        found: &mut Runs,
-    ) {
-        self.level.run(Walk {
-            rows: self,
+/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with AVX2 and a call without.
+pub(super) struct Walk<'a, 'f> {
+    pub(super) rows: &'a Rows,
+    pub(super) form: &'a Form<'f>,
+    /// From the raw frame of the body to the cells of the slab.
+    pub(super) frame: [i32; 3],
+    pub(super) method: Method,
+    pub(super) scratch: &'a mut Scratch,
+    pub(super) found: &'a mut Runs,
+}
+
+impl Work for Walk<'_, '_> {
+    #[inline(always)]
+    fn run(self) {
+        let Walk {
+            rows,
             form,
             frame,
             method,
             scratch,
             found,
-        });
-    }
-
-    #[inline(always)]
-    fn walk_at_any_width(
-        &self,
-        form: &Form<'_>,
-        frame: [i32; 3],
-        method: Method,
-        scratch: &mut Scratch,
-        found: &mut Runs,
-    ) {
+        } = self;
         found.clear();
-        if self.cells.contains(&0) {
+        if rows.cells.contains(&0) {
             return;
         }
         let (centre, radius) = form.bounds();
         let (mut low, mut high) = ([0; 3], [1; 3]);
-        for a in 0..self.dimension {
+        for a in 0..rows.dimension {
             low[a] = (floor_i32(centre[a] - radius) + frame[a]).max(-1);
-            high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(self.cells[a] + 1);
+            high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(rows.cells[a] + 1);
         }
         if (0..3).any(|a| low[a] >= high[a]) {
             return;
@@ -218,13 +211,13 @@ impl Rows {
                     radius: *radius,
                     lower,
                     cells,
-                    order: self.order,
+                    order: rows.order,
                 });
                 true
             }
             _ => false,
         };
-        let [slow, middle, fast] = self.order;
+        let [slow, middle, fast] = rows.order;
         let round = match form {
             Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
                 Some((*centre, *radius))
@@ -233,7 +226,7 @@ impl Rows {
         };
         let beside = |axis: usize, raw: i32| {
             round
-                .filter(|_| axis < self.dimension)
+                .filter(|_| axis < rows.dimension)
                 .map_or_else(Beside::default, |(centre, _)| {
                     Beside::of(centre[axis], f64::from(raw))
                 })
@@ -285,7 +278,7 @@ impl Rows {
                 filled(full.end, 1.0);
                 surface(full.end..last, &mut found.parts);
                 let ghosts =
-                    !(0..self.cells[slow]).contains(&i) || !(0..self.cells[middle]).contains(&j);
+                    !(0..rows.cells[slow]).contains(&i) || !(0..rows.cells[middle]).contains(&j);
                 let parts = &mut found.parts[start..];
                 if ghosts {
                     parts.iter_mut().for_each(turn);
@@ -293,13 +286,13 @@ impl Rows {
                     // The ghost cells at the ends of the row.
                     let before = whole(-first).min(parts.len());
                     parts[..before].iter_mut().for_each(turn);
-                    let own = whole(self.cells[fast] - first).clamp(before, parts.len());
+                    let own = whole(rows.cells[fast] - first).clamp(before, parts.len());
                     parts[own..].iter_mut().for_each(turn);
                 }
-                let position = self
+                let position = rows
                     .origin
-                    .wrapping_add_signed(self.strides[slow].cast_signed() * i as isize)
-                    .wrapping_add_signed(self.strides[middle].cast_signed() * j as isize);
+                    .wrapping_add_signed(rows.strides[slow].cast_signed() * i as isize)
+                    .wrapping_add_signed(rows.strides[middle].cast_signed() * j as isize);
                 found.runs.push(Run {
                     row: to_u32(position),
                     first,
@@ -307,24 +300,6 @@ impl Rows {
                 });
             }
         }
-    }
-}
-
-/// [`Rows::walk`]: rounding to whole cells is one instruction with AVX2 and a call without.
-struct Walk<'a, 'f> {
-    rows: &'a Rows,
-    form: &'a Form<'f>,
-    frame: [i32; 3],
-    method: Method,
-    scratch: &'a mut Scratch,
-    found: &'a mut Runs,
-}
-
-impl Work for Walk<'_, '_> {
-    #[inline(always)]
-    fn run(self) {
-        let (rows, form) = (self.rows, self.form);
-        rows.walk_at_any_width(form, self.frame, self.method, self.scratch, self.found);
     }
 }
 
