@@ -188,7 +188,11 @@ fn words(law: Option<&Law>) -> [String; 3] {
         Some(Law::Fitted(fit)) => [
             with_interval(fit.critical_shear, fit.critical_shear_interval),
             with_interval(fit.coefficient, fit.coefficient_interval),
-            format!("{:.3}", fit.r_squared),
+            if fit.r_squared.is_nan() {
+                "-".to_owned()
+            } else {
+                format!("{:.3}", fit.r_squared)
+            },
         ],
         Some(Law::LowerBound { at_least }) => [
             format!(">= {}", digits(*at_least)),

@@ -12,7 +12,8 @@
 //! 1982). Weights and law are iterated until they converge.
 //!
 //! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a bootstrap that draws whole
-//! runs, because the windows of one run share a packing. The bootstrap is seeded: the same data give the same numbers.
+//! runs, because the windows of one run share a packing. The bootstrap is seeded: the same data give the same numbers. Two points leave no degree
+//! of freedom; their interval takes Student's t of one, and R^2 is not defined.
 //!
 //! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is undefined. If it
 //! erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and the lowest one with erosion.
@@ -144,7 +145,7 @@ pub struct LinearLaw {
     pub coefficient: f64,
     /// Its interval, s/m.
     pub coefficient_interval: Interval,
-    /// Share of the variance of the eroding points' rates that the law explains.
+    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a line always joins.
     pub r_squared: f64,
     /// Relative scatter from run to run beyond counting grains.
     pub scatter: f64,
@@ -308,7 +309,7 @@ fn describe(
         critical_shear_interval,
         coefficient: k,
         coefficient_interval,
-        r_squared: if total > 0.0 {
+        r_squared: if total > 0.0 && eroding.len() > 2 {
             1.0 - left / total
         } else {
             f64::NAN
@@ -715,6 +716,22 @@ pub(crate) mod tests {
         assert!(fit.coefficient_interval.contains(TRUTH.k));
         assert!(fit.rate_interval(1e-2).contains(TRUTH.rate(1e-2)));
         assert!(fit.rate_interval(1e-5).low.abs() < 1e-300);
+    }
+
+    #[test]
+    fn two_points_fit_a_line_and_tell_nothing_of_its_quality() {
+        let points = [exact(0, 3e-3), exact(0, 8e-3)];
+        let fit = fitted(fit_law(&points, FitOptions::default()));
+        assert_relative_eq!(fit.coefficient, TRUTH.k, max_relative = 1e-9);
+        assert!(fit.r_squared.is_nan());
+        // The error of the slope from those of the rates, times Student's t of one degree of freedom.
+        let error = |p: &RatePoint| p.variance(p.rate, 0.0);
+        let slope_error = (error(&points[0]) + error(&points[1])).sqrt() / 5e-3;
+        assert_relative_eq!(
+            fit.coefficient_interval.high - fit.coefficient,
+            12.706 * slope_error,
+            max_relative = 1e-6
+        );
     }
 
     #[test]

@@ -16,19 +16,17 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Student's t for a two-sided interval of 95 %.
+/// Student's t for a two-sided interval of 95 %. Without a degree of freedom, that of one: two points do not tell how far a third would scatter.
 pub(super) fn student(freedom: usize) -> f64 {
     const TABLE: [f64; 30] = [
         12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
         2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056,
         2.052, 2.048, 2.045, 2.042,
     ];
-    match freedom {
-        // Two points leave nothing to judge by: the counting errors are all there is.
-        0 => 1.960,
-        1..=30 => TABLE[freedom - 1],
+    match freedom.max(1) {
+        freedom @ 1..=30 => TABLE[freedom - 1],
         // Second-order expansion in 1 / freedom, right to 1e-3 here.
-        _ => 1.960 + 2.372 / real(freedom),
+        freedom => 1.960 + 2.372 / real(freedom),
     }
 }
 

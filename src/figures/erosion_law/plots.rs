@@ -118,7 +118,9 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             CATEGORY[1],
             &label,
         ));
-        let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
+        if !fit.r_squared.is_nan() {
+            let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
+        }
     }
     for (eroding, label) in [(false, "no erosion"), (true, "runs, 95 % bars")] {
         let marks: Vec<Mark> = cohesion
