@@ -270,12 +270,6 @@ impl Domain {
     pub fn upper_neighbour(&self) -> Option<usize> {
         self.slabs.upper_neighbour(self.rank())
     }
-
-    /// Whether a plane is mine.
-    #[must_use]
-    pub fn owns_plane(&self, plane: usize) -> bool {
-        self.range().contains(&plane)
-    }
 }
 
 #[cfg(test)]

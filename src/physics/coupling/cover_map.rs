@@ -6,8 +6,10 @@
 //! alone: it is the same after a restart and on any number of ranks, because the geometry is computed in the frame of a body's raw position.
 //! A slab holds its own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the next one.
 
+mod alone;
 mod runs;
 
+use self::alone::{Alone, Sphere};
 use self::runs::{Rows, Runs, Walk};
 use super::body_map::Grid;
 use super::solid_fraction::{Form, Method, Scratch, faces};
@@ -17,7 +19,7 @@ use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::links::{Plane, Rigid};
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
-use crate::number::{to_i32, to_u32};
+use crate::number::{real, to_i32, to_u32};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -77,6 +79,7 @@ pub struct CoverMap {
     slots: u32,
     /// Entry of the particles in each slot.
     entries: Vec<u32>,
+    alone: Alone,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
 }
@@ -105,6 +108,7 @@ impl CoverMap {
             unused: Vec::new(),
             slots: 0,
             entries: Vec::new(),
+            alone: Alone::default(),
             closed: Vec::new(),
         }
     }
@@ -152,6 +156,9 @@ impl CoverMap {
         if !same {
             self.adopt(particles, cover);
         }
+        let spheres = (0..self.bodies.len()).map(|k| sphere(particles, k, &self.grid));
+        self.alone
+            .update(spheres, &self.grid, self.method, self.dimension);
         for (k, body) in self.bodies.iter_mut().enumerate() {
             let motion = rigid(particles, k, &self.grid, velocity, spin);
             let block = particles.polyhedron(k);
@@ -174,6 +181,7 @@ impl CoverMap {
                     name: body.name,
                     motion,
                     frame,
+                    alone: self.alone.is(k),
                 },
             );
         }
@@ -256,6 +264,19 @@ impl CoverMap {
         for (k, body) in self.bodies.iter().enumerate() {
             self.entries[body.slot as usize] = to_u32(k);
         }
+    }
+}
+
+/// Bounding sphere of an entry, its image included.
+fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere {
+    let mut centre = [0.0; 3];
+    for (a, x) in centre.iter_mut().enumerate().take(Sp::DIMENSION) {
+        let raw = (particles.motion[k].position.get(a) - grid.origin[a]) / grid.spacing;
+        *x = raw + f64::from(particles.shift[k][a]) * real(grid.cells[a]);
+    }
+    Sphere {
+        centre,
+        radius: particles.body[k].radius / grid.spacing,
     }
 }
 

@@ -51,8 +51,10 @@ impl View {
         if !(0..N::WIDTH).any(full) {
             return;
         }
-        // SAFETY: promised by the caller.
-        if sole.is_some_and(|slot| unsafe { self.lies_alone::<N, Q>(place.cell, slot) }) {
+        // SAFETY: promised by the caller; slots were made by `Cover::make_room`.
+        if sole.is_some_and(|slot| unsafe {
+            (*self.solids.add(slot as usize)).alone || self.lies_alone::<N, Q>(place.cell, slot)
+        }) {
             return;
         }
         let mut drho = [0.0; WIDEST];

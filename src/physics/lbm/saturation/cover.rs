@@ -25,6 +25,8 @@ pub struct Solid {
     pub motion: Rigid,
     /// From its raw frame to the cells of the slab: local = raw + frame.
     pub frame: [i32; 3],
+    /// Known to stand so far from other bodies and from walls that no full cell of it is beside one of theirs.
+    pub alone: bool,
 }
 
 impl Solid {

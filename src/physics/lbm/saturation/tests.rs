@@ -103,6 +103,7 @@ fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
                 name,
                 motion,
                 frame,
+                alone: false,
             },
         );
     }
@@ -332,6 +333,7 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
                     name,
                     motion,
                     frame,
+                    alone: false,
                 },
             );
         }

@@ -48,6 +48,7 @@ fn solid(id: u64, u: f64) -> Solid {
             ..Rigid::default()
         },
         frame: [0; 3],
+        alone: false,
     }
 }
 
