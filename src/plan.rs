@@ -16,6 +16,7 @@ pub mod margin;
 pub mod models;
 pub mod pore_flow;
 pub mod report;
+mod seepage;
 mod stability;
 
 use crate::case::annotation::Source;

@@ -83,12 +83,13 @@ pub struct Probe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProbeAt {
-    /// Velocity and pressure at a point; in seepage also the hydraulic head.
+    /// Velocity and pressure at a point. In seepage also the hydraulic head; the velocity is that of the cell that holds the point, and
+    /// pressure and head follow from the gradient in this cell.
     Point {
         /// The point [m].
         position: Vector,
     },
-    /// Velocity and pressure along a line.
+    /// Velocity and pressure along a line; not in seepage.
     Line {
         /// First point [m].
         from: Vector,
@@ -117,13 +118,14 @@ pub enum ProbeAt {
         name: String,
     },
     /// Discharge of seepage through a plane between cells of the coarse grid, or a part of it, and the mean hydraulic heads [m] of the cells
-    /// before and behind it.
+    /// before and behind it. The mean heads over the base of a prism of ground give its uplift and with it the factor of safety against heave.
     Section {
         /// Axis normal to the plane; the discharge along it is positive.
         axis: Axis,
         /// Coordinate of the plane [m]; the nearest plane between cells is taken.
         position: f64,
-        /// Box that selects a part of the plane [m]; its extent along the axis has no effect. Default: the whole plane.
+        /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has no effect. The column
+    /// `open_area` tells the part that was taken. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
     },
@@ -258,6 +260,8 @@ pub enum FieldName {
     EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
+    /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
+    Head,
 }
 
 impl FieldName {

@@ -152,6 +152,8 @@ impl<T: Number> Buffers<T> {
                         band.clone()
                             .map(|cell| T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell)))),
                     ),
+                    // Refused by the plan.
+                    FieldName::Head => {}
                     FieldName::Solid => {
                         for cell in band.clone() {
                             let body = fluid.body_at(cell);
@@ -176,6 +178,8 @@ impl<T: Number> Buffers<T> {
                 FieldName::Vorticity => ("vorticity", "1/s"),
                 FieldName::EddyViscosity => ("eddy_viscosity", "m2/s"),
                 FieldName::Solid => ("solid", "-"),
+                // Refused by the plan.
+                FieldName::Head => continue,
             };
             let data = if *field == FieldName::Solid {
                 Data::U8(&self.solid)

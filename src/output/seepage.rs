@@ -22,6 +22,7 @@ pub(crate) struct Buffers<T> {
     pressure: Vec<T>,
     porosity: Vec<T>,
     velocity: Vec<T>,
+    head: Vec<T>,
     wanted: Vec<FieldName>,
 }
 
@@ -68,6 +69,7 @@ impl<T: Number> Buffers<T> {
             pressure: Vec::new(),
             porosity: Vec::new(),
             velocity: Vec::new(),
+            head: Vec::new(),
             wanted: fields.to_vec(),
         }
     }
@@ -76,6 +78,7 @@ impl<T: Number> Buffers<T> {
         self.pressure.clear();
         self.porosity.clear();
         self.velocity.clear();
+        self.head.clear();
         if !first {
             return;
         }
@@ -85,6 +88,12 @@ impl<T: Number> Buffers<T> {
             self.porosity.push(T::of(pores.porosity()[cell]));
             self.velocity
                 .extend(seepage.water_velocity(cell).map(T::of));
+            let head = if pores.porosity()[cell] > 0.0 {
+                pressure.head(pressure.reduced(cell))
+            } else {
+                f64::NAN
+            };
+            self.head.push(T::of(head));
         }
     }
 
@@ -101,6 +110,9 @@ impl<T: Number> Buffers<T> {
         }
         if self.wanted.contains(&FieldName::Pressure) {
             columns.push(column("pressure", "Pa", 1, &self.pressure));
+        }
+        if self.wanted.contains(&FieldName::Head) {
+            columns.push(column("head", "m", 1, &self.head));
         }
         columns.push(column("porosity", "-", 1, &self.porosity));
         columns

@@ -64,6 +64,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::added_mass::check(scene, &mut margins, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
     super::pore_flow::check(scene, findings);
+    super::seepage::check(scene, findings);
     let impact = |law: &ContactTable| law.model().impact_speed();
     if let Some((impact_speed, path)) = scene.contact.as_ref().and_then(impact)
         && let Some(Critical { limits, .. }) = critical_solid_time_step(scene)

@@ -12,7 +12,7 @@ use super::Clock;
 use super::margin::{Margin, margin};
 use crate::darcy::drag::{Bed, Grain};
 use crate::darcy::porosity::measure;
-use crate::darcy::{Enclosure, Equations, Grid, Liquid, Openness, Pores};
+use crate::darcy::{Enclosure, Equations, Liquid, Openness, Pores};
 use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -142,12 +142,7 @@ pub(super) fn beds(
 /// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
 #[must_use]
 pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
-    let grid = Grid {
-        cells: seepage.cells,
-        origin: seepage.origin,
-        spacing: seepage.spacing,
-        dimension,
-    };
+    let grid = seepage.coarse_grid(dimension);
     let enclosure = if seepage.planes.is_empty() {
         Enclosure::Everything
     } else {

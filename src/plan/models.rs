@@ -111,27 +111,39 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     }
     if let Some(seepage) = &scene.seepage {
         let written = &seepage.written;
+        let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
+        let [x, y, z] = seepage.cells;
         choose(
             "fluid",
             "Darcy seepage".into(),
-            format!(
-                "requested; {} x {} x {} cells, coupled every {} solid steps",
-                seepage.cells[0], seepage.cells[1], seepage.cells[2], clock.solid_steps_per_step
-            ),
+            if without_grains {
+                format!("requested; {x} x {y} x {z} cells, steady: no grain moves")
+            } else {
+                let steps = clock.solid_steps_per_step;
+                format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
+            },
         );
-        choose(
-            "permeability",
-            format!(
-                "{}, {:?} mean diameter",
-                written.resistance().model().description(),
-                written.mean_diameter
-            ),
-            format!(
-                "porosity by {}, at most {}",
-                written.porosity.model().description(),
-                written.porosity_cap()
-            ),
-        );
+        if without_grains {
+            choose(
+                "permeability",
+                "that of the zones".into(),
+                "there are no grains".into(),
+            );
+        } else {
+            choose(
+                "permeability",
+                format!(
+                    "{}, {:?} mean diameter",
+                    written.resistance().model().description(),
+                    written.mean_diameter
+                ),
+                format!(
+                    "porosity by {}, at most {}",
+                    written.porosity.model().description(),
+                    written.porosity_cap()
+                ),
+            );
+        }
         for [zone, states, reason] in seepage.describe_zones() {
             choose(&zone, states, reason);
         }
@@ -148,20 +160,22 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
             "conjugate gradients with multigrid".into(),
             format!("to {:e} of the driving terms", written.tolerance),
         );
-        let flow = super::pore_flow::reynolds(scene).map_or_else(
-            || "no pressure and no flux drives the water".to_owned(),
-            |re| {
-                let re = number(re);
-                format!("the water seeps at a Reynolds number of about {re}")
-            },
-        );
-        choose("equations", format!("{:?}", written.equations), flow);
-        let balance = if written.drag().model().balances() {
-            "balances the loss of pressure"
-        } else {
-            "independent of the resistance: see the closure of momentum in the log"
-        };
-        choose("drag", written.drag().model().description(), balance.into());
+        if !without_grains {
+            let flow = super::pore_flow::reynolds(scene).map_or_else(
+                || "no pressure and no flux drives the water".to_owned(),
+                |re| {
+                    let re = number(re);
+                    format!("the water seeps at a Reynolds number of about {re}")
+                },
+            );
+            choose("equations", format!("{:?}", written.equations), flow);
+            let balance = if written.drag().model().balances() {
+                "balances the loss of pressure"
+            } else {
+                "independent of the resistance: see the closure of momentum in the log"
+            };
+            choose("drag", written.drag().model().description(), balance.into());
+        }
     }
     match &scene.flow {
         None if scene.seepage.is_some() => {}

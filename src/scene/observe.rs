@@ -13,7 +13,7 @@ use crate::case::Case;
 use crate::case::fluid::Fluid;
 use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
-use crate::case::observe::{Action as Written, ProbeAt as WrittenAt, When};
+use crate::case::observe::{Action as Written, FieldName, ProbeAt as WrittenAt, When};
 use crate::dem::contact::Contact;
 use crate::error::Remedy;
 pub use bed::Bed;
@@ -244,6 +244,14 @@ pub(crate) fn probes(
             WrittenAt::Point { position } => {
                 let path = format!("{path}.at.point.position");
                 let point = Block::vector(grid, position, &path, findings);
+                let holds = |s: &&Structure| s.stops.water() && s.solid.distance(point) < 0.0;
+                if seeps && let Some(structure) = structures.iter().find(holds) {
+                    findings.error(
+                        &path,
+                        format!("the point lies in the structure `{}`", structure.name),
+                        "move it into the ground",
+                    );
+                }
                 ProbeAt::Point(inside(point, &path, findings))
             }
             WrittenAt::Line { from, to, points } => {
@@ -468,7 +476,31 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                 Remedy::take_out("name one, or remove this output", "output.fluid"),
             );
         }
+        let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
+        let weightless = (case.gravity.as_ref())
+            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
         for (n, field) in fluid.fields.iter().enumerate() {
+            let path = format!("output.fluid.fields[{n}]");
+            match field {
+                FieldName::Velocity | FieldName::Pressure => {}
+                FieldName::Head if !seeps => findings.error(
+                    &path,
+                    "a hydraulic head is one of seepage; this is a fluid on a lattice",
+                    "use `pressure`",
+                ),
+                FieldName::Head if weightless => findings.error(
+                    &path,
+                    "a head needs gravity, and there is none in this case",
+                    "add `gravity`, or use `pressure`",
+                ),
+                FieldName::Head => {}
+                _ if seeps => findings.error(
+                    &path,
+                    "seepage has no such field",
+                    "use velocity, pressure or head",
+                ),
+                _ => {}
+            }
             if fluid.fields[..n].contains(field) {
                 findings.error(
                     &format!("output.fluid.fields[{n}]"),

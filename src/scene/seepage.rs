@@ -12,7 +12,8 @@ use crate::case::Case;
 use crate::case::darcy::{self as written_as, Darcy};
 use crate::case::fluid::Fluid;
 use crate::case::geometry::Face;
-use crate::darcy::{Condition, Zones};
+use crate::darcy::cut_cells::centre_of_water;
+use crate::darcy::{Condition, Grid as CoarseGrid, Zones};
 use crate::error::Remedy;
 use crate::number::{real, whole};
 use crate::structure::Images;
@@ -216,6 +217,10 @@ impl Seepage {
                     };
                     (from[a], to[a]) = (first(low[a]), first(high[a]));
                 }
+                if !self.solids.is_empty() {
+                    let ends = [&low, &high];
+                    self.end_beside_structures(boundary.face, ends, [&mut from, &mut to], grid);
+                }
                 if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
                     findings.error(
                         &format!("{path}.patch"),
@@ -272,6 +277,66 @@ impl Seepage {
             patches.push(patch);
         }
         patches
+    }
+
+    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other side: water that a sheet
+    /// pile separates from a patch does not belong to it.
+    fn end_beside_structures(
+        &self,
+        face: Face,
+        ends: [&[f64; 3]; 2],
+        found: [&mut [usize; 3]; 2],
+        grid: &Grid,
+    ) {
+        let coarse = self.coarse_grid(grid.dimension);
+        let axis = face.axis();
+        let level = if face.is_max() { self.cells[axis] - 1 } else { 0 };
+        let [from, to] = found;
+        let (first, last) = (*from, *to);
+        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no water.
+        let water = |a: usize, at: usize| {
+            let others: Vec<usize> = (0..grid.dimension).filter(|&b| b != a && b != axis).collect();
+            let count = others.iter().map(|&b| last[b].saturating_sub(first[b]));
+            let (mut sum, mut wet) = (0.0, 0_usize);
+            for mut n in 0..count.product() {
+                let mut cell = [0; 3];
+                (cell[axis], cell[a]) = (level, at);
+                for &b in &others {
+                    let count = last[b] - first[b];
+                    cell[b] = first[b] + n % count;
+                    n /= count;
+                }
+                if let Some(centre) = centre_of_water(&coarse, &self.solids, cell) {
+                    sum += centre[a];
+                    wet += 1;
+                }
+            }
+            let middle = self.origin[a] + (real(at) + 0.5) * self.spacing[a];
+            let mean = (wet > 0).then(|| sum / real(wet));
+            // Cells that no structure cuts are where they are.
+            mean.filter(|mean| (mean - middle).abs() > 1e-6 * self.spacing[a])
+        };
+        for (end, found) in ends.into_iter().zip([from, to]) {
+            for a in (0..grid.dimension).filter(|&a| a != axis) {
+                let (cell, x) = (found[a], end[a]);
+                if cell > 0 && water(a, cell - 1).is_some_and(|w| w >= x) {
+                    found[a] = cell - 1;
+                } else if cell < self.cells[a] && water(a, cell).is_some_and(|w| w < x) {
+                    found[a] = cell + 1;
+                }
+            }
+        }
+    }
+
+    /// The coarse grid in `dimension` axes.
+    #[must_use]
+    pub fn coarse_grid(&self, dimension: usize) -> CoarseGrid {
+        CoarseGrid {
+            cells: self.cells,
+            origin: self.origin,
+            spacing: self.spacing,
+            dimension,
+        }
     }
 
     /// Whether structures hold the cells of a patch.

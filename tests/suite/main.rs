@@ -20,6 +20,7 @@ mod circles;
 mod collapse;
 mod dice;
 mod estimate;
+mod excavations;
 mod extremes;
 mod folders;
 mod gates;

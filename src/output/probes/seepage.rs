@@ -47,7 +47,8 @@ impl Section {
     }
 }
 
-/// Velocity, pressure and head in the cell that holds a point; NaN outside the grid and in cells without water.
+/// Velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell; NaN outside the grid and in cells
+/// without water. Cells beside are not asked: a sheet pile may be between.
 pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();
@@ -55,8 +56,14 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     match cell.filter(|&cell| seepage.pores().porosity()[cell] > 0.0) {
         Some(cell) => {
             let [u, v, w] = seepage.water_velocity(cell);
-            let head = pressure.head(pressure.reduced(cell));
-            [u, v, w, pressure.pressure(cell), head]
+            let (centre, gradient) = (grid.centre(grid.cell(cell)), pressure.reduced_gradient(cell));
+            let weight = pressure.weight();
+            let (mut reduced, mut hydrostatic) = (pressure.reduced(cell), 0.0);
+            for a in 0..grid.dimension {
+                reduced += gradient[a] * (point[a] - centre[a]);
+                hydrostatic += weight[a] * point[a];
+            }
+            [u, v, w, reduced + hydrostatic, pressure.head(reduced)]
         }
         None => [f64::NAN; 5],
     }

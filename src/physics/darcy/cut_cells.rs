@@ -242,6 +242,38 @@ impl Division<'_> {
     }
 }
 
+impl<'a> Division<'a> {
+    fn new(grid: &'a Grid, solids: &'a [Arc<Images>]) -> Self {
+        let n = DIVISIONS[usize::from(grid.dimension == 3)];
+        Self {
+            grid,
+            solids,
+            by: std::array::from_fn(|a| if a < grid.dimension { n } else { 1 }),
+        }
+    }
+}
+
+/// Centroid of the water of a cell beside these solids \[m\]; none of a cell without water.
+#[must_use]
+pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) -> Option<[f64; 3]> {
+    let division = Division::new(grid, solids);
+    match division.left(cell) {
+        Left::Water => Some(grid.centre(cell)),
+        Left::Solid => None,
+        Left::Part(wet) => {
+            let (mut sum, mut count) = ([0.0; 3], 0_usize);
+            for (place, _) in wet.iter().enumerate().filter(|(_, wet)| **wet) {
+                let by = division.by;
+                let sub = [place % by[0], place / by[0] % by[1], place / (by[0] * by[1])];
+                let centre = division.centre(cell, sub);
+                sum = std::array::from_fn(|a| sum[a] + centre[a]);
+                count += 1;
+            }
+            Some(sum.map(|x| x / real(count)))
+        }
+    }
+}
+
 impl Openness {
     /// What is left of the cells and faces where these solids stand.
     #[must_use]
@@ -250,12 +282,7 @@ impl Openness {
             return self;
         }
         let grid = self.grid;
-        let n = DIVISIONS[usize::from(grid.dimension == 3)];
-        let division = Division {
-            grid: &grid,
-            solids,
-            by: std::array::from_fn(|a| if a < grid.dimension { n } else { 1 }),
-        };
+        let division = Division::new(&grid, solids);
         let cells = 0..grid.count();
         let left: Vec<Left> = cells.map(|k| division.left(grid.cell(k))).collect();
         for (fraction, left) in self.inside.iter_mut().zip(&left) {

@@ -301,6 +301,25 @@ impl Zones {
         &self.reached
     }
 
+    /// The part of each of so many cells that zones fill without grains.
+    #[must_use]
+    pub fn filled(&self, cells: usize) -> Vec<f64> {
+        let mut filled = vec![0.0; cells];
+        for divided in &self.cells {
+            let ([x, y, z], media) = self.boxes(divided);
+            let mut media = media.iter();
+            for c in z {
+                for b in y {
+                    for a in x {
+                        let fills = media.next().is_some_and(|m| self.media[*m as usize].fills());
+                        filled[divided.cell] += if fills { a * b * c } else { 0.0 };
+                    }
+                }
+            }
+        }
+        filled
+    }
+
     /// Whether all that the zones state of the grid is a permeability that needs no grains.
     #[must_use]
     pub fn stand_alone(&self) -> bool {

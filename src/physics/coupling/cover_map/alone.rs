@@ -44,7 +44,9 @@ impl Alone {
         dimension: usize,
     ) {
         let stays = |(old, new): (&Sphere, Sphere)| {
-            let moved: f64 = (0..3).map(|a| (old.centre[a] - new.centre[a]).powi(2)).sum();
+            let moved: f64 = (0..3)
+                .map(|a| (old.centre[a] - new.centre[a]).powi(2))
+                .sum();
             // Nothing is known where a number is none.
             moved <= (0.5 * SPARE).powi(2) && old.radius.total_cmp(&new.radius).is_eq()
         };

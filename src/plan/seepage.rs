@@ -1,0 +1,302 @@
+//! What a drawing and a sheet of data easily get wrong in seepage, said before the run.
+//!
+//! * Conditions that meet without a structure between them. A sheet pile that ends beside the edge of a patch, or short of the surface, leaves
+//!   neighbouring cells on the surface with different heads. Water then flows from one to the other beside the pile, and the discharge depends
+//!   on the size of the cells.
+//! * Ground that no zone fills. Without grains it is open water.
+//! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they act on.
+
+use super::explicit_drag::openness;
+use crate::case::darcy::ZonePermeability;
+use crate::darcy::{Condition, Openness};
+use crate::error::Remedy;
+use crate::number::real;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::seepage::{PATH, Seepage};
+
+/// Part of the largest difference of heads from which neighbours count as different.
+const DIFFERENT: f64 = 0.1;
+/// Permeability of coarse gravel \[m2\] (J. Bear, Dynamics of Fluids in Porous Media, 1972, table 5.5.1: up to 1e-7).
+const GRAVEL: f64 = 1e-6;
+/// Densities of liquids \[kg/m3\].
+const LIQUIDS: [f64; 2] = [500.0, 2e4];
+
+/// Warns of all of it.
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    let Some(seepage) = &scene.seepage else {
+        return;
+    };
+    let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
+    units(scene, seepage, findings);
+    heads(scene, seepage, findings);
+    let several = seepage
+        .patches
+        .iter()
+        .filter(|p| holds(&p.condition))
+        .count()
+        > 1;
+    if !several && !without_grains {
+        return;
+    }
+    let openness = openness(seepage, scene.grid.dimension);
+    if several {
+        short_circuits(scene, seepage, &openness, findings);
+    }
+    if without_grains {
+        nothing_drives(scene, seepage, findings);
+        open_water(seepage, &openness, findings);
+    }
+}
+
+fn holds(condition: &Condition) -> bool {
+    matches!(
+        condition,
+        Condition::Pressure { .. } | Condition::Head { .. }
+    )
+}
+
+fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
+    let written = &seepage.written;
+    let [least, most] = LIQUIDS;
+    if !(least..=most).contains(&written.density) {
+        findings.warn(
+            &format!("{PATH}.density"),
+            format!(
+                "no liquid has a density of {} kg/m3",
+                number(written.density)
+            ),
+            Remedy::from("state the density in kg/m3: water has 1000")
+                .set(format!("{PATH}.density"), 1000.0),
+        );
+    }
+    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    // Hydraulic conductivity of a permeability of 1 m2.
+    let conducts = written.density * strength / written.viscosity;
+    for (n, zone) in written.zones.iter().enumerate() {
+        let path = format!("{PATH}.zones[{n}].permeability");
+        match zone.permeability {
+            Some(ZonePermeability::Value(k)) if k > GRAVEL => findings.warn(
+                &path,
+                format!(
+                    "a permeability of {} m2 is a hydraulic conductivity of {} m/s; coarse gravel has a permeability of about 1e-7 m2",
+                    number(k),
+                    number(k * conducts)
+                ),
+                Remedy::from(format!(
+                    "if {} is a hydraulic conductivity in m/s, write {{\"hydraulic_conductivity\": {k}}}",
+                    number(k)
+                ))
+                .set(path.clone(), serde_json::json!({"hydraulic_conductivity": k})),
+            ),
+            Some(ZonePermeability::HydraulicConductivity(k)) if k > GRAVEL * conducts => {
+                findings.warn(
+                    &path,
+                    format!(
+                        "a hydraulic conductivity of {} m/s; coarse gravel has about 1 m/s",
+                        number(k)
+                    ),
+                    "state it in m/s",
+                );
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Heads that count from another level than the origin, and gravity with the wrong sign.
+fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
+    let (gravity, dimension) = (scene.gravity, scene.grid.dimension);
+    let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let mut heads = (seepage.patches.iter().enumerate())
+        .filter_map(|(n, patch)| match patch.condition {
+            Condition::Head { value } => Some((n, patch, value)),
+            _ => None,
+        })
+        .peekable();
+    if heads.peek().is_none() || strength <= 0.0 {
+        return;
+    }
+    let up = dimension - 1;
+    if gravity[up] > 0.5 * strength {
+        let axis = ["x", "y", "z"][up];
+        findings.warn(
+            "gravity",
+            format!(
+                "gravity points along +{axis}: heads and pressures count as if {axis} went down into the ground"
+            ),
+            format!("give the component along {axis} a minus sign if {axis} goes up"),
+        );
+    }
+    for (n, patch, head) in heads {
+        // The highest point of the patch.
+        let elevation: f64 = (0..dimension)
+            .map(|a| {
+                let ends = if a == patch.face.axis() {
+                    let end = if patch.face.is_max() {
+                        seepage.cells[a]
+                    } else {
+                        0
+                    };
+                    [end, end]
+                } else {
+                    [patch.from[a], patch.to[a]]
+                };
+                let at = ends.map(|k| seepage.origin[a] + real(k) * seepage.spacing[a]);
+                let heights = at.map(|x| -gravity[a] / strength * x);
+                heights[0].max(heights[1])
+            })
+            .sum();
+        if head < elevation - 1e-9 * (1.0 + elevation.abs()) {
+            findings.warn(
+                &format!("{PATH}.boundaries[{n}].condition.head.value"),
+                format!(
+                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water there is under suction, and \
+                     seepage has no free surface",
+                    number(head),
+                    number(elevation - head),
+                    patch.name,
+                    number(elevation)
+                ),
+                "heads count from the origin of the domain, not from the ground: add the elevation of the ground, or end the patch at the water level",
+            );
+        }
+    }
+}
+
+fn nothing_drives(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
+    let moves = seepage.patches.iter().any(|patch| match patch.condition {
+        Condition::Flux { value } | Condition::Rain { rate: value } => value.abs() > 0.0,
+        _ => false,
+    });
+    if !moves && seepage.pressure_drop(scene.gravity) <= 0.0 {
+        findings.warn(
+            &format!("{PATH}.boundaries"),
+            "nothing drives the water: the conditions impose one and the same head, and no flux",
+            "impose two different heads or pressures, or a flux",
+        );
+    }
+}
+
+/// A cell face on which a pressure or head is imposed.
+#[derive(Clone, Copy)]
+struct Held {
+    patch: usize,
+    /// Reduced pressure \[Pa\].
+    reduced: f64,
+}
+
+fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
+    let (grid, gravity, dimension) = (&openness.grid, scene.gravity, scene.grid.dimension);
+    let density = seepage.written.density;
+    let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let drop = seepage.pressure_drop(gravity);
+    if drop <= 0.0 {
+        return;
+    }
+    let mut warned: Vec<[usize; 2]> = Vec::new();
+    let mut warn = |one: Held, other: Held, at: [f64; 3]| {
+        let pair = [one.patch.min(other.patch), one.patch.max(other.patch)];
+        let same = one.patch == other.patch;
+        if same || (one.reduced - other.reduced).abs() < DIFFERENT * drop || warned.contains(&pair)
+        {
+            return;
+        }
+        warned.push(pair);
+        let [first, second] = pair.map(|n| &seepage.patches[n].name);
+        let place: Vec<String> = at[..dimension].iter().map(|x| number(*x)).collect();
+        findings.warn(
+            &format!("{PATH}.boundaries[{}].patch", pair[1]),
+            format!(
+                "`{first}` and `{second}` impose different heads side by side at ({}) m, and no structure is between them: water flows from one to the \
+                 other along the face, and the discharge depends on the size of the cells",
+                place.join(", ")
+            ),
+            "let a structure reach the face where the patches meet, or leave a strip of the face between them without a condition",
+        );
+    };
+    // What each face of a cell holds; a later condition takes precedence.
+    let mut held: [Vec<Option<Held>>; 6] = std::array::from_fn(|_| Vec::new());
+    for (n, patch) in seepage.patches.iter().enumerate() {
+        let axis = patch.face.axis();
+        let upper = patch.face.is_max();
+        let level = if upper { grid.cells[axis] - 1 } else { 0 };
+        let of_face = &mut held[2 * axis + usize::from(upper)];
+        of_face.resize(grid.count(), None);
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            let inside = |a: usize| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]);
+            if cell[axis] != level || !(0..3).all(inside) || openness.blocked(index) {
+                continue;
+            }
+            let mut beyond = cell;
+            beyond[axis] += usize::from(upper);
+            if openness.faces[axis][openness.face(axis, beyond)] <= 0.0 {
+                continue;
+            }
+            let mut at = grid.centre(cell);
+            at[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+            let weight: f64 = (0..3).map(|a| gravity[a] * at[a]).sum();
+            of_face[index] = match patch.condition {
+                Condition::Pressure { value } => Some(value - density * weight),
+                Condition::Head { value } => Some(density * strength * value),
+                _ => None,
+            }
+            .map(|reduced| Held { patch: n, reduced });
+        }
+    }
+    for index in 0..grid.count() {
+        let cell = grid.cell(index);
+        let here = held
+            .iter()
+            .filter_map(|face| face.get(index).copied().flatten());
+        let here: Vec<Held> = here.collect();
+        let Some((first, others)) = here.split_first() else {
+            continue;
+        };
+        for other in others {
+            warn(*first, *other, grid.centre(cell));
+        }
+        for (side, face) in held.iter().enumerate().filter(|(_, face)| !face.is_empty()) {
+            for a in 0..dimension {
+                let mut next = cell;
+                next[a] += 1;
+                if next[a] >= grid.cells[a] || openness.faces[a][openness.face(a, next)] <= 0.0 {
+                    continue;
+                }
+                if let (Some(one), Some(other)) = (face[index], face[grid.index(next)]) {
+                    let mut at = grid.centre(cell);
+                    at[a] += 0.5 * grid.spacing[a];
+                    let outward = if side % 2 == 1 { 0.5 } else { -0.5 };
+                    at[side / 2] += outward * grid.spacing[side / 2];
+                    warn(one, other, at);
+                }
+            }
+        }
+    }
+}
+
+fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
+    let Some(zones) = &seepage.zones else {
+        return;
+    };
+    let grid = &openness.grid;
+    let filled = zones.filled(grid.count());
+    let wet = || (0..grid.count()).filter(|&k| !openness.blocked(k));
+    let open = || wet().filter(|&k| filled[k] < 1.0 - 1e-9);
+    let Some(first) = open().next() else {
+        return;
+    };
+    let place = grid.centre(grid.cell(first));
+    let place: Vec<String> = place[..grid.dimension].iter().map(|x| number(*x)).collect();
+    findings.warn(
+        &format!("{PATH}.zones"),
+        format!(
+            "no zone fills {} of {} cells, the first of them at ({}) m: without grains they are open water, which hardly resists the flow",
+            open().count(),
+            wet().count(),
+            place.join(", ")
+        ),
+        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds everywhere else",
+    );
+}
