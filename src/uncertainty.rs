@@ -393,9 +393,15 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
         .map(|member| outcome(plan, member, output))
         .collect();
     if let Some(Err(why)) = found.first() {
-        return Err(Error::Io(format!(
-            "the run of the case has no answers: {why}"
-        )));
+        let first = &members.list[0];
+        let record = Record::read(&output.join(&first.name));
+        let failed = record.is_some_and(|record| record.outcome == Outcome::NumericalRefusal);
+        let reason = format!("the run of the case has no answers: {why}");
+        return Err(if failed {
+            Error::Numerical(reason)
+        } else {
+            Error::Io(reason)
+        });
     }
     let of = |place: usize| found.get(place).and_then(|answers| answers.as_ref().ok());
     let core_seconds = |place: usize| {

@@ -184,7 +184,7 @@ pub struct Zone {
     #[serde(default)]
     pub raster: Option<RasterFile>,
     /// Whether the zone holds in cells without grains as well, as a porous body at rest that the case does not resolve. Otherwise cells with
-    /// a porosity of the grains of 0.95 or more are open water. A case without grains needs it in all its zones.
+    /// a porosity of the grains of 0.95 or more are open water. In a case without grains all zones hold.
     #[serde(default)]
     pub without_grains: bool,
 }

@@ -245,11 +245,11 @@ pub(crate) fn probes(
                 let path = format!("{path}.at.point.position");
                 let point = Block::vector(grid, position, &path, findings);
                 let holds = |s: &&Structure| s.stops.water() && s.solid.distance(point) < 0.0;
-                if seeps && let Some(structure) = structures.iter().find(holds) {
+                if let Some(structure) = structures.iter().find(holds) {
                     findings.error(
                         &path,
                         format!("the point lies in the structure `{}`", structure.name),
-                        "move it into the ground",
+                        "move it into the water",
                     );
                 }
                 ProbeAt::Point(inside(point, &path, findings))
@@ -477,8 +477,8 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
             );
         }
         let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
-        let weightless = (case.gravity.as_ref())
-            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+        let weightless =
+            (case.gravity.as_ref()).is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
         for (n, field) in fluid.fields.iter().enumerate() {
             let path = format!("output.fluid.fields[{n}]");
             match field {

@@ -529,7 +529,7 @@ impl Seepage {
             findings.error(
                 "grains",
                 "water that seeps needs a bed: there are neither grains nor zones",
-                "add `grains`, or `zones` with a permeability and \"without_grains\": true",
+                "add `grains`, or `zones` with a permeability",
             );
             return;
         };
@@ -537,7 +537,7 @@ impl Seepage {
             findings.error(
                 &format!("{PATH}.zones"),
                 "there are no grains, and a zone states no permeability that holds without grains",
-                "give each zone a permeability as `value`, `hydraulic_conductivity` or raster, and \"without_grains\": true, or add `grains`",
+                "give each zone a permeability as `value`, `hydraulic_conductivity` or raster, or add `grains`",
             );
         }
     }

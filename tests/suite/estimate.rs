@@ -99,25 +99,29 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
     );
 }
 
-/// Water over a weir that closes half of a channel: the lattice velocity of the crest grows with the cells, which no plan foresees. A guard ends the
+/// Water over a weir that closes half of a channel; the largest lattice velocity on the grid of the case is 0.045.
+fn weir(limit: f64) -> Value {
+    json!({
+        "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": {"velocity": [0.01, 0]}}}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+        "structures": [{"name": "weir", "shape": {"box": {"from": [3e-4, -1e-4], "to": [4e-4, 2e-4]}}}],
+        "guards": {"max_lattice_velocity": limit},
+        "time": {"end": 0.02},
+        "probes": [{"name": "weir", "every": 0.002, "at": {"structure": {"name": "weir"}}}]
+    })
+}
+
+/// The lattice velocity over the crest of a weir grows with the cells, which no plan foresees. A guard ends the
 /// runs of coarser grids: others take their places, and what the estimate then is, is said.
 #[test]
 fn grids_that_a_guard_ends_are_replaced_and_told() {
     let folder = tempfile::tempdir().unwrap();
-    // The largest lattice velocity on the grid of the case is 0.045.
     let run = |name: &str, limit: f64| {
-        let case = json!({
-            "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},
-            "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
-                "boundaries": [
-                    {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": {"velocity": [0.01, 0]}}}}},
-                    {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
-            "structures": [{"name": "weir", "shape": {"box": {"from": [3e-4, -1e-4], "to": [4e-4, 2e-4]}}}],
-            "guards": {"max_lattice_velocity": limit},
-            "time": {"end": 0.02},
-            "probes": [{"name": "weir", "every": 0.002, "at": {"structure": {"name": "weir"}}}]
-        });
+        let case = weir(limit);
         let file = folder.path().join(format!("{name}.json"));
         std::fs::write(&file, case.to_string()).unwrap();
         let output = folder.path().join(name);
@@ -192,4 +196,23 @@ fn the_plan_says_what_an_estimate_costs() {
     let own = tree["estimate"]["seconds_on_one_core"].as_f64().unwrap();
     let all = costs["seconds_on_one_core"].as_f64().unwrap();
     assert!(all > own && all < 1.25 * own, "{all} for {own}");
+}
+
+/// A case that fails itself ends with the code of a numerical failure.
+#[test]
+fn the_failure_of_the_case_is_a_numerical_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("fast.json");
+    // The plan does not foresee the velocity over the crest.
+    let case = weir(0.03);
+    std::fs::write(&file, case.to_string()).unwrap();
+    let output = folder.path().join("out");
+    let more = ["--allow-unstable", "--output", output.to_str().unwrap()];
+    let done = estimate(&file, &more).output().unwrap();
+    let errors = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(4), "{errors}");
+    assert!(
+        errors.contains("numerical failure: the run of the case has no answers"),
+        "{errors}"
+    );
 }

@@ -53,6 +53,7 @@ use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};
 use crate::family;
+use crate::number::real;
 use crate::units::LatticeUnits;
 use decomposition::Communicator;
 use profile::ReadTable;
@@ -218,6 +219,64 @@ pub fn holder<S: Stored>(
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
+/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells, where patches may meet.
+fn around(
+    frame: &Frame,
+    c: [i8; 3],
+    outside: [bool; 3],
+    middle: [f64; 3],
+) -> impl Iterator<Item = [f64; 3]> {
+    let oblique: [bool; 3] = std::array::from_fn(|a| c[a] != 0 && !outside[a]);
+    let sides = move |a: usize| if oblique[a] { &[-0.5, 0.5][..] } else { &[0.0][..] };
+    let frame_cells = frame.cells.map(real);
+    let periodic = frame.periodic;
+    sides(0).iter().flat_map(move |x| {
+        sides(1).iter().flat_map(move |y| {
+            sides(2).iter().map(move |z| {
+                let mut point = [middle[0] + x, middle[1] + y, middle[2] + z];
+                for a in 0..3 {
+                    if periodic[a] {
+                        point[a] = point[a].rem_euclid(frame_cells[a]);
+                    }
+                }
+                point
+            })
+        })
+    })
+}
+
+/// The patch of a link that crosses a face between those of the cells `beside`, and the part of these that imposes a velocity.
+///
+/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
+/// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
+/// stronger one has the border.
+fn on_border<S: Stored>(
+    patches: &[Patch<S>],
+    middle: [f64; 3],
+    beside: impl Iterator<Item = usize>,
+) -> (usize, f64) {
+    let strength = |p: usize| patches[p].rule.nature().strength;
+    let (mut strongest, mut imposing) = (None, None);
+    let (mut count, mut imposed) = (0.0, 0.0);
+    for p in beside {
+        if strongest.is_none_or(|q| (strength(p), p) > (strength(q), q)) {
+            strongest = Some(p);
+        }
+        count += 1.0;
+        let rule = &patches[p].rule;
+        if rule.nature().surface != Surface::Wall && rule.velocity(middle).is_some() {
+            imposed += 1.0;
+            imposing = imposing.max(Some(p));
+        }
+    }
+    match (strongest, imposing) {
+        (_, Some(p)) => (p, imposed / count),
+        (Some(p), None) => (p, 1.0),
+        // There is always a cell beside.
+        (None, None) => (0, 1.0),
+    }
+}
+
 /// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
@@ -299,15 +358,19 @@ impl<S: Stored> Boundaries<S> {
                     // Along a face through which the link does not leave, the crossing point; through a face, the face.
                     x + 0.5 + 0.5 * f64::from(c[a])
                 });
-                let patch = (0..3)
+                let (patch, share) = (0..3)
                     .filter(|&a| outside[a])
                     .map(|axis| {
                         let upper = c[axis] > 0;
-                        holder(&patches[..defaults], axis, upper, middle)
-                            .unwrap_or(defaults + 2 * axis + usize::from(upper))
+                        let default = defaults + 2 * axis + usize::from(upper);
+                        let beside = around(frame, c, outside, middle);
+                        let beside = beside.map(|point| {
+                            holder(&patches[..defaults], axis, upper, point).unwrap_or(default)
+                        });
+                        on_border(&patches, middle, beside)
                     })
-                    .max_by_key(|&p| patches[p].rule.nature().strength)
-                    .unwrap_or(defaults);
+                    .max_by_key(|&(p, _)| patches[p].rule.nature().strength)
+                    .unwrap_or((defaults, 1.0));
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
                     open.add(cell, link);
@@ -320,6 +383,7 @@ impl<S: Stored> Boundaries<S> {
                     direction: i,
                     outside,
                     middle,
+                    share,
                     link,
                 };
                 if let Giver::Wall { term } = patches[patch].rule.take(&crossing) {

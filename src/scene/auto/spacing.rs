@@ -63,6 +63,9 @@ impl Spacing {
 const SLAB_DIAMETERS: f64 = 2.0;
 /// Seepage is averaged over cells of three grains, within the 1 to 4 of the paper on ground fissures.
 const SEEPAGE_DIAMETERS: f64 = 3.0;
+/// Cells of seepage without grains along the shortest edge, and in all at most.
+const SEEPAGE_LAYERS: f64 = 50.0;
+const SEEPAGE_CELLS: f64 = 1e6;
 /// Part of the target that the cells may use; the time step has the rest.
 const SHARE: f64 = 0.75;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
@@ -192,10 +195,21 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     let widest = bodies.fold(0.0, f64::max);
     let (smallest, largest) = features::grain_diameters(case).unwrap_or((widest, widest));
     let (size, reason) = match &case.fluid {
-        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => (
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() && largest > 0.0 => (
             (SEEPAGE_DIAMETERS * 0.5 * (smallest + largest)).max(largest),
             "three mean diameters: the seepage is averaged over grains",
         ),
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => {
+            let edges = case.domain.size.to_array();
+            let edges: Vec<f64> = edges.into_iter().filter(|x| *x > 0.0).collect();
+            let shortest = edges.iter().copied().fold(f64::INFINITY, f64::min);
+            let size: f64 = edges.iter().product();
+            let coarsest = (size / SEEPAGE_CELLS).powf(1.0 / real(edges.len().max(1)));
+            (
+                (shortest / SEEPAGE_LAYERS).max(coarsest),
+                "fifty cells along the shortest edge, or a million in all: there are no grains to average over",
+            )
+        }
         _ => (
             SLAB_DIAMETERS * largest.max(widest),
             "two of the largest diameters: without a lattice the cells only define the slabs",
@@ -205,7 +219,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
         findings.error(
             "domain.spacing",
             "nothing in the case determines the size of a cell",
-            "state the spacing, or add grains or a fluid",
+            "state the spacing",
         );
         return None;
     }

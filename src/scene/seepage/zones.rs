@@ -33,6 +33,8 @@ impl Seepage {
         });
         // Hydraulic conductivity to permeability: k mu/(rho g).
         let permeable = written.viscosity / (written.density * strength);
+        // Where there are no grains at all, zones are the ground.
+        let alone = case.grains.is_none() && case.bodies.is_empty();
         let mut known = Vec::new();
         let mut zones = Vec::new();
         for (n, zone) in written.zones.iter().enumerate() {
@@ -84,7 +86,7 @@ impl Seepage {
                 }),
                 porosity: zone.porosity,
                 raster,
-                without_grains: zone.without_grains,
+                without_grains: zone.without_grains || alone,
             });
         }
         let on = CoarseGrid {

@@ -99,7 +99,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "closure": balance.closure,
                 "reynolds": balance.reynolds,
                 "patch_inflows": seepage.pressure().patch_inflows(),
-                "mean_porosity": seepage.mean_porosity(),
+                "mean_porosity": (simulation.now.dem.is_some()).then(|| seepage.mean_porosity()),
             });
         }
         // The first rank alone has the files of the probes, and alone speaks of them.
@@ -150,43 +150,64 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 .note(&serde_json::to_string_pretty(&summary).unwrap_or_default());
         } else {
             self.progress.note(&account.table());
+            let scene = &simulation.now.plan.scene;
+            let on_lattice = scene.flow.is_some();
+            let mut speeds = Vec::new();
+            if on_lattice {
+                speeds.push(format!("{mlups:.1} MLUPS"));
+            }
+            if simulation.now.dem.is_some() {
+                speeds.push(format!("{:.2} M particle-steps/s", rate / 1e6));
+            }
+            let speeds = match speeds[..] {
+                [] => String::new(),
+                _ => format!(" ({})", speeds.join(", ")),
+            };
             self.progress.note(&format!(
-                "{outcome}: {} steps in {} ({:.1} MLUPS, {:.2} M particle-steps/s), peak {:.0} MB a rank",
+                "{outcome}: {} steps in {}{speeds}, peak {:.0} MB a rank",
                 simulation.now.step - self.first_step,
                 clock(wall),
-                mlups,
-                rate / 1e6,
                 real(rss) / 1e6
             ));
             let measured = |number: Option<f64>| {
                 number.map_or_else(|| "-".to_owned(), |number| format!("{number:.1e}"))
             };
+            let unit = if scene.grid.dimension == 2 {
+                "m2/s"
+            } else {
+                "m3/s"
+            };
             let guards = &simulation.guards;
-            self.progress.note(&format!(
-                "mass error {} a step, momentum error {} of the largest force; state {hash}",
-                measured(guards.mass_error()),
-                measured(guards.momentum_error())
-            ));
-            let named = |name: &str| measured(summary[name].as_f64());
-            self.progress.note(&format!(
-                "largest lattice velocity {}, largest Mach number {}, largest compression {}, inflow {}, outflow {} {}",
-                named("lattice_velocity"),
-                named("mach"),
-                named("compression"),
-                named("inflow"),
-                named("outflow"),
-                if simulation.now.plan.scene.grid.dimension == 2 {
-                    "m2/s"
-                } else {
-                    "m3/s"
-                }
-            ));
-            if let Some(seepage) = simulation.now.seepage() {
-                let balance = seepage.balance();
+            if on_lattice {
                 self.progress.note(&format!(
-                    "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
-                    balance.closure, balance.reynolds
+                    "mass error {} a step, momentum error {} of the largest force; state {hash}",
+                    measured(guards.mass_error()),
+                    measured(guards.momentum_error())
                 ));
+                let named = |name: &str| measured(summary[name].as_f64());
+                self.progress.note(&format!(
+                    "largest lattice velocity {}, largest Mach number {}, largest compression {}, inflow {}, outflow {} {unit}",
+                    named("lattice_velocity"),
+                    named("mach"),
+                    named("compression"),
+                    named("inflow"),
+                    named("outflow"),
+                ));
+            } else {
+                self.progress.note(&format!("state {hash}"));
+            }
+            if let Some(seepage) = simulation.now.seepage() {
+                let (report, balance) = (seepage.report(), seepage.balance());
+                self.progress.note(&format!(
+                    "inflow {:.4e}, outflow {:.4e} {unit}",
+                    report.inflow, report.outflow
+                ));
+                if simulation.now.dem.is_some() {
+                    self.progress.note(&format!(
+                        "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
+                        balance.closure, balance.reynolds
+                    ));
+                }
             }
             for line in means::lines(&means) {
                 self.progress.note(&line);

@@ -19,6 +19,8 @@ pub struct Crossing<'a, S: Stored> {
     pub outside: [bool; 3],
     /// Where it crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
+    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on the border of a patch.
+    pub share: f64,
     /// The two numbers at its ends.
     pub link: Link,
 }

@@ -148,3 +148,86 @@ fn a_boundary_acts_in_the_fluid_by_its_line() {
     assert!(leak::<f32>(0.5, 1e-7) > 1e-3);
     assert!(leak::<f64>(1.0, 1e-15).abs() < 1e-15);
 }
+
+/// A jet from the middle of a face, and water that leaves through the sides: the flow is its own mirror image, and the jet carries the
+/// velocity of its cells, whatever surrounds it.
+#[test]
+fn a_patch_is_the_same_at_both_of_its_ends() {
+    const WIDE: [usize; 3] = [20, 12, 1];
+    let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+    let patch = |name: &str, axis, upper, along, rule| Patch::<f64> {
+        name: name.into(),
+        axis,
+        upper,
+        range: [along, everywhere, everywhere],
+        rule,
+    };
+    let drop = |density| Ramp::constant(density);
+    for surroundings in ["walls", "symmetry", "pressure"] {
+        let mut patches = Vec::new();
+        match surroundings {
+            "symmetry" => patches.push(patch(
+                "top",
+                1,
+                true,
+                everywhere,
+                Box::<free_slip::Links>::default() as Box<dyn Rule<f64>>,
+            )),
+            "pressure" => patches.push(patch(
+                "top",
+                1,
+                true,
+                everywhere,
+                Box::new(pressure::Links::new(1, drop(0.0))),
+            )),
+            _ => {}
+        }
+        let jet = velocity::Links::uniform([0.0, -0.05, 0.0]);
+        patches.push(patch("jet", 1, true, [7.0, 13.0], Box::new(jet)));
+        for upper in [false, true] {
+            let outlet = pressure::Links::new(0, drop(0.0));
+            patches.push(patch("side", 0, upper, everywhere, Box::new(outlet)));
+        }
+        let drain = pressure::Links::new(1, drop(-1e-3));
+        patches.push(patch("drain", 1, false, [8.0, 12.0], Box::new(drain)));
+        let setup = Setup::<f64> {
+            set: VelocitySet::D2Q9,
+            operator: Operator::Bgk(bgk::Parameters {}),
+            relaxation_time: 0.8,
+            turbulence: None,
+            force: Force::None,
+            cells: WIDE,
+            periodic: [false, false, true],
+            patches,
+            saturation: None,
+        };
+        let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, WIDE[0], false)).unwrap();
+        fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));
+        for _ in 0..200 {
+            fluid.advance();
+        }
+        let populations = fluid.populations();
+        let mut fastest = 0.0_f64;
+        for ([x, y, _], cell) in populations.interior() {
+            let mirrored = [(WIDE[0] - 1 - x).cast_signed(), y.cast_signed(), 0];
+            let other = populations.cell(mirrored);
+            let ((here, u), (there, v)) = (populations.moments(cell), populations.moments(other));
+            fastest = fastest.max(u[1].abs());
+            let apart = (here - there)
+                .abs()
+                .max((u[0] + v[0]).abs())
+                .max((u[1] - v[1]).abs());
+            assert!(apart < 1e-14, "{surroundings} {x} {y}: {apart}");
+        }
+        assert!(fastest > 0.04, "{surroundings}: {fastest}");
+        let into = |names: &[&str]| {
+            let named = fluid.boundaries().names().zip(fluid.fluxes());
+            let named = named.filter(|(name, _)| names.contains(name));
+            -named.map(|(_, flux)| from_quanta(flux.mass)).sum::<f64>()
+        };
+        // Six cells; all but those beside water at an imposed pressure give their water to nothing else.
+        if surroundings != "pressure" {
+            approx::assert_relative_eq!(into(&["jet"]), 6.0 * 0.05, max_relative = 1e-12);
+        }
+    }
+}

@@ -251,7 +251,7 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
-        let u = (self.profile)(crossing.middle);
+        let u = (self.profile)(crossing.middle).map(|u| crossing.share * u);
         let (weight, c) = (crossing.weight(), crossing.velocity());
         if let Some((synthetic, side)) = &self.turbulence {
             let inlet = self
