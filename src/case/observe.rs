@@ -125,7 +125,7 @@ pub enum ProbeAt {
         /// Coordinate of the plane [m]; the nearest plane between cells is taken.
         position: f64,
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has no effect. The column
-    /// `open_area` tells the part that was taken. Default: the whole plane.
+        /// `open_area` tells the part that was taken. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
     },

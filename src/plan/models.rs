@@ -144,7 +144,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 ),
             );
         }
-        for [zone, states, reason] in seepage.describe_zones() {
+        for [zone, states, reason] in seepage.describe_zones(without_grains) {
             choose(&zone, states, reason);
         }
         if let Some(cut) = seepage.zones.as_ref().map(|z| z.cut()).filter(|n| *n > 0) {

@@ -290,12 +290,18 @@ impl Seepage {
     ) {
         let coarse = self.coarse_grid(grid.dimension);
         let axis = face.axis();
-        let level = if face.is_max() { self.cells[axis] - 1 } else { 0 };
+        let level = if face.is_max() {
+            self.cells[axis] - 1
+        } else {
+            0
+        };
         let [from, to] = found;
         let (first, last) = (*from, *to);
         // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no water.
         let water = |a: usize, at: usize| {
-            let others: Vec<usize> = (0..grid.dimension).filter(|&b| b != a && b != axis).collect();
+            let others: Vec<usize> = (0..grid.dimension)
+                .filter(|&b| b != a && b != axis)
+                .collect();
             let count = others.iter().map(|&b| last[b].saturating_sub(first[b]));
             let (mut sum, mut wet) = (0.0, 0_usize);
             for mut n in 0..count.product() {

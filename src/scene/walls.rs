@@ -64,6 +64,42 @@ impl Wall {
     }
 }
 
+/// Grains that nothing stops where they fall.
+fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
+    let Some(gravity) = case
+        .gravity
+        .as_ref()
+        .map(crate::case::geometry::Vector::to_array)
+    else {
+        return;
+    };
+    let Some(down) =
+        (0..grid.dimension).max_by(|&a, &b| gravity[a].abs().total_cmp(&gravity[b].abs()))
+    else {
+        return;
+    };
+    let face = Face::ALL[2 * down + usize::from(gravity[down] > 0.0)];
+    let pulled = gravity[down].abs() > 0.0 && !grid.periodic[down];
+    let nothing =
+        no_walls && case.bodies.is_empty() && case.blocks.is_none() && case.regions.is_empty();
+    if case.grains.is_some() && pulled && nothing && !case.box_walls.contains(&face) {
+        let mut with = case.box_walls.clone();
+        with.push(face);
+        findings.warn(
+            "box_walls",
+            format!(
+                "gravity pulls the grains through {}, where nothing stops them",
+                face.name()
+            ),
+            Remedy::from(format!(
+                "add \"{}\" to `box_walls`, or a wall or structure below them",
+                face.name()
+            ))
+            .set("box_walls", serde_json::json!(with)),
+        );
+    }
+}
+
 /// The walls of a case: those written, those of the structures, then those on faces of the domain.
 pub(crate) fn walls(
     case: &Case,
@@ -129,6 +165,7 @@ pub(crate) fn walls(
         });
     }
     walls.extend(in_water::of_structures(case, grid, solids, findings));
+    no_floor(case, grid, walls.is_empty(), findings);
     let usual = usual_material(case);
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {

@@ -22,6 +22,8 @@ pub(super) struct Means {
     pub(super) samples: usize,
     /// Its columns.
     pub(super) values: Vec<Mean>,
+    /// What keeps them from being what they are called.
+    pub(super) doubts: Vec<String>,
 }
 
 /// The mean of a column.
@@ -49,7 +51,15 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
             // A sample may lie half a step beside its time.
-            Ok(rows) => all.extend(of(&probe.name, &rows, from - 0.5 * plan.clock.time_step)),
+            Ok(rows) => {
+                let mut means = of(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
+                if let (Some(means), ProbeAt::Bed(_)) = (&mut means, &probe.at) {
+                    let obstacles =
+                        !plan.scene.structures.is_empty() || !plan.scene.bodies.is_empty();
+                    means.doubts = doubts(&means.values, obstacles);
+                }
+                all.extend(means);
+            }
             Err(error) => log::warn!("its means are not known: {error}"),
         }
     }
@@ -82,7 +92,40 @@ fn of(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
         to: *times.last()?,
         samples: times.len() - first,
         values: values.collect(),
+        doubts: Vec::new(),
     })
+}
+
+/// Relative difference of the two shear stresses of a bed from which they are not those of a steady stream over it.
+const ALIKE: f64 = 0.2;
+
+/// Why the shear stresses of a bed may not be what the bed bears.
+fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
+    let mean = |name: &str| values.iter().find(|v| v.quantity == name)?.mean;
+    let (balance, profile) = (mean("shear_stress_balance"), mean("shear_stress_profile"));
+    let mut doubts = Vec::new();
+    if obstacles {
+        doubts.push(
+            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream bear".to_owned(),
+        );
+    }
+    match (balance, profile) {
+        (Some(balance), Some(profile)) => {
+            let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
+            if apart > ALIKE {
+                doubts.push(format!(
+                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the bed bears a part of the drive",
+                    100.0 * apart
+                ));
+            }
+        }
+        (Some(_), None) => doubts.push(
+            "no shear stress by the profile: solids or side walls reach through the stream"
+                .to_owned(),
+        ),
+        _ => {}
+    }
+    doubts
 }
 
 /// A table of them.
@@ -104,6 +147,8 @@ pub(super) fn lines(all: &[Means]) -> Vec<String> {
                 if value.unit == "-" { "" } else { &value.unit }
             ));
         }
+        let doubts = one.doubts.iter();
+        lines.extend(doubts.map(|doubt| format!("note on `{}`: {doubt}", one.probe)));
     }
     lines
 }
@@ -111,6 +156,27 @@ pub(super) fn lines(all: &[Means]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stresses_that_differ_are_doubted() {
+        let value = |name: &str, mean| Mean {
+            quantity: name.to_owned(),
+            unit: "Pa".to_owned(),
+            mean,
+            last: mean,
+        };
+        let of = |balance, profile, obstacles| {
+            let values = [
+                value("shear_stress_balance", balance),
+                value("shear_stress_profile", profile),
+            ];
+            doubts(&values, obstacles).join("; ")
+        };
+        assert_eq!(of(Some(0.43), Some(0.46), false), "");
+        assert!(of(Some(15.8), Some(4.18), false).contains("differ by 74 %"));
+        assert!(of(Some(15.8), None, false).contains("no shear stress by the profile"));
+        assert!(of(Some(0.43), Some(0.46), true).contains("structures and bodies"));
+    }
 
     #[test]
     fn the_mean_leaves_out_what_comes_before_and_what_is_not_known() {

@@ -57,7 +57,7 @@ fn set_changes_any_field_and_says_so() {
             "probes[1]={\"name\": \"p\", \"every\": 0.01, \"at\": {\"point\": {\"position\": [0.001, 0.002]}}}",
         ],
     );
-    assert_eq!(before["clock"]["steps"], 48000);
+    assert_eq!(before["clock"]["steps"], 96000);
     assert_eq!(after["clock"]["steps"], 4800);
     assert_eq!(after["scene"]["title"], "another title");
     assert_eq!(after["scene"]["probes"][0]["every"], 0.004);

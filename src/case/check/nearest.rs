@@ -48,7 +48,7 @@ pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
         .iter()
         .map(|candidate| (strsim::levenshtein(name, candidate), *candidate))
         .min()
-        .filter(|(d, candidate)| *d <= candidate.len().max(name.len()).div_ceil(2))
+        .filter(|(d, candidate)| *d <= candidate.len().max(name.len()) / 2)
         .map(|(_, candidate)| candidate)
 }
 
@@ -63,5 +63,7 @@ mod tests {
             Some("viscosity")
         );
         assert_eq!(nearest("qqqqqq", &["density", "viscosity"]), None);
+        // Three of five letters differ.
+        assert_eq!(nearest("speed", &["head", "velocity"]), None);
     }
 }

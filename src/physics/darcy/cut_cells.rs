@@ -264,7 +264,11 @@ pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) ->
             let (mut sum, mut count) = ([0.0; 3], 0_usize);
             for (place, _) in wet.iter().enumerate().filter(|(_, wet)| **wet) {
                 let by = division.by;
-                let sub = [place % by[0], place / by[0] % by[1], place / (by[0] * by[1])];
+                let sub = [
+                    place % by[0],
+                    place / by[0] % by[1],
+                    place / (by[0] * by[1]),
+                ];
                 let centre = division.centre(cell, sub);
                 sum = std::array::from_fn(|a| sum[a] + centre[a]);
                 count += 1;

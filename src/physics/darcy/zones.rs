@@ -311,7 +311,9 @@ impl Zones {
             for c in z {
                 for b in y {
                     for a in x {
-                        let fills = media.next().is_some_and(|m| self.media[*m as usize].fills());
+                        let fills = media
+                            .next()
+                            .is_some_and(|m| self.media[*m as usize].fills());
                         filled[divided.cell] += if fills { a * b * c } else { 0.0 };
                     }
                 }

@@ -227,7 +227,13 @@ fn around(
     middle: [f64; 3],
 ) -> impl Iterator<Item = [f64; 3]> {
     let oblique: [bool; 3] = std::array::from_fn(|a| c[a] != 0 && !outside[a]);
-    let sides = move |a: usize| if oblique[a] { &[-0.5, 0.5][..] } else { &[0.0][..] };
+    let sides = move |a: usize| {
+        if oblique[a] {
+            &[-0.5, 0.5][..]
+        } else {
+            &[0.0][..]
+        }
+    };
     let frame_cells = frame.cells.map(real);
     let periodic = frame.periodic;
     sides(0).iter().flat_map(move |x| {

@@ -4,6 +4,7 @@ use super::{seepage, step};
 use crate::case::Case;
 use crate::case::contact::Contact;
 use crate::case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
+use crate::case::grains::GrainSource as Initial;
 use crate::case::solids::Motion;
 use crate::dem::contact::{Scaled, blocks, hertz_mindlin, linear};
 use crate::error::Remedy;
@@ -30,6 +31,13 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
             "bodies with faces: joints and gaps narrower than a cell still carry water and its pressure",
         );
     }
+    if lie_packed(case) {
+        let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
+        return (
+            cells,
+            "grains that lie packed: their pores are narrower than cells, where links trap moving water and interpolation loses mass",
+        );
+    }
     // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
     let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
@@ -39,6 +47,18 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     };
     let reason = "discs and spheres: this coupling has the smallest error at every number of cells";
     (Coupling::BounceBack(links), reason)
+}
+
+/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores, whatever couples them.
+fn lie_packed(case: &Case) -> bool {
+    /// As many touch a sphere in a loose packing.
+    const NEIGHBOURS: u32 = 6;
+    let many = match case.grains.as_ref().map(|grains| &grains.initial) {
+        Some(Initial::Growth(_)) => true,
+        Some(Initial::Deposition(deposition)) => deposition.number > NEIGHBOURS,
+        _ => false,
+    };
+    many && case.domain.size.0.len() == 3
 }
 
 /// Whether discs or spheres move freely. Blocks and bonds have properties without default values.

@@ -114,7 +114,7 @@ impl Seepage {
 
     /// Name, property and place of every zone, as `plan` prints them.
     #[must_use]
-    pub fn describe_zones(&self) -> Vec<[String; 3]> {
+    pub fn describe_zones(&self, alone: bool) -> Vec<[String; 3]> {
         let reached = self.zones.iter().flat_map(|zones| zones.reached());
         let described = self.written.zones.iter().zip(reached);
         described
@@ -140,7 +140,7 @@ impl Seepage {
                     format!("raster of {}", raster.path.display())
                 };
                 states.extend(zone.raster.as_ref().map(from));
-                let holds = if zone.without_grains {
+                let holds = if zone.without_grains || alone {
                     "also without grains"
                 } else {
                     "where there are grains"
