@@ -1,8 +1,8 @@
 //! The conditions of the flow on the faces of the domain.
 
 use super::block::Block;
-use super::findings::Findings;
 use super::findings::LATTICE_PATH as PATH;
+use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::profile;
 use crate::case::fluid::LatticeBoltzmann;
@@ -165,6 +165,17 @@ pub(super) fn faces(
                 );
             }
         }
+        let patch = Patch {
+            name: boundary.name.clone(),
+            face,
+            from,
+            to,
+            condition,
+            index: Some(n),
+        };
+        if patch.condition.model().passes_water() {
+            moved(grid, &patch, &block, &patch_path, findings);
+        }
         let overlaps = faces[face.index()][1..]
             .iter()
             .find(|other| (0..3).all(|a| other.from[a] < to[a] && from[a] < other.to[a]));
@@ -175,18 +186,39 @@ pub(super) fn faces(
                 "make them share no cell",
             );
         }
-        faces[face.index()].push(Patch {
-            name: boundary.name.clone(),
-            face,
-            from,
-            to,
-            condition,
-            index: Some(n),
-        });
+        faces[face.index()].push(patch);
     }
     closed_volume(&faces, grid, findings);
     check_cells(&faces, grid, findings);
     faces
+}
+
+/// Part of the width of an opening by which an end moves to a face between cells without a word.
+const MOVES: f64 = 0.02;
+
+/// Warns of an opening whose ends lie between the faces of cells: it is as wide as its cells.
+fn moved(grid: &Grid, patch: &Patch, written: &Block, path: &str, findings: &mut Findings) {
+    for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
+        let ends = [patch.from[a], patch.to[a]].map(|cell| real(cell) * grid.spacing);
+        let asked = [written.from[a], written.to[a]];
+        let width = asked[1] - asked[0];
+        let most = (ends[0] - asked[0]).abs().max((ends[1] - asked[1]).abs());
+        if ends[0] < ends[1] && most > MOVES * width {
+            let axis = ["x", "y", "z"][a];
+            findings.warn(
+                path,
+                format!(
+                    "`{}` is as wide as its cells: along {axis} it reaches from {} to {} m instead of from {} to {} m",
+                    patch.name,
+                    number(ends[0]),
+                    number(ends[1]),
+                    number(asked[0]),
+                    number(asked[1])
+                ),
+                "let its ends lie on faces between cells, or use a spacing that divides them",
+            );
+        }
+    }
 }
 
 /// The box of a patch; what it says along the normal does not matter.

@@ -648,7 +648,11 @@ fn falls(
         findings.error(
             "gravity",
             "a deposition needs gravity along one axis",
-            Remedy::from(format!("write for example {down}")).set("gravity", down),
+            Remedy::from(format!(
+                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the file under the inclined \
+                 gravity; a `body_force` of the fluid drives the water alone"
+            ))
+            .set("gravity", down),
         );
     }
     let bounds = clouds.iter().map(|cloud| cloud.grading.bounds());

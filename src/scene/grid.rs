@@ -86,8 +86,11 @@ impl Grid {
                         "the size is {} spacings; it must be a whole number of them",
                         number(ratio)
                     ),
-                    Remedy::from(format!("use {below} or {above} m, or another spacing"))
-                        .set(&*path, nearest),
+                    Remedy::from(format!(
+                        "use {below} or {above} m, or a spacing that divides it, such as {} m",
+                        number(length / ratio.round().max(1.0))
+                    ))
+                    .set(&*path, nearest),
                 );
                 good = false;
             } else {

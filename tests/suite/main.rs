@@ -29,6 +29,7 @@ mod hostile_checkpoints;
 mod input_files;
 mod layers;
 mod mutants;
+mod openings;
 mod proposals;
 mod ranks;
 mod same_bits;

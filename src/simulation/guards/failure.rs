@@ -59,6 +59,22 @@ impl Failure {
             "cell {cell:?} at {} m {state}",
             point(centre, plan)
         )];
+        let lost = if self.kind == Kind::NotFinite {
+            lost(flow, communicator)
+        } else {
+            0
+        };
+        if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
+            let often = (plan.scene.guards.check_every_steps / 20).max(1);
+            parts.push(format!(
+                "{lost} of {} cells are not finite by now, so that this cell does not tell where it began: --set \
+                 guards.check_every_steps={often} finds it sooner",
+                plan.scene.grid.cell_count()
+            ));
+            parts.extend(nearest_of_water(plan).map(limit));
+            parts.push(remedy(self.kind, false, plan));
+            return parts.join("; ");
+        }
         let mut near = Vec::new();
         near.extend(boundary(cell, plan).map(|(name, away)| (format!("boundary {name}"), away)));
         near.extend(solid(centre, particles, plan, communicator));
@@ -77,6 +93,20 @@ impl Failure {
         parts.push(remedy(self.kind, one_way, plan));
         parts.join("; ")
     }
+}
+
+/// Part of the cells from which a failure has spread too far for the first of them to tell where it began.
+const SPREAD: f64 = 0.01;
+
+/// Cells without finite numbers. Collective.
+fn lost<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>, communicator: &Communicator) -> usize {
+    let fluid = flow.fluid();
+    let broken = |&(_, cell): &([usize; 3], usize)| {
+        let (drho, u) = fluid.state(cell);
+        !(drho + u[0] + u[1] + u[2]).is_finite()
+    };
+    let count = fluid.populations().interior().filter(broken).count();
+    crate::number::whole(real(communicator.all_reduce_sum_u64(count as u64)))
 }
 
 pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {

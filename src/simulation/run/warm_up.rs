@@ -74,10 +74,17 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
             }
         }
     }
+    let short = if change < relative_change {
+        String::new()
+    } else {
+        format!(
+            "; warning: not steady, time.warm_up asks for {relative_change:.1e} and allows no more steps"
+        )
+    };
     Ok((
         step,
         format!(
-            "fluid warmed up for {step} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps"
+            "fluid warmed up for {step} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"
         ),
     ))
 }
