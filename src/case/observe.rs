@@ -166,7 +166,8 @@ pub struct Bed {
     #[serde(default)]
     pub part: Option<Extent>,
     /// Solid fraction at the surface of the bed, of a mean over two diameters along the bed and one across it [1]. Solids are grains, bodies
-    /// and structures. Default: 0.4 in 2-D and 0.3 in 3-D, half of that inside a bed.
+    /// and structures; lines of cells that are solid up to the top of the part, as in a pier, do not count. Default: 0.4 in 2-D and 0.3 in
+    /// 3-D, half of that inside a bed.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub threshold: Option<f64>,

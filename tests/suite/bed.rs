@@ -251,6 +251,42 @@ fn the_bedload_of_grains_of_known_velocity_is_exact() {
     assert!((first("run", "half", "scour_depth") - 0.004).abs() < 1e-15);
 }
 
+/// A pier that stands in the bed and reaches through the water does not move the surface of the columns around it.
+#[test]
+fn a_pier_is_no_bed() {
+    let _beside = beside_others();
+    let surface = |pier: bool| {
+        let mut structures = vec![
+            json!({"name": "ground", "shape": {"box": {"from": [-0.01, -0.01], "to": [0.07, 0.006]}}}),
+        ];
+        if pier {
+            structures.push(json!({"name": "pier", "shape": {"box": {"from": [0.02, 0], "to": [0.0225, 0.04]}}}));
+        }
+        let case = json!({
+            "domain": {"size": [0.06, 0.03], "spacing": 5e-4},
+            "gravity": [0, -9.81],
+            "materials": {"glass": {"density": 2500}},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8}},
+            "structures": structures,
+            "grains": {"material": "glass", "initial": {"list": [{"position": [0.05, 0.02], "radius": 0.002}]}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}}},
+            "coupling": {"partially_saturated": {}},
+            "time": {"end": 0.002},
+            "probes": [{"name": "bed", "every": 0.001, "at": {"bed": {}}}]
+        });
+        let study = Study::new(&case.to_string());
+        study.run("run", 1, 1, &[]);
+        let rows = io::table::read(&study.path("run").join("probe_bed.csv")).unwrap();
+        ["surface_height", "lowest_height"].map(|name| *rows.column(name).unwrap().last().unwrap())
+    };
+    let [mean, lowest] = surface(true);
+    assert_eq!([mean, lowest], surface(false));
+    assert!(
+        (mean - 0.006).abs() < 5e-4 && (lowest - mean).abs() < 1e-15,
+        "{mean} {lowest}"
+    );
+}
+
 /// The shortened example, in which grains move.
 fn flume(set: &[(&str, &str)]) -> Study {
     let text = solver::case::examples::find("flume").unwrap().text;

@@ -6,7 +6,7 @@
 //! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction s(y) of its cells, averaged
 //!   over one diameter of height. Its surface is the lowest y at which s falls below the threshold and stays there for one diameter, so that
 //!   neither grains in suspension nor gaps between layers of grains, as on a rough floor, count.
-//!   A column that is solid up to the top of the part, as in a pier, is left out. `surface_height` is the mean of the columns, h;
+//!   Lines of cells that are solid up to the top of the part, as in a pier, are left out. `surface_height` is the mean of the columns, h;
 //!   `lowest_height` is the lowest one; both scours are measured down from the level.
 //! - **Shear stress by the balance of forces** on the water above the plane y = h, of volume V:
 //!
@@ -35,7 +35,7 @@ use crate::coupling::FluidView;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::boundary::Surface;
-use crate::number::{real, whole};
+use crate::number::{real, to_i64, whole};
 use crate::output::view::View;
 use crate::scene::Scene;
 use crate::scene::grid::Grid;
@@ -237,21 +237,37 @@ fn heights<S: Space>(
         });
         (z * along + x, y)
     };
-    for z in 0..length(bed.axes[2]) {
-        for x in 0..length(bed.axes[0]) {
-            cells[z * aside / length(bed.axes[2]) * along + x * along / length(bed.axes[0])] += 1;
+    // Where a line of cells is solid up to the top, a pier or a wall stands.
+    let line = |at: [usize; 3]| {
+        let [x, _, z] = bed.axes.map(|axis| at[axis] - bed.cells[axis][0]);
+        z * length(bed.axes[0]) + x
+    };
+    let mut lines = vec![0_i64; length(bed.axes[0]) * length(bed.axes[2])];
+    each_cell(fluid, &bed.cells, |cell, at| {
+        lines[line(at)] += i64::from(fluid.solid_at(cell));
+    });
+    let communicator = view.domain.communicator();
+    communicator.all_reduce_sum_i64s(&mut lines);
+    let pier = |at: [usize; 3]| lines[line(at)] == to_i64(layers as u64);
+    let mut at = [0; 3];
+    at[bed.axes[1]] = bed.cells[bed.axes[1]][0];
+    for z in bed.cells[bed.axes[2]][0]..bed.cells[bed.axes[2]][1] {
+        for x in bed.cells[bed.axes[0]][0]..bed.cells[bed.axes[0]][1] {
+            (at[bed.axes[0]], at[bed.axes[2]]) = (x, z);
+            cells[place(at).0] += i64::from(!pier(at));
         }
     }
     each_cell(fluid, &bed.cells, |cell, at| {
-        if fluid.solid_at(cell) {
+        if fluid.solid_at(cell) && !pier(at) {
             let (column, layer) = place(at);
             solid[column * layers + layer] += 1;
         }
     });
-    view.domain.communicator().all_reduce_sum_i64s(&mut solid);
+    communicator.all_reduce_sum_i64s(&mut solid);
     let half = whole((0.5 * diameter).round()).max(1);
     let columns = solid.chunks_exact(layers).zip(&cells);
     columns
+        .filter(|(_, cells)| **cells > 0)
         .filter_map(|(solid, &cells)| height(solid, cells, half, bed.threshold))
         .collect()
 }
