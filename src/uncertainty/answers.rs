@@ -3,7 +3,7 @@
 //! | source | answers |
 //! |---|---|
 //! | probe at a point, in a plane, on a body or a face | each column at the last time, and its mean over the second half of the run |
-//! | probe along a line | velocity and pressure at each point at the last time |
+//! | probe along a line | velocity and pressure at each point at the last time, and their means over the second half of the run |
 //! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse |
 //!
 //! An answer has settled where its means over the last tenth of the run and over the tenth before are equal to 0.1 %.
@@ -222,38 +222,51 @@ impl Samples {
         }
     }
 
-    /// Each point at the last time.
+    /// Each point at the last time and in the mean.
     fn line(&self, probe: &str, points: usize, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
         };
-        let rows = times.len();
-        if points == 0 || rows < points {
+        if points == 0 || times.len() < points {
             return;
         }
+        let series = |values: &[f64], point: usize| -> Vec<f64> {
+            values.iter().skip(point).step_by(points).copied().collect()
+        };
+        let kinds: [(&str, &dyn Fn(&[f64], &[f64]) -> Option<f64>); 2] = [
+            ("last", &|_, values| values.last().copied()),
+            ("mean", &mean_of_second_half),
+        ];
         for n in self.answers(&["x", "y", "z"]) {
-            let values = &self.columns[n];
-            let last = |values: &[f64]| values.get(rows - points..rows).map(<[f64]>::to_vec);
-            let Some(here) = last(values) else { continue };
-            let squares = self.siblings(n).filter_map(last);
-            let mut lengths = vec![0.0; points];
-            for column in squares {
-                for (length, value) in lengths.iter_mut().zip(column) {
-                    *length += value * value;
-                }
-            }
-            let scale = lengths.into_iter().fold(0.0, f64::max).sqrt();
-            for (point, value) in here.into_iter().enumerate().filter(|(_, v)| v.is_finite()) {
-                let series: Vec<f64> = values.iter().skip(point).step_by(points).copied().collect();
-                let times: Vec<f64> = times.iter().skip(point).step_by(points).copied().collect();
-                let answer = Answer {
-                    unit: self.units[n].clone(),
-                    value,
-                    scale,
-                    drift: drift(&times, &series, scale),
+            for (what, of) in kinds {
+                let at = |values: &[f64], point: usize| {
+                    of(&series(times, point), &series(values, point))
                 };
-                let name = &self.names[n];
-                found.insert(format!("{probe}: {name}, point {}", point + 1), answer);
+                let length = |point: usize| {
+                    let squares = self.siblings(n).filter_map(|column| at(column, point));
+                    squares.map(|value| value * value).sum::<f64>()
+                };
+                let scale = (0..points).map(length).fold(0.0, f64::max).sqrt();
+                for point in 0..points {
+                    let Some(value) = at(&self.columns[n], point).filter(|v| v.is_finite()) else {
+                        continue;
+                    };
+                    let answer = Answer {
+                        unit: self.units[n].clone(),
+                        value,
+                        scale,
+                        drift: drift(
+                            &series(times, point),
+                            &series(&self.columns[n], point),
+                            scale,
+                        ),
+                    };
+                    let name = &self.names[n];
+                    found.insert(
+                        format!("{probe}: {name}, {what}, point {}", point + 1),
+                        answer,
+                    );
+                }
             }
         }
     }
@@ -358,7 +371,7 @@ mod tests {
         let text = "step,time,distance,x,velocity_x,velocity_y\n0,0,0,0,9,9\n0,0,1,1,9,9\n4,1,0,0,3,4\n4,1,1,1,0.1,0\n";
         Samples::read(text).unwrap().line("line", 2, &mut found);
         assert_eq!(found.len(), 4);
-        let second = &found["line: velocity_x, point 2"];
+        let second = &found["line: velocity_x, last, point 2"];
         assert_eq!((second.value, second.scale), (0.1, 5.0));
     }
 
