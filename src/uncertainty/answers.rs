@@ -145,6 +145,9 @@ impl Answer {
     }
 }
 
+/// A number of a series of values at their times.
+type OfSeries = fn(&[f64], &[f64]) -> Option<f64>;
+
 /// A table of numbers over time.
 struct Samples {
     names: Vec<String>,
@@ -233,9 +236,9 @@ impl Samples {
         let series = |values: &[f64], point: usize| -> Vec<f64> {
             values.iter().skip(point).step_by(points).copied().collect()
         };
-        let kinds: [(&str, &dyn Fn(&[f64], &[f64]) -> Option<f64>); 2] = [
-            ("last", &|_, values| values.last().copied()),
-            ("mean", &mean_of_second_half),
+        let kinds: [(&str, OfSeries); 2] = [
+            ("last", |_, values| values.last().copied()),
+            ("mean", mean_of_second_half),
         ];
         for n in self.answers(&["x", "y", "z"]) {
             for (what, of) in kinds {
