@@ -35,6 +35,7 @@ UNITS = {
     "diameter": "m",
     "displacement": "m",
     "eddy_viscosity": "m2/s",
+    "head": "m",
     "mean_pressure": "Pa",
     "mean_velocity": "m/s",
     "overlap": "m",
@@ -50,7 +51,7 @@ UNITS = {
 FORCES = ("contact_force", "fluid_force", "normal_force")
 
 FLOW, LOADS = "Viridis (matplotlib)", "Inferno (matplotlib)"
-MAPS = {"pressure": "Cool to Warm", "mean_pressure": "Cool to Warm", "normal_force": LOADS, "displacement": "Plasma (matplotlib)"}
+MAPS = {"head": "Cool to Warm", "pressure": "Cool to Warm", "mean_pressure": "Cool to Warm", "normal_force": LOADS, "displacement": "Plasma (matplotlib)"}
 # Grains and blocks differ in colour from the water around them.
 SERIES = {"grains": "Plasma (matplotlib)", "blocks": "Plasma (matplotlib)"}
 
