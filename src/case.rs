@@ -96,7 +96,7 @@ pub struct Case {
     #[serde(default)]
     pub bodies: Vec<solids::Body>,
     /// Method that couples fluid and solids. Default: interpolated bounce-back at discs and spheres, partially saturated cells at
-    /// polyhedra.
+    /// polyhedra, and at spheres that grow or fall into a packing.
     #[serde(default)]
     pub coupling: Option<coupling::Coupling>,
     /// Duration and time steps.
