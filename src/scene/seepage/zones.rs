@@ -3,8 +3,8 @@
 use super::{PATH, Seepage};
 use crate::case::Case;
 use crate::case::darcy::{Zone, ZonePermeability};
+use crate::darcy::Zones;
 use crate::darcy::zones::{Raster, Rule, Zone as Resolved};
-use crate::darcy::{Grid as CoarseGrid, Zones};
 use crate::error::Remedy;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
@@ -89,13 +89,7 @@ impl Seepage {
                 without_grains: zone.without_grains || alone,
             });
         }
-        let on = CoarseGrid {
-            cells: self.cells,
-            origin: self.origin,
-            spacing: self.spacing,
-            dimension: grid.dimension,
-        };
-        let all = Zones::new(&on, &zones);
+        let all = Zones::new(&self.coarse_grid(grid.dimension), &zones);
         for (n, reached) in all.reached().iter().enumerate() {
             if *reached == 0 {
                 findings.error(
