@@ -25,8 +25,8 @@
 //! - **Arch height** is the height of the top of that void above the lowest ground at the point.
 //! - **Front**: layer by layer upward from the point, over its footprint, the ground moves as long as its mean downward displacement
 //!   exceeds a threshold or the layer is empty. The front is the height of the highest moving layer, as a fraction of the cover. Its
-//!   *shape* is the number of moving cells in the upper half below the front over that in the lower half: 1/3 for a triangle with its
-//!   apex up, 1 for a rectangle.
+//!   *shape* is the moving length of the long section in the upper half below the front over that in the lower half, each part of the
+//!   length by the moving part of its width: 1/3 for a triangle with its apex up, 1 for a rectangle, in a slot and in a V alike.
 //! - **Surface**: the elevation of a column is the top of the highest grain with its centre in the column that has two others within half a
 //!   mean diameter. A grain in flight therefore does not count, soil that falls together does. If no grain is left, the elevation is that of the
 //!   lowest ground the column had.

@@ -92,7 +92,7 @@ pub struct Above {
     pub cover: f64,
     /// How far up the ground moves, as part of the cover.
     pub front: f64,
-    /// Moving cells in the upper half below the front over those in the lower half; NaN where nothing moves.
+    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where nothing moves.
     pub front_shape: f64,
 }
 
@@ -178,11 +178,6 @@ impl Cells {
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.size.iter().product()
-    }
-
-    fn each(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
-        let [nx, ny, nz] = self.count;
-        (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
     }
 
     fn lower(&self, cell: usize, axis: usize) -> f64 {
@@ -579,7 +574,10 @@ impl Ground {
         front
     }
 
-    /// Moving cells above half the front over those below it, among the cells nearest to point `n`.
+    /// Moving length above half the front over that below it, over the length nearest to point `n`.
+    ///
+    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a V) does not
+    /// pass for ground that moves more above.
     fn front_shape(
         &self,
         moving: &[bool],
@@ -591,16 +589,28 @@ impl Ground {
         let half = 0.5 * (base + front);
         let [along, up] = [0, 2].map(|axis| self.cells.size[axis]);
         let (mut upper, mut lower) = (0.0, 0.0);
-        for cell in self.cells.each() {
-            let x = self.cells.lower(cell[0], 0) + 0.5 * along;
-            if !moving[self.cells.index(cell)] || nearest(points, x) != Some(n) {
-                continue;
-            }
+        for z in 0..self.cells.count[2] {
             // The layer in the middle belongs to both halves.
-            let bottom = self.cells.lower(cell[2], 2);
+            let bottom = self.cells.lower(z, 2);
             let part = |from: f64, to: f64| ((bottom + up).min(to) - bottom.max(from)).max(0.0);
-            upper += part(half, front);
-            lower += part(base, half);
+            let (above, below) = (part(half, front), part(base, half));
+            for long in 0..self.cells.count[0] {
+                let x = self.cells.lower(long, 0) + 0.5 * along;
+                if nearest(points, x) != Some(n) {
+                    continue;
+                }
+                let (mut ground, mut moves) = (0_usize, 0_usize);
+                for across in 0..self.cells.count[1] {
+                    let cell = [long, across, z];
+                    ground += usize::from(self.is_ground(cell));
+                    moves += usize::from(moving[self.cells.index(cell)]);
+                }
+                if ground > 0 {
+                    let width = real(moves) / real(ground);
+                    upper += width * above;
+                    lower += width * below;
+                }
+            }
         }
         if lower > 0.0 { upper / lower } else { f64::NAN }
     }

@@ -307,6 +307,35 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     assert!(near(sample(&low, &[point]).points[0].front, 4.0 / 6.0));
 }
 
+/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at every height is a rectangle,
+/// though the upper half of the moving ground has more cells.
+#[test]
+fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
+    let point = Point {
+        from: [0.0, EDGE, 0.0],
+        to: [12.0 * EDGE, 3.0 * EDGE, 0.5 * EDGE],
+    };
+    let v = |edit: &dyn Fn(&mut Grain)| {
+        packing(|grain| {
+            let [_, y, z] = cells().of(grain.at);
+            edit(grain);
+            (1..(z + 3).min(4)).contains(&y) || (y == 0 && z >= 3)
+        })
+    };
+    let ground = Ground::new(cells(), &v(&|_| ()), D, overlap);
+    let shape = |moves: fn([usize; 3]) -> bool| {
+        let grains = v(&|grain| {
+            if moves(cells().of(grain.at)) {
+                grain.moved[2] = -10.0 * D;
+            }
+        });
+        let seen = ground.measure(&grains, &[point], &LIMITS, overlap);
+        seen.points[0].front_shape
+    };
+    assert!(near(shape(|[x, _, _]| (3..9).contains(&x)), 1.0));
+    assert!(near(shape(|[x, _, z]| x >= z && x < 12 - z), 12.0 / 30.0));
+}
+
 /// Soil moves from both sides towards the nearest point; what is further away than the cover is thick does not count.
 #[test]
 fn soil_beside_a_point_moves_inward() {
