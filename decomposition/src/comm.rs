@@ -6,7 +6,7 @@
 //! reporting it.
 
 use crate::post::Post;
-use crate::waiting::{Wait, timed};
+use crate::waiting::{Wait, called_together, sent, timed};
 use mpi::Threading;
 use mpi::environment::{self, Universe};
 use mpi::ffi::{self, MPI_Comm, MPI_Datatype, MPI_Op, MPI_Request};
@@ -389,6 +389,8 @@ impl Communicator {
     /// Makes a call that waits for other ranks, and takes its time where there are any.
     fn waits<T>(&self, wait: Wait, call: impl FnOnce() -> T) -> T {
         if self.size() > 1 {
+            // The lengths of messages that nobody expects cross in a call of all ranks, too.
+            called_together();
             timed(wait, call)
         } else {
             call()
@@ -763,6 +765,7 @@ impl Communicator {
                 )
             };
             requests.push(request);
+            sent(1, piece.len() as u64);
         }
     }
 

@@ -71,4 +71,4 @@ pub use persistent::PatternError;
 pub use slab::{Axis, Domain, SlabError, Slabs};
 pub use state_hash::{StateHash, field_key};
 pub use threads::on_threads;
-pub use waiting::{Waited, waited};
+pub use waiting::{Traffic, Waited, traffic, waited};

@@ -6,7 +6,7 @@
 //! access to a buffer waits first: no order of calls can race with the network.
 
 use crate::comm::{Communicator, Direction, count};
-use crate::waiting::{Wait, timed};
+use crate::waiting::{Wait, sent, timed};
 use bytemuck::Pod;
 use mpi::ffi::{self, MPI_Request};
 use std::alloc::{self, Layout};
@@ -123,6 +123,8 @@ pub(crate) struct Persistent {
     under_way: Cell<bool>,
     /// Messages sent and received, used where ranks are threads.
     messages: [Vec<Message>; 2],
+    /// Messages to other ranks, and their bytes.
+    sent: (u64, u64),
     /// Keeps MPI running until the requests are freed.
     communicator: Communicator,
 }
@@ -171,6 +173,7 @@ impl Persistent {
                 }
             }
         }
+        let to_others = sends.iter().filter(|message| message.partner != rank);
         Ok(Self {
             sends: send_buffers,
             receives: receive_buffers,
@@ -178,6 +181,10 @@ impl Persistent {
             requests: requests.into_iter().map(Cell::new).collect(),
             under_way: Cell::new(false),
             messages: [sends.to_vec(), receives.to_vec()],
+            sent: (
+                to_others.clone().count() as u64,
+                to_others.map(|message| message.bytes as u64).sum(),
+            ),
             communicator: communicator.clone(),
         })
     }
@@ -208,6 +215,7 @@ impl Persistent {
         if !self.requests.is_empty() {
             // SAFETY: inactive persistent requests, for `finish` has waited for them.
             unsafe { ffi::MPI_Startall(count(self.requests.len()), self.raw_requests()) };
+            sent(self.sent.0, self.sent.1);
             self.under_way.set(true);
         }
     }

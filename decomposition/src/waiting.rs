@@ -1,4 +1,4 @@
-//! Time that this process has spent in MPI calls that wait for other ranks.
+//! Time that this process has spent in MPI calls that wait for other ranks, and what it has sent.
 //!
 //! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds, and
 //! nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
@@ -8,6 +8,9 @@ use std::time::{Duration, Instant};
 
 static MESSAGES: AtomicU64 = AtomicU64::new(0);
 static COLLECTIVES: AtomicU64 = AtomicU64::new(0);
+static SENT: AtomicU64 = AtomicU64::new(0);
+static SENT_BYTES: AtomicU64 = AtomicU64::new(0);
+static CALLS: AtomicU64 = AtomicU64::new(0);
 
 /// What is waited for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +62,50 @@ pub fn waited() -> Waited {
         messages: read(&MESSAGES),
         collectives: read(&COLLECTIVES),
     }
+}
+
+/// What this process has sent to other ranks since it started.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Messages from one rank to another.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Calls in which all ranks take part.
+    pub collectives: u64,
+}
+
+impl Traffic {
+    /// What was added since `earlier`.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            messages: self.messages - earlier.messages,
+            bytes: self.bytes - earlier.bytes,
+            collectives: self.collectives - earlier.collectives,
+        }
+    }
+}
+
+/// What this process has sent to other ranks so far.
+#[must_use]
+pub fn traffic() -> Traffic {
+    Traffic {
+        messages: SENT.load(Ordering::Relaxed),
+        bytes: SENT_BYTES.load(Ordering::Relaxed),
+        collectives: CALLS.load(Ordering::Relaxed),
+    }
+}
+
+/// Counts messages to other ranks.
+pub(crate) fn sent(messages: u64, bytes: u64) {
+    SENT.fetch_add(messages, Ordering::Relaxed);
+    SENT_BYTES.fetch_add(bytes, Ordering::Relaxed);
+}
+
+/// Counts a call in which all ranks take part.
+pub(crate) fn called_together() {
+    CALLS.fetch_add(1, Ordering::Relaxed);
 }
 
 /// Makes a blocking call and adds its time.

@@ -1,6 +1,6 @@
 //! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the table at the end.
 
-use decomposition::{Communicator, Waited, waited};
+use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -52,6 +52,7 @@ pub struct Phases {
     waited: [Waited; PHASES.len()],
     last: Instant,
     last_waited: Waited,
+    sent_before: Sent,
 }
 
 /// Seconds over the ranks.
@@ -86,6 +87,17 @@ pub struct Waiting {
     pub collectives: Spread,
 }
 
+/// What ranks sent to each other during the phases.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Traffic {
+    /// Messages from one rank to another, of all ranks together.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Calls in which all ranks take part: reductions, broadcasts.
+    pub collectives: u64,
+}
+
 /// Where the time went, over the ranks.
 #[derive(Clone, Debug)]
 pub struct Account {
@@ -93,6 +105,8 @@ pub struct Account {
     pub phases: Vec<Spent>,
     /// How much of that was waiting.
     pub waiting: Waiting,
+    /// What ranks sent to each other.
+    pub traffic: Traffic,
     /// Time that the busiest rank computed over the mean of the ranks: 1 where the load is even.
     pub imbalance: f64,
 }
@@ -106,6 +120,7 @@ impl Phases {
             waited: [Waited::default(); PHASES.len()],
             last: Instant::now(),
             last_waited: waited(),
+            sent_before: traffic(),
         }
     }
 
@@ -162,6 +177,8 @@ impl Phases {
     #[must_use]
     pub fn reduce(&self, communicator: &Communicator) -> Account {
         let (waited, computed) = (self.waited(), self.computed());
+        // Before the reductions below, which are no part of the steps.
+        let sent = traffic().since(&self.sent_before);
         let phases = PHASES
             .iter()
             .zip(self.spent)
@@ -177,6 +194,11 @@ impl Phases {
                 total: spread(waited.total(), communicator),
                 messages: spread(waited.messages, communicator),
                 collectives: spread(waited.collectives, communicator),
+            },
+            traffic: Traffic {
+                messages: communicator.all_reduce_sum_u64(sent.messages),
+                bytes: communicator.all_reduce_sum_u64(sent.bytes),
+                collectives: communicator.all_reduce_max_u64(sent.collectives),
             },
             imbalance: if computing.mean > 0.0 {
                 computing.max / computing.mean

@@ -146,6 +146,16 @@ fn the_end_tells_how_long_ranks_waited() {
             assert!(mean <= looped, "{summary:#}");
             assert_eq!(max > 0.0, ranks > 1, "{kind} on {ranks}: {summary:#}");
         }
+        // At least a message to each neighbour and a reduction in each step, and none on one rank.
+        let steps = summary["steps"].as_u64().unwrap();
+        for (kind, least) in [("messages", 2), ("bytes", 2 * 8), ("collectives", 1)] {
+            let sent = summary["traffic"][kind].as_u64().unwrap();
+            let expected = if ranks > 1 { least * steps } else { 0 };
+            assert!(
+                sent >= expected && (ranks > 1 || sent == 0),
+                "{kind} on {ranks}: {summary:#}"
+            );
+        }
         let sum = seconds("messages", "mean") + seconds("collectives", "mean");
         assert!((seconds("total", "mean") - sum).abs() < 1e-6, "{summary:#}");
         let imbalance = summary["imbalance"].as_f64().unwrap();

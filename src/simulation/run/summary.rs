@@ -72,6 +72,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "loop_seconds": looped,
             "phases": account.phases,
             "waiting_seconds": account.waiting,
+            "traffic": account.traffic,
             "imbalance": account.imbalance,
             "mlups": mlups,
             "particle_steps_per_second": rate,
