@@ -187,7 +187,7 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
         solids::closed_pores(scene, findings);
     }
     let target = asked(written).map(Accuracy::target);
-    if case.contact.is_none() {
+    if case.contact.is_none() || solids::without_stiffness(case) {
         solids::choose_contact(scene, case, target, findings);
     }
     if let (Some(target), Some(_)) = (target, &scene.seepage) {

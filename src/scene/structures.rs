@@ -93,9 +93,16 @@ pub(crate) fn images(
     let solid = written.solid(&frame, path, &read, findings)?;
     let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
     if images.is_empty() || !meets(&images, grid) {
+        let reaches = images.solid().extent().map(|corner| {
+            let corner = corner[..grid.dimension].iter();
+            corner.map(|x| number(*x)).collect::<Vec<_>>().join(", ")
+        });
         findings.error(
             path,
-            "the solid lies outside the domain",
+            format!(
+                "the solid lies outside the domain: it reaches from {} to {} m",
+                reaches[0], reaches[1]
+            ),
             format!(
                 "the domain is 0 … {} m along its axes: move the solid into it",
                 grid.size[..grid.dimension]

@@ -142,6 +142,45 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
     assert!(plan.margins.iter().all(|margin| margin.used < 1.0 + 1e-9));
 }
 
+/// A law that states friction and damping, but no stiffness, gets the stiffness that a case without a law gets.
+#[test]
+fn a_linear_law_needs_no_stiffness() {
+    let case = |contact: &str| {
+        let text = format!(
+            r#"{{
+              "domain": {{"size": [0.02, 0.02, 0.04], "spacing": 0.002}},
+              "gravity": [0, 0, -9.81],
+              "materials": {{"glass": {{"density": 2500}}}},
+              "grains": {{"material": "glass", "initial": {{"list": [
+                {{"position": [0.01, 0.01, 0.003], "radius": 0.001}}, {{"position": [0.01, 0.01, 0.006], "radius": 0.002}}
+              ]}}}},
+              {contact}
+              "box_walls": ["z_min"],
+              "time": {{"end": 0.01}}
+            }}"#
+        );
+        Plan::prepare(Document::read(&text, &[], Path::new("")).unwrap()).unwrap()
+    };
+    let stiffness = |plan: &Plan, diameter: f64| {
+        let table = plan.scene.contact.as_ref().unwrap();
+        table.model().normal_stiffness([0, 0], diameter)
+    };
+    let (none, open) = (
+        case(""),
+        case(r#""contact": {"linear": {"friction_angle_degrees": 20}},"#),
+    );
+    assert!(stiffness(&none, 0.002) > 1.0);
+    assert!((stiffness(&open, 0.002) / stiffness(&none, 0.002) - 1.0).abs() < 1e-12);
+    assert!((stiffness(&open, 0.004) / stiffness(&none, 0.004) - 1.0).abs() < 1e-12);
+    // The friction is the one that was written, and nothing is assumed about it.
+    let assumed = |plan: &Plan| format!("{:?}", plan.warnings).contains("no contact law is given");
+    assert!(assumed(&none) && !assumed(&open));
+    assert!(open.scene.chosen.why("contact law").is_some());
+    let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
+    assert!((stiffness(&stated, 0.002) - 12345.0).abs() < 1e-9);
+    assert!(stated.scene.chosen.why("contact law").is_none());
+}
+
 #[test]
 fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do() {
     let folder = root().join("flume");

@@ -156,6 +156,51 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     text + "endsolid\n"
 }
 
+/// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that lies beside the domain is
+/// told where it lies.
+#[test]
+fn a_surface_in_millimetres_is_told_from_one_in_metres() {
+    let folder = tempfile::tempdir().unwrap();
+    let problems = |centre: [f64; 2], set: &[&str]| {
+        let file = folder.path().join("c.stl");
+        std::fs::write(&file, stl(centre, 30.0, -5.0, 45.0)).unwrap();
+        let case = json!({
+            "domain": {"size": [0.3, 0.2, 0.04], "spacing": 0.01, "periodic": ["x", "z"]},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 0.002, "relaxation_time": 0.8, "body_force": {"constant": [2, 0, 0]}
+            }},
+            "structures": [{"name": "c", "shape": {"surface": {"mesh": {"path": file}}}}],
+            "time": {"end": 6}
+        });
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document = Document::read(&case.to_string(), &set, Path::new("")).unwrap();
+        let errors = Plan::prepare(document).err().unwrap_or_default();
+        let errors = errors.into_iter().filter(|p| p.severity == Severity::Error);
+        errors.collect::<Vec<_>>()
+    };
+    let scale = "structures[0].shape.surface.mesh.scale";
+    for centre in [[123.0, 98.0], [0.0, 0.0]] {
+        let found = problems(centre, &[]);
+        let about = found.iter().find(|p| p.path == scale).unwrap();
+        assert_eq!(about.remedy.proposal()[0].value, json!(0.001), "{found:?}");
+    }
+    assert_eq!(
+        problems(
+            [123.0, 98.0],
+            &["structures[0].shape.surface.mesh.scale=0.001"]
+        ),
+        []
+    );
+    let beside = problems(
+        [900.0, 98.0],
+        &["structures[0].shape.surface.mesh.scale=0.001"],
+    );
+    let where_it_lies = beside
+        .iter()
+        .any(|p| p.reason.contains("it reaches from 0.87, 0.068,"));
+    assert!(where_it_lies, "{beside:?}");
+}
+
 /// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated surface.
 #[test]
 fn a_cylinder_bears_the_same_force_however_it_is_written() {

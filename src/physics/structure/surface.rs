@@ -3,7 +3,7 @@
 use super::mesh;
 use super::solid::{Frame, ReadMesh, Solid};
 use super::{Facets, Point, only_in};
-use crate::error::Report;
+use crate::error::{Remedy, Report};
 use crate::geometry::Mesh;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,6 +45,9 @@ impl Surface {
                 return None;
             }
         };
+        if !self.judge_unit(&mesh.extent(), frame, path, report) {
+            return None;
+        }
         if mesh.open_edges() > 0 && self.thickness.is_none() {
             report.error(
                 path,
@@ -60,6 +63,37 @@ impl Surface {
             mesh,
             half: self.thickness.map(|thickness| 0.5 * thickness),
         }))
+    }
+}
+
+/// A surface longer than this many domains is in another unit.
+const DOMAINS: f64 = 100.0;
+
+impl Surface {
+    /// Drawings are often in millimetres: whether the surface is not far larger than the domain; a finding if it is.
+    fn judge_unit(
+        &self,
+        extent: &[Point; 2],
+        frame: &Frame,
+        path: &str,
+        report: &mut dyn Report,
+    ) -> bool {
+        let lengths: Point = std::array::from_fn(|axis| extent[1][axis] - extent[0][axis]);
+        let times = (0..3)
+            .map(|axis| lengths[axis] / frame.size[axis])
+            .fold(0.0, f64::max);
+        if times <= DOMAINS {
+            return true;
+        }
+        let [x, y, z] = lengths;
+        let scale = self.mesh.scale * 1e-3;
+        let remedy = "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
+        report.error(
+            &format!("{path}.mesh.scale"),
+            format!("the surface is {x} x {y} x {z} m large, {times:.0} times the domain"),
+            Remedy::from(remedy).set(format!("{path}.mesh.scale"), serde_json::json!(scale)),
+        );
+        false
     }
 }
 

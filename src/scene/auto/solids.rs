@@ -85,7 +85,12 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// Chooses the contact law of moving bodies; an unused one for polyhedra that do not move.
+/// Whether the linear law of a case leaves its stiffness open.
+pub(crate) fn without_stiffness(case: &Case) -> bool {
+    matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
+}
+
+/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that do not move.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
@@ -97,7 +102,14 @@ pub(crate) fn choose_contact(
         .iter()
         .any(|body| body.mobility == Mobility::Free);
     let moves = free || scene.grains.is_some() || scene.blocks.is_some();
-    let (law, text) = if move_without_law(case) {
+    let (law, text) = if let Some(Contact::Linear(law)) = &case.contact {
+        let (stiffness, text) = stiffness(scene, case, target);
+        let law = linear::Input {
+            normal_stiffness: Some(Scaled::Absolute(stiffness)),
+            ..law.clone()
+        };
+        (Contact::Linear(law), text)
+    } else if move_without_law(case) {
         of_spheres(scene, case, target)
     } else if !moves && scene.polyhedra().next().is_some() {
         let law = blocks::Input::without_use();
@@ -109,7 +121,7 @@ pub(crate) fn choose_contact(
         return;
     };
     scene.chosen.note("contact law", text);
-    if scene.grains.is_some() {
+    if scene.grains.is_some() && case.contact.is_none() {
         findings.warn(
             "contact",
             format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it is a property of the grains"),
@@ -141,7 +153,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     } else {
         let (stiffness, text) = stiffness(scene, case, target);
         let law = Contact::Linear(linear::Input {
-            normal_stiffness: Scaled::Absolute(stiffness),
+            normal_stiffness: Some(Scaled::Absolute(stiffness)),
             shear_to_normal_stiffness: 0.4,
             friction_angle_degrees: FRICTION_DEGREES,
             normal_damping_ratio: DAMPING,

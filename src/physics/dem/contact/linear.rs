@@ -37,8 +37,10 @@ use crate::error::Report;
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Linear")]
 pub struct Input {
-    /// Normal stiffness k_n [N/m].
-    pub normal_stiffness: Scaled,
+    /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the weight of what lies
+    /// above; in seepage with `accuracy`, from the load on the bed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_stiffness: Option<Scaled>,
     /// Shear to normal stiffness k_s/k_n [1].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
@@ -75,7 +77,8 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.linear";
         let base = Parameters {
-            normal_stiffness: self.normal_stiffness,
+            // Without one, the scene chooses it and resolves the law again.
+            normal_stiffness: self.normal_stiffness.unwrap_or(Scaled::Absolute(1.0)),
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees),
             normal_damping: self.normal_damping_ratio,
