@@ -86,22 +86,34 @@ impl Members {
         unstable: bool,
     ) -> Result<Self, Error> {
         let stated = grids::stated(plan)?;
-        let has_grid = plan.scene.flow.is_some();
+        let seepage = grids::refinable_seepage(&plan.scene).is_some();
         let mut ratios = Vec::new();
-        if has_grid {
+        if plan.scene.flow.is_some() || seepage {
             ratios = grids::ratios(&plan.scene, finer);
+        }
+        if plan.scene.flow.is_some() {
             grids::check(&plan.scene, &stated, &ratios)?;
         }
+        let has_grid = plan.scene.flow.is_some() || !ratios.is_empty();
         let wanted = ratios.len() + 1;
         // The rule by which all grids can run, else the one by which most can.
-        let rules = [Scaling::Diffusive, Scaling::Acoustic];
-        let mut each = rules.map(|rule| Self::scaled(plan, &stated, &ratios, rule, unstable));
+        let rules = if seepage {
+            vec![Scaling::Steady]
+        } else {
+            vec![Scaling::Diffusive, Scaling::Acoustic]
+        };
+        let scaled = |rule| Self::scaled(plan, &stated, &ratios, rule, unstable);
+        let mut each: Vec<Self> = rules.into_iter().map(scaled).collect();
         let all = each.iter().position(|members| members.usable() == wanted);
         let rule = all.unwrap_or_else(|| {
             for members in &mut each {
                 while members.usable() < wanted && members.add_grid(plan, &stated, unstable, &[]) {}
             }
-            usize::from(each[1].usable() > each[0].usable())
+            let best = each.iter().map(Self::usable).max();
+            let found = each
+                .iter()
+                .position(|members| Some(members.usable()) == best);
+            found.unwrap_or(0)
         });
         let mut members = each.into_iter().nth(rule).ok_or_else(|| {
             Error::Internal("an estimate without a rule for the time step".into())
@@ -254,7 +266,7 @@ impl Members {
         if self.grids.len() > 1 {
             self.scaling.meaning()
         } else {
-            "one grid: a seepage and dry grains have no cells that can be refined alone"
+            "one grid: a seepage through grains and dry grains have no cells that can be refined alone"
         }
     }
 
@@ -408,12 +420,15 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
         let record = Record::read(&output.join(&members.list[place].name));
         record.map_or(0.0, |record| record.processor_seconds)
     };
+    let edge = grids::refinable_seepage(&plan.scene).map_or(plan.scene.grid.spacing, |seepage| {
+        seepage.smallest_edge(plan.scene.grid.dimension)
+    });
     let grids: Vec<Grid> = members
         .grids
         .iter()
         .map(|(ratio, place)| Grid {
             folder: members.list[*place].name.clone(),
-            spacing: plan.scene.grid.spacing * ratio,
+            spacing: edge * ratio,
             ratio: *ratio,
             core_seconds: core_seconds(*place),
             failure: found[*place].as_ref().err().cloned(),

@@ -10,15 +10,19 @@
 //!   does not contain it, and a run with half the lattice velocity measures it.
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
+//!
+//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as its openings end between
+//! cells. A seepage through grains has cells of the size of grains and is not refined.
 
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Initial;
 use crate::error::{Error, Problem, Severity};
-use crate::number::{common_divisor, real, whole};
+use crate::number::{common_divisor, real, to_u32, whole};
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Lattice;
+use crate::scene::seepage::Seepage;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -42,6 +46,8 @@ pub enum Scaling {
     Diffusive,
     /// With h: the lattice velocity stays.
     Acoustic,
+    /// Not at all: a steady seepage.
+    Steady,
 }
 
 impl Scaling {
@@ -55,6 +61,7 @@ impl Scaling {
             Self::Acoustic => {
                 "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
             }
+            Self::Steady => "cells of the seepage; a steady flow has no time step",
         }
     }
 
@@ -63,14 +70,65 @@ impl Scaling {
         match self {
             Self::Diffusive => ratio * ratio,
             Self::Acoustic => ratio,
+            Self::Steady => 1.0,
         }
     }
+}
+
+/// The most cells of a seepage that an estimate makes.
+const MOST_SEEPAGE_CELLS: usize = 8_000_000;
+
+/// The seepage of a scene whose cells can be refined: one without grains.
+#[must_use]
+pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
+    scene.seepage.as_ref().filter(|_| !scene.has_solids())
+}
+
+/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it, else half as large.
+fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
+    let divides = |number: usize| {
+        let even = |cells: &usize| cells.is_multiple_of(number);
+        seepage.cells[..dimension]
+            .iter()
+            .all(|cells| even(cells) && cells / number >= 2)
+            && seepage.patches.iter().all(|patch| {
+                let ends = patch.from.iter().zip(&patch.to).take(dimension);
+                let mut ends = ends
+                    .enumerate()
+                    .filter(|(axis, _)| *axis != patch.face.axis());
+                ends.all(|(_, (from, to))| even(from) && even(to))
+            })
+    };
+    let cells: usize = seepage.cells[..dimension].iter().product();
+    let fits = |times: usize| cells * times.pow(to_u32(dimension)) <= MOST_SEEPAGE_CELLS;
+    let coarser: Vec<f64> = [2, 4]
+        .into_iter()
+        .take_while(|n| divides(*n))
+        .map(real)
+        .collect();
+    let finest: Vec<f64> = [2, 4]
+        .into_iter()
+        .take_while(|n| fits(*n))
+        .map(|n| 1.0 / real(n))
+        .collect();
+    let from_fine = match (finer, coarser.len()) {
+        (false, 2) => 0,
+        (true, 1..) | (false, 1) => 1,
+        _ => 2,
+    };
+    let from_fine = from_fine.min(finest.len());
+    let mut chosen: Vec<f64> = finest[..from_fine].iter().rev().copied().collect();
+    chosen.extend(coarser.iter().take(2 - from_fine));
+    chosen
 }
 
 /// Spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a finer one on request.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
+    if let Some(seepage) = refinable_seepage(scene) {
+        return ratios_of_seepage(seepage, grid.dimension, finer);
+    }
     let common = grid.cells[..grid.dimension]
         .iter()
         .fold(0, |a, b| common_divisor(a, *b));
@@ -92,6 +150,9 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
 #[must_use]
 pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
+    if scene.seepage.is_some() {
+        return None;
+    }
     let common = grid.cells[..grid.dimension]
         .iter()
         .fold(0, |a, b| common_divisor(a, *b));
@@ -168,9 +229,13 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
     smallest.is_finite().then_some(2.0 * smallest)
 }
 
-/// The order of the method: second, and first where surfaces of bodies are staircases or partly covered cells.
+/// The order of the method: second, and first where surfaces of bodies are staircases or partly covered cells, and where water seeps round
+/// edges of structures, at which its velocity has no bound.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
+    if let Some(seepage) = &scene.seepage {
+        return if seepage.solids.is_empty() { 2.0 } else { 1.0 };
+    }
     let stairs = match &scene.coupling {
         Some(Coupling::BounceBack(links)) => links.scheme == Scheme::HalfWay,
         Some(Coupling::PartiallySaturated(_)) => true,
@@ -244,6 +309,10 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
 pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Value {
     let mut tree = stated.clone();
     let (clock, scene) = (&plan.clock, &plan.scene);
+    if let Some(seepage) = refinable_seepage(scene) {
+        tree["fluid"]["darcy"]["grid"] = seepage_grid(seepage, scene.grid.dimension, ratio);
+        return tree;
+    }
     tree["domain"]["spacing"] = (scene.grid.spacing * ratio).into();
     let factor = scaling.of_time(ratio);
     with_time_step(&mut tree, plan, factor);
@@ -261,6 +330,16 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
         *steps = whole(number.ceil().max(1.0)).into();
     }
     tree
+}
+
+/// The grid of a seepage with cells that are `ratio` times as large, as a case has it.
+pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
+    let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
+    let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
+    let cells: Vec<usize> = (0..dimension)
+        .map(|a| whole((real(seepage.cells[a]) / ratio).round()))
+        .collect();
+    json!({"from": numbers(&|a| seepage.origin[a]), "to": numbers(&to), "cells": cells})
 }
 
 /// Sets a time step that is about `factor` times that of the plan and divides the same end.

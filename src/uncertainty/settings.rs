@@ -6,9 +6,9 @@
 //! |---|---|---|
 //! | contact stiffness | springs as given or chosen, between moving bodies | four times |
 //! | solid time step | grains without a lattice | half |
-//! | coupling interval | seepage | half |
-//! | cells of the seepage | seepage | half, as long as they hold a mean grain |
-//! | resistance | seepage | the law of another source |
+//! | coupling interval | seepage through grains | half |
+//! | cells of the seepage | seepage through grains | half, as long as they hold a mean grain |
+//! | resistance | seepage through grains | the law of another source |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
 //! | lattice velocity | lattice under acoustic scaling | half |
 //!
@@ -17,8 +17,8 @@
 use super::grids;
 use super::grids::Scaling;
 use crate::darcy::Resistance;
-use crate::number::real;
 use crate::plan::Plan;
+use crate::scene::seepage::Seepage;
 use serde_json::{Value, json};
 
 /// A setting and the case under its next better value.
@@ -137,8 +137,14 @@ fn solid_step(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some("x 0.5".into())
 }
 
+/// The seepage through grains: without them nothing is coupled, and zones state the resistance.
+fn seepage_through_grains(plan: &Plan) -> Option<&Seepage> {
+    let seepage = plan.scene.seepage.as_ref();
+    seepage.filter(|_| plan.scene.has_solids())
+}
+
 fn interval(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let seepage = plan.scene.seepage.as_ref()?;
+    let seepage = seepage_through_grains(plan)?;
     let steps = seepage.coupling_interval(plan.clock.solid_time_step);
     if steps < 2 {
         return None;
@@ -156,19 +162,12 @@ fn cells(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     if 0.5 * smallest < low + high {
         return None;
     }
-    let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
-    let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
-    let twice: Vec<usize> = (0..dimension).map(|a| 2 * seepage.cells[a]).collect();
-    case["fluid"]["darcy"]["grid"] = json!({
-        "from": numbers(&|a| seepage.origin[a]),
-        "to": numbers(&to),
-        "cells": twice,
-    });
+    case["fluid"]["darcy"]["grid"] = grids::seepage_grid(seepage, dimension, 0.5);
     Some(format!("{smallest:.3e} to {:.3e} m", 0.5 * smallest))
 }
 
 fn resistance(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let now = plan.scene.seepage.as_ref()?.written.resistance();
+    let now = seepage_through_grains(plan)?.written.resistance();
     let other = match now {
         Resistance::KozenyCarman => Resistance::Ergun,
         Resistance::Ergun | Resistance::Gidaspow => Resistance::DiFelice,

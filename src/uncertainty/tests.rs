@@ -172,6 +172,45 @@ fn seepage_has_one_grid_and_its_settings_one_run_each() {
     }
 }
 
+/// A seepage round a sheet pile has no grains and no time step: its own cells are changed, and its openings stay where they are.
+#[test]
+fn seepage_without_grains_has_grids_of_its_own_cells() {
+    let own = example("sheet-pile", &[]);
+    for finer in [false, true] {
+        let members = Members::of(&own, finer, false, false).unwrap();
+        assert_eq!(members.scaling, Scaling::Steady);
+        assert_eq!(members.grids.len(), 3);
+        assert_eq!(members.grids[0].0 < 1.0, finer || members.grids[1].0 == 1.0);
+        let written = own.scene.seepage.as_ref().unwrap();
+        for (ratio, place) in &members.grids {
+            let other = planned(&members.list[*place]);
+            let seepage = other.scene.seepage.as_ref().unwrap();
+            for axis in 0..2 {
+                approx::assert_relative_eq!(
+                    seepage.spacing[axis],
+                    ratio * written.spacing[axis],
+                    max_relative = 1e-12
+                );
+            }
+            for (patch, before) in seepage.patches.iter().zip(&written.patches) {
+                for axis in (0..2).filter(|axis| *axis != patch.face.axis()) {
+                    let (from, to) = (real(patch.from[axis]), real(patch.to[axis]));
+                    approx::assert_relative_eq!(
+                        from * ratio,
+                        real(before.from[axis]),
+                        max_relative = 1e-12
+                    );
+                    approx::assert_relative_eq!(
+                        to * ratio,
+                        real(before.to[axis]),
+                        max_relative = 1e-12
+                    );
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn cells_without_a_common_divisor_are_refused_with_a_remedy() {
     let own = plan(FAST, &["domain.size=[0.019, 0.02]"]);

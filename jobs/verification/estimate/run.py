@@ -36,6 +36,28 @@ def point(*position):
     return {"point": {"position": list(position)}}
 
 
+# A sheet pile of depth s = 1 - tip in ground of depth 1 m, k = 1e-4 m/s, without grains: its own cells are refined.
+def sheet_pile(tip, discharge):
+    return (
+        f"sheet-pile-{1 - tip:g}",
+        "sheet-pile",
+        {
+            "grains": None,
+            "contact": None,
+            "box_walls": [],
+            "fluid.darcy.resistance": None,
+            "fluid.darcy.porosity_cap": None,
+            "fluid.darcy.coupling_interval": None,
+            "gravity": [0, -9.81],
+            "fluid.darcy.zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}}],
+            "structures[0].shape": {"box": {"from": [2.9999, tip], "to": [3.0001, 1.2]}},
+        },
+        [
+            ("under: discharge, last", lambda t: 1e-4 * 0.1 * discharge, "exact, Harr 1962"),
+        ],
+    )
+
+
 # name, case, changes, [(answer, true value from the last time, source)]
 PROBLEMS = [
     (
@@ -193,6 +215,15 @@ PROBLEMS = [
             ("force: fluid_force_x, last", lambda t: 5.57953523384 / 500, "Schaefer and Turek 1996; FEATFLOW"),
             ("force: fluid_force_y, last", lambda t: 0.010618948146 / 500, "Schaefer and Turek 1996; FEATFLOW"),
         ],
+    ),
+    sheet_pile(0.75, 2.400094459133703 / (2 * 1.6335863074581471)),
+    sheet_pile(0.5, 0.5),
+    sheet_pile(0.25, 1.6335863074581471 / (2 * 2.400094459133703)),
+    (
+        "cut-off",
+        "cut-off",
+        {"fluid.darcy.zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}}]},
+        [("under_wall: discharge, last", lambda t: 1e-4 * 1.7052004102572171 / (2 * 2.098138692130958), "exact, Harr 1962")],
     ),
 ]
 
