@@ -29,7 +29,15 @@ const SUMMARY: &[&str] = &[
     "collapse",
 ];
 /// Numbers below these entries that are about the solution, or given.
-const NO_ANSWERS: &[&str] = &["iterations", "residual", "closure", "number", "fixed"];
+const NO_ANSWERS: &[&str] = &[
+    "iterations",
+    "residual",
+    "closure",
+    "largest_closure",
+    "bernoulli_speed",
+    "number",
+    "fixed",
+];
 /// Columns of probes that are given.
 const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];
 /// Numbers of a list in `summary.json`, at most.

@@ -67,6 +67,19 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
     // The run is one in which everything happens.
     assert!(study.rows("straight", "removed.csv") > 15);
     assert!(study.summary("straight")["grains"].as_u64() > Some(20));
+    // No grain is faster than 5 kPa of water and a fall through the domain make it.
+    let seepage = &study.summary("straight")["seepage"];
+    let number = |name: &str| seepage[name].as_f64().unwrap();
+    let bernoulli = (2.0_f64 * 5000.0 / 1000.0).sqrt();
+    assert!(
+        (1.0..1.2).contains(&(number("bernoulli_speed") / bernoulli)),
+        "{seepage}"
+    );
+    assert!(
+        number("fastest_grain") > 0.1 && number("fastest_grain") <= number("bernoulli_speed"),
+        "{seepage}"
+    );
+    assert!(number("largest_closure") >= number("closure"), "{seepage}");
     for (name, ranks, threads, set) in [
         ("two with threads", 2, 2, &[][..]),
         ("three along x", 3, 1, &["domain.split=x"]),

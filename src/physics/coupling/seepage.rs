@@ -118,6 +118,21 @@ pub struct Balance {
     pub implicit: u64,
 }
 
+/// The extremes of all couplings of a run, a restart aside.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extremes {
+    /// The largest closure of momentum.
+    pub closure: f64,
+    /// The largest Reynolds number of the pores.
+    pub reynolds: f64,
+    /// The largest speed of a grain of this rank \[m/s\].
+    pub speed: f64,
+    /// The same at the first coupling \[m/s\].
+    pub first_speed: f64,
+    /// The largest difference of the reduced pressure \[Pa\].
+    pub pressure: f64,
+}
+
 /// Seepage with grains in it.
 pub struct Seepage<Sp: Space> {
     settings: Settings,
@@ -141,6 +156,7 @@ pub struct Seepage<Sp: Space> {
     zones: Option<(Arc<Zones>, Conduct)>,
     report: Report,
     balance: Balance,
+    extremes: Option<Extremes>,
     room: Room,
     space: PhantomData<Sp>,
 }
@@ -185,6 +201,7 @@ impl<Sp: Space> Seepage<Sp> {
             zones: None,
             report: Report::default(),
             balance: Balance::default(),
+            extremes: None,
             room: Room::default(),
             space: PhantomData,
         }
@@ -247,6 +264,33 @@ impl<Sp: Space> Seepage<Sp> {
     #[must_use]
     pub fn balance(&self) -> &Balance {
         &self.balance
+    }
+
+    /// The extremes of the couplings so far, with the speeds of all ranks. Collective.
+    #[must_use]
+    pub fn extremes(&self) -> Extremes {
+        let mine = self.extremes.unwrap_or_default();
+        let most = |speed: f64| self.communicator.all_reduce_max_f64(speed);
+        Extremes {
+            speed: most(mine.speed),
+            first_speed: most(mine.first_speed),
+            ..mine
+        }
+    }
+
+    /// Takes note of a coupling at which the fastest grain of this rank had this speed \[m/s\].
+    fn keep_extremes(&mut self, speed: f64) {
+        let before = self.extremes.unwrap_or(Extremes {
+            first_speed: speed,
+            ..Extremes::default()
+        });
+        self.extremes = Some(Extremes {
+            closure: before.closure.max(self.balance.closure),
+            reynolds: before.reynolds.max(self.balance.reynolds),
+            speed: before.speed.max(speed),
+            first_speed: before.first_speed,
+            pressure: before.pressure.max(self.pressure.largest_difference()),
+        });
     }
 
     /// What a run needs to go on: the reduced pressure of every cell, then its porosity at the last coupling, then the three components
@@ -527,11 +571,11 @@ impl<Sp: Space> Seepage<Sp> {
         (force, implicit)
     }
 
-    /// What a reader of the results should know of the last coupling.
+    /// What a reader of the results should know of the couplings.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
-        let (balance, settings) = (&self.balance, &self.settings);
+        let (balance, settings) = (&self.extremes.unwrap_or_default(), &self.settings);
         if balance.closure > OPEN {
             all.push(format!(
                 "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of momentum {:.2}); \
@@ -638,7 +682,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         }
         self.seep(particles)?;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
-        let mut implicit = 0;
+        let (mut implicit, mut fastest) = (0, 0.0_f64);
         let (law, mut room) = (self.settings.drag, std::mem::take(&mut self.room));
         for k in 0..particles.owned() {
             let (force, at_the_end) = self.load(law.model(), particles, k, &mut room);
@@ -650,6 +694,8 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
                 sums[a].add(counts * force);
             }
             implicit += u64::from(at_the_end);
+            let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+            fastest = fastest.max(velocity.iter().map(|v| v * v).sum());
             particles.fluid[k] = load;
             if particles.last_velocity.is_allocated() {
                 particles.last_velocity[k] = particles.motion[k].velocity;
@@ -657,6 +703,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         }
         self.room = room;
         self.close(sums, implicit);
+        self.keep_extremes(fastest.sqrt());
         if !self.balance.closure.is_finite() {
             return Err(Error::Numerical(
                 "the force of the water on the grains is not finite".into(),

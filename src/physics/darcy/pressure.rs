@@ -730,6 +730,20 @@ impl Pressure {
         self.phi[self.layout.at(self.grid.cell(cell))]
     }
 
+    /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
+    #[must_use]
+    pub fn largest_difference(&self) -> f64 {
+        let cells = (0..self.grid.count()).filter(|cell| self.conducts[*cell]);
+        let imposed = self.boundary.iter().filter_map(|face| self.imposed(face));
+        let (low, high) = cells
+            .map(|cell| self.reduced(cell))
+            .chain(imposed)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+        (high - low).max(0.0)
+    }
+
     /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn pressure(&self, cell: usize) -> f64 {

@@ -10,13 +10,29 @@ use super::super::settled;
 use super::super::versions::versions;
 use super::runner::Runner;
 use crate::checkpoint::Saved;
+use crate::coupling::seepage::Extremes;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::number::real;
+use crate::scene::Scene;
 use serde_json::json;
 
 /// Relative change of the mass of enclosed water from which a run warns.
 const LOST: f64 = 1e-3;
+
+/// A grain is thrown, not carried, where it is this many times as fast as the water can make it.
+const LEAPS: f64 = 1.1;
+
+/// The largest speed that grains can have by Bernoulli: that of water at the largest difference of its reduced pressure, a fall over the height of the
+/// domain, and the speed at the start \[m/s\].
+fn bernoulli_speed(scene: &Scene, extremes: &Extremes) -> f64 {
+    let density = scene.seepage.as_ref().map_or(1.0, |s| s.written.density);
+    let fall: f64 = (0..3)
+        .map(|axis| 2.0 * scene.gravity[axis].abs() * scene.grid.size[axis])
+        .sum();
+    let squared = 2.0 * extremes.pressure / density + fall + extremes.first_speed.powi(2);
+    squared.sqrt()
+}
 
 impl<Sp: Space, S: Saved> Runner<Sp, S> {
     /// What the water without an opening has lost or gained.
@@ -59,9 +75,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let hash = simulation.now.state().hash(communicator);
         let drift = self.mass() - self.initial_mass;
         let mut warnings = simulation.guards.warnings(&simulation.now.plan);
-        if let Some(seepage) = simulation.now.seepage() {
-            warnings.extend(seepage.warnings());
-        }
+        let seepage = simulation.now.seepage();
+        warnings.extend(seepage.iter().flat_map(|seepage| seepage.warnings()));
+        let extremes = seepage
+            .map(|seepage| seepage.extremes())
+            .unwrap_or_default();
         warnings.extend(self.lost_mass(drift / real(cells.max(1))));
         let mut summary = json!({
             "outcome": outcome,
@@ -89,7 +107,6 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "inflow": null,
             "outflow": null,
             "flow_imbalance": simulation.guards.imbalance(),
-            "warnings": warnings,
             "ranks": communicator.size(),
             "threads": self.threads,
             "case_hash": simulation.now.plan.case_hash,
@@ -103,6 +120,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
+            let grains = simulation.now.dem.is_some();
+            let bernoulli = bernoulli_speed(&simulation.now.plan.scene, &extremes);
+            if grains && extremes.speed > LEAPS * bernoulli {
+                warnings.push(format!(
+                    "a grain reached {:.3e} m/s, and the differences of pressure and height give {bernoulli:.3e} m/s at most (Bernoulli): \
+                     contacts that were pressed into each other threw it",
+                    extremes.speed
+                ));
+            }
             let most = report.inflow.max(report.outflow);
             summary["inflow"] = report.inflow.into();
             summary["outflow"] = report.outflow.into();
@@ -117,11 +143,16 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "force_of_pressure": balance.pressure,
                 "weight_of_water": balance.weight,
                 "closure": balance.closure,
+                "largest_closure": extremes.closure,
                 "reynolds": balance.reynolds,
+                "largest_reynolds": extremes.reynolds,
+                "fastest_grain": grains.then_some(extremes.speed),
+                "bernoulli_speed": bernoulli,
                 "patch_inflows": seepage.pressure().patch_inflows(),
                 "mean_porosity": (simulation.now.dem.is_some()).then(|| seepage.mean_porosity()),
             });
         }
+        summary["warnings"] = json!(warnings);
         // The first rank alone has the files of the probes, and alone speaks of them.
         let (settled, means) = if communicator.rank() == 0 {
             let (plan, time) = (&simulation.now.plan, simulation.now.time());
@@ -217,15 +248,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 self.progress.note(&format!("state {hash}"));
             }
             if let Some(seepage) = simulation.now.seepage() {
-                let (report, balance) = (seepage.report(), seepage.balance());
+                let report = seepage.report();
                 self.progress.note(&format!(
                     "inflow {:.4e}, outflow {:.4e} {unit}",
                     report.inflow, report.outflow
                 ));
                 if simulation.now.dem.is_some() {
                     self.progress.note(&format!(
-                        "closure of momentum between water and grains {:.1e}, Reynolds number of the pores up to {:.2e}",
-                        balance.closure, balance.reynolds
+                        "closure of momentum between water and grains at most {:.1e}, Reynolds number of the pores up to {:.2e}, fastest grain {:.2e} m/s",
+                        extremes.closure, extremes.reynolds, extremes.speed
                     ));
                 }
             }

@@ -157,6 +157,24 @@ fn momentum_closes_with_the_consistent_drag() {
     }
 }
 
+/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values, the closure.
+#[test]
+fn extremes_of_all_couplings_are_kept() {
+    let mut seepage = Bench::default().seepage();
+    let mut particles = bed(&mut seepage);
+    let first = seepage.extremes();
+    assert_eq!((first.speed, first.first_speed), (0.0, 0.0));
+    // 300 Pa beside the weight of the water.
+    assert!((first.pressure / 300.0 - 1.0).abs() < 1e-12, "{first:?}");
+    for speed in [3.0, 1.0] {
+        particles.motion[5].velocity[2] = speed;
+        seepage.advance(&mut particles, &alone()).unwrap();
+    }
+    let last = seepage.extremes();
+    assert_eq!((last.speed, last.first_speed), (3.0, 0.0));
+    assert!(last.closure >= seepage.balance().closure && last.reynolds >= first.reynolds);
+}
+
 #[test]
 fn other_laws_say_by_how_much_they_miss() {
     let run = |drag, equations| {
