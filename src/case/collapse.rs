@@ -75,8 +75,8 @@ pub struct StageThresholds {
     /// Stage t2 also requires a void of this volume over that point [m3]. Default: the volume of one cell.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub arch_void: Option<f64>,
-    /// Stage t3, sinkhole: settlement of a surface column in mean diameters, measured by its elevation and by its initial surface grains
-    /// [1]. Columns beyond it form the depression.
+    /// Stage t3, sinkhole: settlement of a surface column over a point, or of two neighbouring ones elsewhere, in mean diameters, measured by
+    /// elevation and by the initial surface grains [1]. Columns beyond it form the depression.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sinkhole_diameters: f64,
     /// Stage t4, extension: length of the longest depression over the larger extent of the sinkhole at t3 [1].

@@ -522,7 +522,7 @@ impl CollapseRecorder {
             shape: arched
                 .or(farthest(0.0))
                 .map_or(f64::NAN, |above| above.front_shape),
-            settlement: seen.settlement_max,
+            settlement: seen.sinkhole,
             longest: seen.depression.longest,
             width: seen.depression.width,
             inward: seen.inward,
@@ -554,6 +554,7 @@ impl CollapseRecorder {
             front: farthest.map_or(0.0, |above| above.front),
             front_shape: farthest.map_or(f64::NAN, |above| above.front_shape),
             settlement_max: seen.settlement_max,
+            sinkhole: seen.sinkhole,
             settlement_middle: seen.settlement_middle,
             settlement_percentile: seen.settlement_percentile,
             extension: length,

@@ -122,6 +122,8 @@ pub struct Sample {
     pub settlement: Vec<Option<f64>>,
     /// Largest settlement \[m\].
     pub settlement_max: f64,
+    /// Largest settlement of a column over a point, or that two neighbouring columns share \[m\].
+    pub sinkhole: f64,
     /// Mean settlement over the middle third along the long axis \[m\].
     pub settlement_middle: f64,
     /// The requested percentile \[m\].
@@ -478,6 +480,7 @@ impl Ground {
             void_volume: distinct.iter().map(|hole| self.missing(hole, &solid)).sum(),
             points: above,
             settlement_max: sorted.last().copied().unwrap_or(0.0),
+            sinkhole: self.sinkhole(&settlement, points),
             settlement_percentile: sorted.get(rank).copied().unwrap_or(0.0),
             settlement_middle: self.middle(&settlement),
             depression: self.depression(&settlement, limits.settled),
@@ -485,6 +488,35 @@ impl Ground {
             surface,
             settlement,
         }
+    }
+
+    /// The most that a column over a point (along the long axis) has settled, or that two columns side by side or corner to corner have
+    /// settled both: away from the points, one that sinks alone is a loose grain.
+    #[must_use]
+    pub fn sinkhole(&self, settlement: &[Option<f64>], points: &[Point]) -> f64 {
+        let [nx, ny, _] = self.cells.count;
+        let of = |long, across| settlement[self.cells.column(long, across)].unwrap_or(0.0);
+        let mut most: f64 = 0.0;
+        for long in 0..nx {
+            let middle = self.cells.lower(long, 0) + 0.5 * self.cells.size[0];
+            let over = points.iter().any(|point| distance(point, middle) <= 0.0);
+            for across in 0..ny {
+                let here = of(long, across);
+                if over {
+                    most = most.max(here);
+                    continue;
+                }
+                // Both neighbours along, and the three of the rows beside.
+                for other in long.saturating_sub(1)..(long + 2).min(nx) {
+                    for row in across.saturating_sub(1)..(across + 2).min(ny) {
+                        if (other, row) != (long, across) {
+                            most = most.max(here.min(of(other, row)));
+                        }
+                    }
+                }
+            }
+        }
+        most
     }
 
     /// Mean over the middle third along the long axis.

@@ -39,6 +39,8 @@ pub struct CollapseRecord {
     front_shape: f64 = "front_shape [1]",
     /// Largest settlement of a column, m.
     settlement_max: f64 = "settlement_max [m]",
+    /// Largest settlement of a column over a point, or that two neighbouring columns share, m.
+    sinkhole: f64 = "sinkhole [m]",
     /// Mean settlement over the middle third of the long axis, m.
     settlement_middle: f64 = "settlement_middle [m]",
     /// The requested percentile of the settlement, m.

@@ -16,7 +16,7 @@ pub struct Evidence {
     pub front: f64,
     /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN where nothing moves.
     pub shape: f64,
-    /// Settlement of one column \[m\].
+    /// Settlement of a column over a point, or that two neighbouring columns share \[m\].
     pub settlement: f64,
     /// Longest depression along the long axis \[m\].
     pub longest: f64,

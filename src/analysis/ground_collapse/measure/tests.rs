@@ -272,6 +272,30 @@ fn one_column_that_sinks_with_its_grains_is_a_depression() {
     );
 }
 
+/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller settlement.
+#[test]
+fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
+    let sunk = |columns: &[([usize; 2], f64)]| {
+        let grains = packing(|grain| {
+            let [long, across, _] = cells().of(grain.at);
+            for (column, depth) in columns {
+                if *column == [long, across] {
+                    sink(grain, *depth);
+                }
+            }
+            true
+        });
+        // Over columns 2 and 3.
+        sample(&grains, &[point(2)]).sinkhole
+    };
+    assert!(near(sunk(&[([3, 0], 1.5 * D)]), 1.5 * D));
+    assert_eq!(sunk(&[([5, 2], 1.5 * D)]), 0.0);
+    assert!(near(sunk(&[([5, 2], 1.5 * D), ([6, 2], D)]), D));
+    assert!(near(sunk(&[([5, 2], 1.5 * D), ([6, 3], D)]), D));
+    assert!(near(sunk(&[([5, 2], 1.5 * D), ([4, 3], 2.0 * D)]), 1.5 * D));
+    assert_eq!(sunk(&[([5, 2], 1.5 * D), ([7, 2], D)]), 0.0);
+}
+
 /// The ground over a point has gone down within a triangle, then a rectangle.
 #[test]
 fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
