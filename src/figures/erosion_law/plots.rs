@@ -118,7 +118,9 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             CATEGORY[1],
             &label,
         ));
-        if !fit.r_squared.is_nan() {
+        if fit.r_squared < 0.0 {
+            title += ": a constant fits better than the line";
+        } else if !fit.r_squared.is_nan() {
             let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
         }
     }
