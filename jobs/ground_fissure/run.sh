@@ -4,7 +4,7 @@
 #   run.sh [OPTIONS] [sand] [clay]   prepares the packing where it is missing, then runs or resumes; both without a name
 #   run.sh [OPTIONS] critical SOIL   searches the smallest pressure that erodes (solver critical-gradient)
 #
-#   --scale small|paper   about 5,700 grains (the examples fissure-sand and fissure-clay) or 47,700; default small
+#   --scale small|paper   about 5,700 grains (the examples fissure-sand and fissure-clay) or 47,861; default small
 #   --output DIR          default results/ground_fissure/SCALE under the current folder
 #   --pressure PA         at the top of the water; default that of the case
 #   --from PA, --to PA    bounds of the search; default 2e5 and 3e6
