@@ -232,7 +232,8 @@ def measure(workers, repeats, quick, busy_ok):
         if len(hashes) > 1:
             sys.exit(f"scaling: the state of {scene} depends on the number of workers: {hashes}")
     commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
-    head = [f"commit: {commit}", f"date: {time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())}", f"machine: {machine()}",
+    program = subprocess.run([SOLVER, "-V"], capture_output=True, text=True).stdout.strip()
+    head = [f"commit: {commit}", f"solver: {program}", f"date: {time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())}", f"machine: {machine()}",
             f"command: python3 benches/scaling.py {' '.join(sys.argv[1:])}", f"repeats: {repeats}, by turns; idle share before each turn {min(quiet):.3f} to {max(quiet):.3f}",
             f"messages: {told.strip()}"] + (["BUSY"] if min(quiet) < 0.95 else []) + (["QUICK"] if quick else [])
     results = os.path.join(PEERS, "quick") if quick else RESULTS

@@ -156,6 +156,105 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     text + "endsolid\n"
 }
 
+/// A weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
+fn ell(x: [f64; 3], z: [f64; 3]) -> String {
+    let [x0, xm, x1] = x;
+    let [z0, za, zb] = z;
+    let corners = [(x0, z0), (x1, z0), (x1, za), (xm, za), (xm, zb), (x0, zb)];
+    let at = |k: usize, y: f64| [corners[k].0, y, corners[k].1];
+    let mut text = String::from("solid weir\n");
+    let mut facet = |corners: [[f64; 3]; 3]| {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in corners {
+            writeln!(text, "vertex {x} {y} {z}").unwrap();
+        }
+        text += "endloop\nendfacet\n";
+    };
+    let (front, back) = (-0.03, 0.09);
+    for k in 0..corners.len() {
+        let next = (k + 1) % corners.len();
+        let (a, b, c, d) = (at(k, front), at(next, front), at(next, back), at(k, back));
+        facet([a, b, c]);
+        facet([a, c, d]);
+    }
+    for [a, b, c] in [[0, 1, 3], [1, 2, 3], [0, 3, 4], [0, 4, 5]] {
+        facet([at(a, front), at(c, front), at(b, front)]);
+        facet([at(a, back), at(b, back), at(c, back)]);
+    }
+    text + "endsolid\n"
+}
+
+/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the ground.
+#[test]
+fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
+    let _beside = beside_others();
+    let (x, z) = ([0.1037, 0.1312, 0.2041], [-0.02, 0.0433, 0.0871]);
+    let boxes = json!([
+        {"name": "step", "shape": {"box": {"from": [x[0], -0.03, z[0]], "to": [x[2], 0.09, z[1]]}}},
+        {"name": "tower", "shape": {"box": {"from": [x[0], -0.03, z[0]], "to": [x[1], 0.09, z[2]]}}}
+    ]);
+    let triangles = json!([{"name": "weir", "shape": {"surface": {"mesh": {"path": "weir.stl"}}}}]);
+    let run = |mut case: Value, structures: &Value| {
+        case["structures"] = structures.clone();
+        let names: Vec<&str> = structures
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|s| s["name"].as_str().unwrap())
+            .collect();
+        let water = case["fluid"]["lattice_boltzmann"].is_object();
+        if water {
+            let forces = names
+                .iter()
+                .map(|name| json!({"name": name, "every": 3, "at": {"structure": {"name": name}}}));
+            let mut probes: Vec<Value> = forces.collect();
+            probes.push(json!({"name": "flow", "every": 3, "at": {"plane": {"axis": "x", "position": 0.005}}}));
+            case["probes"] = json!(probes);
+        }
+        let study = Study::new(&case.to_string());
+        std::fs::write(study.path("").join("weir.stl"), ell(x, z)).unwrap();
+        study.run("run", 1, 1, &[]);
+        if !water {
+            return (0.0, study.summary("run")["inflow"].as_f64().unwrap());
+        }
+        let force =
+            |name: &&str| last(&study, "run", &format!("probe_{name}.csv"), "fluid_force_x");
+        let flow = last(&study, "run", "probe_flow.csv", "discharge");
+        (names.iter().map(force).sum::<f64>(), flow)
+    };
+    let stream = json!({
+        "domain": {"size": [0.3, 0.06, 0.16], "spacing": 0.01, "periodic": ["x", "y"]},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 0.002, "collision": {"trt": {}}, "relaxation_time": 0.8,
+            "body_force": {"constant": [2, 0, 0]}
+        }},
+        "time": {"end": 3}
+    });
+    let ground = json!({
+        "domain": {"size": [0.3, 0.06, 0.16], "spacing": 0.01},
+        "gravity": [0, 0, -9.81],
+        "fluid": {"darcy": {
+            "density": 1000, "viscosity": 1e-3,
+            "zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}}],
+            "boundaries": [
+                {"name": "left", "face": "x_min", "condition": {"head": {"value": 0.3}}},
+                {"name": "right", "face": "x_max", "condition": {"head": {"value": 0.2}}}
+            ]
+        }},
+        "time": {"end": 1, "solid_time_step": 0.01}
+    });
+    for (name, case) in [("stream", stream), ("ground", ground)] {
+        let (whole, pieces) = (run(case.clone(), &triangles), run(case, &boxes));
+        let (force, flow) = (whole.0 / pieces.0, whole.1 / pieces.1);
+        println!("{name}: force {force:.6}, discharge {flow:.6} of those of two boxes");
+        assert!((flow - 1.0).abs() < 0.02, "{name}: {whole:?} {pieces:?}");
+        assert!(
+            name == "ground" || (force - 1.0).abs() < 0.02,
+            "{name}: {whole:?} {pieces:?}"
+        );
+    }
+}
+
 /// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that lies beside the domain is
 /// told where it lies.
 #[test]
