@@ -131,6 +131,15 @@ fn a_sheet_thinner_than_a_cell_holds_water_back() {
     }
 }
 
+/// A triangle as a facet of an STL file.
+fn facet_of(corners: [[f64; 3]; 3]) -> String {
+    let mut text = String::from("facet normal 0 0 0\nouter loop\n");
+    for [x, y, z] in corners {
+        writeln!(text, "vertex {x} {y} {z}").unwrap();
+    }
+    text + "endloop\nendfacet\n"
+}
+
 /// A prism over a regular polygon as an STL file.
 fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     const N: u32 = 96;
@@ -139,13 +148,7 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
         [centre[0] + radius * c, centre[1] + radius * s, z]
     };
     let mut text = String::from("solid cylinder\n");
-    let mut facet = |corners: [[f64; 3]; 3]| {
-        text += "facet normal 0 0 0\nouter loop\n";
-        for [x, y, z] in corners {
-            writeln!(text, "vertex {x} {y} {z}").unwrap();
-        }
-        text += "endloop\nendfacet\n";
-    };
+    let mut facet = |corners: [[f64; 3]; 3]| text += &facet_of(corners);
     for k in 0..N {
         let (a, b, c, d) = (at(k, low), at(k + 1, low), at(k + 1, high), at(k, high));
         facet([a, b, c]);
@@ -163,13 +166,7 @@ fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     let corners = [(x0, z0), (x1, z0), (x1, za), (xm, za), (xm, zb), (x0, zb)];
     let at = |k: usize, y: f64| [corners[k].0, y, corners[k].1];
     let mut text = String::from("solid weir\n");
-    let mut facet = |corners: [[f64; 3]; 3]| {
-        text += "facet normal 0 0 0\nouter loop\n";
-        for [x, y, z] in corners {
-            writeln!(text, "vertex {x} {y} {z}").unwrap();
-        }
-        text += "endloop\nendfacet\n";
-    };
+    let mut facet = |corners: [[f64; 3]; 3]| text += &facet_of(corners);
     let (front, back) = (-0.03, 0.09);
     for k in 0..corners.len() {
         let next = (k + 1) % corners.len();
