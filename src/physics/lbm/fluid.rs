@@ -71,7 +71,7 @@ pub struct Fluid<S: Stored> {
     cover: Option<Cover>,
     /// Cells of structures, by position: openings before them are closed. Empty where there are none.
     closed: Vec<bool>,
-    describe: fn(&mut Populations<S>, View, CoverView) -> Shared<S>,
+    describe: fn(&mut Populations<S>, View, CoverView, bool) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
@@ -238,7 +238,9 @@ impl<S: Stored> Fluid<S> {
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
-        let shared = (self.describe)(&mut self.populations, velocity, cover);
+        let [_, middle, fast] = self.populations.order();
+        let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
+        let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
         self.run(&shared, force, 0..1);
         if planes > 1 {
             self.run(&shared, force, planes - 1..planes);
@@ -249,13 +251,13 @@ impl<S: Stored> Fluid<S> {
         }
         self.populations.flip();
         let reversed = self.populations.parity() == super::populations::Parity::Reversed;
-        let (within, last) = (self.periodic_within, planes.cast_signed() - 1);
-        if reversed {
-            wrap(&mut self.populations, within, 0..1);
-            wrap(&mut self.populations, within, last..last + 1);
+        let last = planes.cast_signed() - 1;
+        if reversed && round_middle {
+            wrap(&mut self.populations, 0..1);
+            wrap(&mut self.populations, last..last + 1);
         }
         self.halo.start(&self.populations);
-        let early = !self.periodic_within.contains(&true) && self.boundaries.walls_stand_alone();
+        let early = !round_middle && self.boundaries.walls_stand_alone();
         let interior = 1..planes.max(2) - 1;
         if planes > 2 && early {
             self.run_with_walls(&shared, force, interior.clone(), time);
@@ -263,11 +265,11 @@ impl<S: Stored> Fluid<S> {
             self.run(&shared, force, interior.clone());
         }
         self.halo.finish(&mut self.populations);
-        if reversed {
-            wrap(&mut self.populations, within, 1..last);
-        } else {
+        if reversed && round_middle {
+            wrap(&mut self.populations, 1..last);
+        } else if round_middle {
             // Ghost planes too: beyond a free-slip face they hold populations on their way back.
-            wrap(&mut self.populations, within, -1..last + 2);
+            wrap(&mut self.populations, -1..last + 2);
         }
         self.step += 1;
         let threads = if early { self.workers(&interior) } else { 0 };

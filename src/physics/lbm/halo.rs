@@ -154,54 +154,33 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
     populations.cell(at)
 }
 
-/// Copies round the periodic axes that are not split, for some planes of the slab.
+/// Copies round the middle axis for some planes of the slab, where it is periodic; the pass takes what leaves along rows to their other ends.
 ///
-/// After an even pass ghosts are filled (fastest axis first, so that corners follow); after an odd pass they are
-/// delivered, in the opposite order.
-pub fn wrap<S: Stored>(
-    populations: &mut Populations<S>,
-    periodic: [bool; 3],
-    planes: std::ops::Range<isize>,
-) {
+/// After an even pass ghosts are filled, after an odd pass they are delivered, rows as a whole: with their ghosts, so that corners follow.
+pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: std::ops::Range<isize>) {
     let [slow, middle, fast] = populations.order();
-    let parity = populations.parity();
-    let dimension = populations.velocities().dimension;
-    let axes = match parity {
-        Parity::Reversed => [(fast, middle), (middle, fast)],
-        Parity::Home => [(middle, fast), (fast, middle)],
-    };
-    for (axis, other) in axes {
-        if axis >= dimension || !periodic[axis] {
-            continue;
-        }
-        let last = populations.cells()[axis].cast_signed() - 1;
-        // With the ghosts of the other axis: beyond a free-slip face they carry populations on their way back.
-        let ghost = isize::from(other < dimension);
-        let across = -ghost..populations.cells()[other].cast_signed() + ghost;
+    let rows = populations.cells()[middle].cast_signed();
+    let ghost = isize::from(fast < populations.velocities().dimension);
+    let length = populations.cells()[fast] + 2 * ghost.unsigned_abs();
+    for plane in planes {
         for i in 0..populations.velocities().q() {
-            let c = populations.velocities().c[i][axis];
-            let (outside, inside) = match c {
-                -1 => (-1, last),
-                1 => (last + 1, 0),
+            let (outside, inside) = match populations.velocities().c[i][middle] {
+                -1 => (-1, rows - 1),
+                1 => (rows, 0),
                 _ => continue,
             };
-            let (from, to) = match parity {
+            let (from, to) = match populations.parity() {
                 Parity::Reversed => (inside, outside),
                 Parity::Home => (outside, inside),
             };
-            for plane in planes.clone() {
-                for j in across.clone() {
-                    let mut at = [0; 3];
-                    at[slow] = plane;
-                    at[other] = j;
-                    at[axis] = from;
-                    let source = populations.slot(populations.cell(at), i);
-                    at[axis] = to;
-                    let target = populations.slot(populations.cell(at), i);
-                    let numbers = populations.numbers_mut();
-                    numbers[target] = numbers[source];
-                }
-            }
+            let start = |row: isize| {
+                let mut at = [0; 3];
+                (at[slow], at[middle], at[fast]) = (plane, row, -ghost);
+                populations.slot(populations.cell(at), i)
+            };
+            let (source, target) = (start(from), start(to));
+            let numbers = populations.numbers_mut();
+            numbers.copy_within(source..source + length, target);
         }
     }
 }

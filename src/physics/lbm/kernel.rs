@@ -56,6 +56,8 @@ pub struct Shared<S> {
     cells: usize,
     velocity: View,
     cover: CoverView,
+    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go round.
+    around: [Vec<usize>; 2],
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each plane of
@@ -67,14 +69,38 @@ impl<S> Shared<S> {
     pub(crate) fn numbers(&self) -> *mut S {
         self.base
     }
+
+    /// Takes what left the row that starts `start` numbers after the first one at its ends round to its other end.
+    ///
+    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and the reverse; after an
+    /// even pass these are what the ghosts of the row have to hold, after an odd pass they are delivered. Both are the same copies.
+    ///
+    /// # Safety
+    /// The cells of the row must be done, and nobody else may work on them.
+    #[inline(always)]
+    unsafe fn go_round(&self, start: usize) {
+        let row = self.base.wrapping_add(start);
+        let [forth, back] = &self.around;
+        for &first in forth {
+            let at = row.wrapping_add(first);
+            // SAFETY: the numbers of the first cell and of the one behind the last, which no other cell has.
+            unsafe { at.add(self.cells).write(at.read()) };
+        }
+        for &first in back {
+            let at = row.wrapping_add(first);
+            // SAFETY: the numbers of the last cell and of the one before the first.
+            unsafe { at.sub(1).write(at.add(self.cells - 1).read()) };
+        }
+    }
 }
 
 impl<S: Stored> Shared<S> {
-    /// Describes the coming pass over `populations`.
+    /// Describes the coming pass over `populations`; `round` where the axis of the rows is periodic.
     pub(crate) fn new<const Q: usize>(
         populations: &mut Populations<S>,
         velocity: View,
         cover: CoverView,
+        round: bool,
     ) -> Self {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
@@ -86,6 +112,12 @@ impl<S: Stored> Shared<S> {
         let positions: [usize; Q] = populations.row_positions(populations.cell([0; 3]));
         let mut first = [0; 27];
         first[..Q].copy_from_slice(&positions);
+        let streams = |sign: i8| {
+            let c = &populations.velocities().c;
+            let along = (0..Q).filter(|&i| round && c[i][fast] == sign);
+            along.map(|i| positions[i]).collect()
+        };
+        let around = [streams(1), streams(-1)];
         Self {
             plane: unit(slow),
             row: unit(middle),
@@ -95,6 +127,7 @@ impl<S: Stored> Shared<S> {
             base: populations.base(),
             velocity,
             cover,
+            around,
         }
     }
 }
@@ -125,7 +158,7 @@ unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, con
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx2,fma")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
 unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
@@ -412,6 +445,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     at[n] = at[n].wrapping_add(N::WIDTH);
                 });
             }
+            // SAFETY: the row is done, and nobody else works on it.
+            unsafe { shared.go_round(start) };
         }
     }
 }

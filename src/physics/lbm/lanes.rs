@@ -17,6 +17,8 @@ pub trait Lanes:
     const WIDTH: usize;
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
+    /// 0, 1, 2, … from the first lane on.
+    fn count() -> Self;
     /// `self * a + b`, rounded once.
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// `b - self * a`, rounded once.
@@ -25,6 +27,16 @@ pub trait Lanes:
     fn sqrt(self) -> Self;
     /// `a` where `self` is zero, else `b`.
     fn where_zero(self, a: Self, b: Self) -> Self;
+    /// Which of as many numbers as lanes are above a bound: a bit each.
+    ///
+    /// # Safety
+    /// `from` must be valid for reading that many elements.
+    unsafe fn above(from: *const f32, bound: f32) -> u8;
+    /// Which of as many numbers as lanes are a certain one: a bit each.
+    ///
+    /// # Safety
+    /// As for [`Self::above`].
+    unsafe fn equal(from: *const u32, number: u32) -> u8;
 }
 
 /// The number type of the populations in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
@@ -97,6 +109,10 @@ impl Lanes for f64 {
         x
     }
     #[inline(always)]
+    fn count() -> Self {
+        0.0
+    }
+    #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         f64::mul_add(self, a, b)
     }
@@ -111,6 +127,16 @@ impl Lanes for f64 {
     #[inline(always)]
     fn where_zero(self, a: Self, b: Self) -> Self {
         if self == 0.0 { a } else { b }
+    }
+    #[inline(always)]
+    unsafe fn above(from: *const f32, bound: f32) -> u8 {
+        // SAFETY: promised by the caller.
+        u8::from(unsafe { from.read() } > bound)
+    }
+    #[inline(always)]
+    unsafe fn equal(from: *const u32, number: u32) -> u8 {
+        // SAFETY: promised by the caller.
+        u8::from(unsafe { from.read() } == number)
     }
 }
 
@@ -139,8 +165,19 @@ mod x86 {
     #[derive(Clone, Copy)]
     pub struct Avx512(__m512d);
 
+    /// The numbers of the lanes.
+    static COUNT: [f64; super::WIDEST] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+    /// The signs of four numbers.
+    #[inline(always)]
+    fn bits(x: __m128) -> u8 {
+        // SAFETY: part of every x86-64.
+        let signs = unsafe { _mm_movemask_ps(x) };
+        signs.to_le_bytes()[0]
+    }
+
     macro_rules! operators {
-        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr) => {
+        ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident, $load:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr, |$from:ident, $bound:ident| $above:expr, |$numbers:ident, $number:ident| $equal:expr) => {
             impl Add for $lanes {
                 type Output = Self;
                 #[inline(always)]
@@ -182,6 +219,11 @@ mod x86 {
                     Self(unsafe { $set(x) })
                 }
                 #[inline(always)]
+                fn count() -> Self {
+                    // SAFETY: as for `add`; as many numbers as lanes.
+                    Self(unsafe { $load(COUNT.as_ptr()) })
+                }
+                #[inline(always)]
                 fn mul_add(self, a: Self, b: Self) -> Self {
                     // SAFETY: as for `add`.
                     Self(unsafe { $fma(self.0, a.0, b.0) })
@@ -202,6 +244,16 @@ mod x86 {
                     // SAFETY: as for `add`.
                     Self(unsafe { $choose })
                 }
+                #[inline(always)]
+                unsafe fn above($from: *const f32, $bound: f32) -> u8 {
+                    // SAFETY: the caller promises WIDTH readable elements; instruction set as for `add`.
+                    unsafe { $above }
+                }
+                #[inline(always)]
+                unsafe fn equal($numbers: *const u32, $number: u32) -> u8 {
+                    // SAFETY: as for `above`.
+                    unsafe { $equal }
+                }
             }
         };
     }
@@ -216,7 +268,13 @@ mod x86 {
         _mm256_fnmadd_pd,
         _mm256_set1_pd,
         _mm256_sqrt_pd,
-        |t, a, b| _mm256_blendv_pd(b, a, _mm256_cmp_pd::<_CMP_EQ_OQ>(t, _mm256_setzero_pd()))
+        _mm256_loadu_pd,
+        |t, a, b| _mm256_blendv_pd(b, a, _mm256_cmp_pd::<_CMP_EQ_OQ>(t, _mm256_setzero_pd())),
+        |p, x| bits(_mm_cmpgt_ps(_mm_loadu_ps(p), _mm_set1_ps(x))),
+        |p, n| bits(_mm_castsi128_ps(_mm_cmpeq_epi32(
+            _mm_loadu_si128(p.cast()),
+            _mm_set1_epi32(n.cast_signed())
+        )))
     );
     operators!(
         Avx512,
@@ -229,10 +287,16 @@ mod x86 {
         _mm512_fnmadd_pd,
         _mm512_set1_pd,
         _mm512_sqrt_pd,
+        _mm512_loadu_pd,
         |t, a, b| _mm512_mask_blend_pd(
             _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(t, _mm512_setzero_pd()),
             b,
             a
+        ),
+        |p, x| _mm256_cmp_ps_mask::<_CMP_GT_OQ>(_mm256_loadu_ps(p), _mm256_set1_ps(x)),
+        |p, n| _mm256_cmpeq_epi32_mask(
+            _mm256_loadu_si256(p.cast()),
+            _mm256_set1_epi32(n.cast_signed())
         )
     );
 
@@ -295,9 +359,18 @@ pub enum Level {
     /// Four lanes, AVX2 with FMA.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// Eight lanes, AVX-512F.
+    /// Eight lanes, AVX-512 with F, DQ, BW and VL.
     #[cfg(target_arch = "x86_64")]
     Avx512,
+}
+
+/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers and desktops.
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512vl")
 }
 
 impl Level {
@@ -310,7 +383,7 @@ impl Level {
         }
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512f") && wish != "avx2" {
+            if wish != "avx2" && has_avx512() {
                 return Self::Avx512;
             }
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -328,7 +401,7 @@ impl Level {
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => "avx2+fma",
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => "avx512f",
+            Self::Avx512 => "avx512",
         }
     }
 }
@@ -344,7 +417,7 @@ impl Level {
     pub(crate) fn run(self, work: impl Work) {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 if is_x86_feature_detected!("avx512f") => {
+            Self::Avx512 if has_avx512() => {
                 // SAFETY: the processor has it, and AVX2 with it.
                 unsafe { run_avx512(work) };
             }
@@ -359,7 +432,7 @@ impl Level {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx2")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2")]
 fn run_avx512(work: impl Work) {
     work.run();
 }

@@ -10,6 +10,9 @@ use crate::lbm::quanta::{from_quanta, quanta};
 /// Fraction of a cell so deep inside a body that no water is beside it.
 pub const DEEP: f32 = 2.0;
 
+/// Between the fraction of a full cell and [`DEEP`].
+pub(super) const BETWEEN: f32 = 1.5;
+
 /// No body.
 pub(super) const NONE: u32 = u32::MAX;
 /// A ghost cell behind a wall at rest.

@@ -1,6 +1,6 @@
 //! The collision pass of covered cells.
 
-use super::cover::{Cover, DEEP, SHARED, Share, Solid, Sums, total};
+use super::cover::{BETWEEN, Cover, DEEP, SHARED, Share, Solid, Sums, total};
 use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::{Lanes, Memory, WIDEST};
@@ -120,7 +120,10 @@ covers!(f64);
 #[cfg(target_arch = "x86_64")]
 covers!(crate::lbm::lanes::Avx2, "avx2,fma");
 #[cfg(target_arch = "x86_64")]
-covers!(crate::lbm::lanes::Avx512, "avx512f,avx2,fma");
+covers!(
+    crate::lbm::lanes::Avx512,
+    "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma"
+);
 
 impl View {
     /// Of a fluid without covered cells.
@@ -161,12 +164,8 @@ impl View {
     /// `cell` must be the position of an interior cell with room for whole vectors after it.
     #[inline(always)]
     pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
-        let mut any = false;
-        for lane in 0..N::WIDTH {
-            // SAFETY: promised by the caller.
-            any |= unsafe { self.fraction.add(cell).add(lane).read() } > 0.0;
-        }
-        any
+        // SAFETY: promised by the caller.
+        unsafe { N::above(self.fraction.add(cell), 0.0) != 0 }
     }
 
     /// Whether bodies fill all of `N::WIDTH` cells so deep that no water is beside them.
@@ -175,12 +174,9 @@ impl View {
     /// As for [`Self::covers`].
     #[inline(always)]
     pub(crate) unsafe fn fills<N: Lanes>(&self, cell: usize) -> bool {
-        let mut all = true;
-        for lane in 0..N::WIDTH {
-            // SAFETY: promised by the caller.
-            all &= unsafe { self.fraction.add(cell).add(lane).read() } >= DEEP;
-        }
-        all
+        // SAFETY: promised by the caller.
+        let deep = unsafe { N::above(self.fraction.add(cell), BETWEEN) };
+        deep == const { u8::MAX >> (8 - N::WIDTH) }
     }
 
     /// The body that alone covers those of `N::WIDTH` cells that are covered; one of them is.
@@ -189,20 +185,14 @@ impl View {
     /// As for [`Self::covers`].
     #[inline(always)]
     unsafe fn sole<N: Lanes>(&self, cell: usize) -> Option<u32> {
-        let (mut least, mut most) = (u32::MAX, 0);
-        for lane in 0..N::WIDTH {
-            // SAFETY: promised by the caller.
-            let (fraction, owner) = unsafe {
-                (
-                    self.fraction.add(cell).add(lane).read(),
-                    self.owner.add(cell).add(lane).read(),
-                )
-            };
-            let covered = fraction > 0.0;
-            least = least.min(if covered { owner } else { u32::MAX });
-            most = most.max(if covered { owner } else { 0 });
+        // SAFETY: promised by the caller.
+        unsafe {
+            let owner = self.owner.add(cell);
+            let covered = N::above(self.fraction.add(cell), 0.0);
+            let first = owner.add(covered.trailing_zeros() as usize).read();
+            let others = covered & !N::equal(owner, first);
+            (others == 0 && first & SHARED == 0).then_some(first)
         }
-        (least == most && most & SHARED == 0).then_some(most)
     }
 
     /// Density and momentum of what came in.
@@ -298,7 +288,8 @@ impl View {
             // SAFETY: promised by the caller.
             *part = f64::from(unsafe { self.fraction.add(place.cell).add(lane).read() }.max(0.0));
         }
-        let some_deep = fraction.iter().any(|&part| part >= f64::from(DEEP));
+        // SAFETY: promised by the caller.
+        let some_deep = unsafe { N::above(self.fraction.add(place.cell), BETWEEN) } != 0;
         // SAFETY: an array of at least the lanes' width.
         let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
         // Zero deep inside.
@@ -478,14 +469,8 @@ impl View {
         let mut r = [N::splat(0.0); 3];
         unroll!(axes a < 3 => {
             if a < L::DIMENSION {
-                let mut at = [f64::from(raw[a]); WIDEST];
-                if a == self.order[2] {
-                    for (at, lane) in at.iter_mut().zip(0..) {
-                        *at = f64::from(raw[a] + lane);
-                    }
-                }
-                // SAFETY: an array of at least the lanes' width.
-                let at = unsafe { <f64 as Memory<N>>::load(at.as_ptr()) };
+                let step = if a == self.order[2] { 1.0 } else { 0.0 };
+                let at = N::count().mul_add(N::splat(step), N::splat(f64::from(raw[a])));
                 r[a] = at + N::splat(0.5) - N::splat(solid.motion.position[a]);
             }
         });
