@@ -45,6 +45,7 @@ use super::surface::{Nearest, Surface};
 use super::walls::Wall;
 use super::{BondBreak, Settings, Statistics};
 use crate::error::Error;
+use crate::thread_pool;
 pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
 use decomposition::{Domain, exchange};
@@ -104,6 +105,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
     active: Vec<u32>,
+    /// The active pairs that each thread found.
+    chosen: Vec<Vec<u32>>,
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
     facets: Facets<L::Constants, L::History>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -157,6 +160,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             offsets: Vec::new(),
             offset_shifts: Vec::new(),
             active: Vec::new(),
+            chosen: Vec::new(),
             wall_pairs: Vec::new(),
             facets: Facets::default(),
             names: Vec::new(),
@@ -244,7 +248,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.all_forces(particles, dt);
         }
         if steps > 0 {
-            self.law.finish(particles, &kick);
+            self.law.finish(particles, &kick, self.parallel);
         }
         Ok(())
     }

@@ -171,14 +171,41 @@ pub(super) fn drift<S: Space>(
 }
 
 /// Second half kick.
-pub(super) fn finish<S: Space>(particles: &mut Particles<S>, how: &Kick<S>) {
-    for k in 0..particles.owned() {
-        let load = together(&particles.contact[k], &particles.fluid_load(k));
-        let (motion, mobility) = (&mut particles.motion[k], &particles.mobility[k]);
-        if how.damping > 0.0 {
-            kick::<S, true>(motion, &load, mobility, how);
-        } else {
-            kick::<S, false>(motion, &load, mobility, how);
-        }
-    }
+pub(super) fn finish<S: Space>(particles: &mut Particles<S>, how: &Kick<S>, parallel: bool) {
+    let finish = match (how.damping > 0.0, particles.fluid.is_allocated()) {
+        (false, false) => finish_pieces::<S, false, false>,
+        (false, true) => finish_pieces::<S, false, true>,
+        (true, false) => finish_pieces::<S, true, false>,
+        (true, true) => finish_pieces::<S, true, true>,
+    };
+    finish(particles, how, parallel);
+}
+
+fn finish_pieces<S: Space, const DAMPED: bool, const WET: bool>(
+    particles: &mut Particles<S>,
+    how: &Kick<S>,
+    parallel: bool,
+) {
+    let owned = particles.owned();
+    let motion = &mut particles.motion[..owned];
+    let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
+    let fluid = &particles.fluid[..if WET { owned } else { 0 }];
+    let pieces = if parallel { thread_pool::threads() } else { 1 };
+    thread_pool::each_of(
+        pieces,
+        thread_pool::evenly(motion, pieces),
+        |piece, motion| {
+            let part = owned * piece / pieces..owned * (piece + 1) / pieces;
+            let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
+            let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
+            for (k, motion) in motion.iter_mut().enumerate() {
+                let load = if WET {
+                    together(&contact[k], &fluid[k])
+                } else {
+                    contact[k]
+                };
+                kick::<S, DAMPED>(motion, &load, &mobility[k], how);
+            }
+        },
+    );
 }

@@ -240,8 +240,8 @@ impl<S: Space> Bodies<S> for Blocks {
         integrate::blocks::drift(particles, kick, self.mass_damping, (again, parallel))
     }
 
-    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>) {
-        integrate::blocks::finish(particles, kick, self.mass_damping);
+    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>, parallel: bool) {
+        integrate::blocks::finish(particles, kick, self.mass_damping, parallel);
     }
 
     fn pose(scratch: &mut Scratch, particles: &Particles<S>, parallel: bool) {

@@ -54,8 +54,8 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     }
 
     /// Second half kick.
-    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>) {
-        integrate::finish(particles, kick);
+    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>, parallel: bool) {
+        integrate::finish(particles, kick, parallel);
     }
 
     /// What [`Self::near`] and the forces need to know of every entry as it stands now.

@@ -159,19 +159,40 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.activated_at = self.steps;
         self.activated = self.path + self.look;
         let periodic = self.settings.region.any_periodic();
-        self.active.clear();
-        for (k, pair) in (0..).zip(&mut self.pairs) {
-            let offset = &self.offsets[pair.offset as usize];
-            let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
-            // The slack is far above the rounding of a separation, far below any gap that costs.
-            let gap = 2.0 * self.look * (1.0 + 1e-9);
-            let far = pair.reach * (1.0 + 1e-12) + gap;
-            let near = squared <= far * far && L::near(&self.scratch, pair.ends(), &between, gap);
-            if near || L::bonded(&pair.history) {
-                self.active.push(k);
-            } else {
-                pair.history = L::History::default();
+        let (offsets, scratch, motion) = (&self.offsets, &self.scratch, &particles.motion[..]);
+        // The slack is far above the rounding of a separation, far below any gap that costs.
+        let gap = 2.0 * self.look * (1.0 + 1e-9);
+        let choose =
+            |first: usize, pairs: &mut [Pair<L::Scale, L::History>], active: &mut Vec<u32>| {
+                active.clear();
+                for (k, pair) in (ghosts::index(first)..).zip(pairs) {
+                    let offset = &offsets[pair.offset as usize];
+                    let (between, squared) = separation(motion, pair.ends(), offset, periodic);
+                    let far = pair.reach * (1.0 + 1e-12) + gap;
+                    let near = squared <= far * far && L::near(scratch, pair.ends(), &between, gap);
+                    if near || L::bonded(&pair.history) {
+                        active.push(k);
+                    } else {
+                        pair.history = L::History::default();
+                    }
+                }
+            };
+        if self.parallel {
+            let (pieces, all) = (thread_pool::threads(), self.pairs.len());
+            self.chosen.resize_with(pieces, Vec::new);
+            let shared = (
+                thread_pool::evenly(&mut self.pairs, pieces),
+                thread_pool::evenly(&mut self.chosen, pieces),
+            );
+            thread_pool::each_of(pieces, shared, |piece, (pairs, chosen)| {
+                choose(all * piece / pieces, pairs, &mut chosen[0]);
+            });
+            self.active.clear();
+            for chosen in &self.chosen {
+                self.active.extend_from_slice(chosen);
             }
+        } else {
+            choose(0, &mut self.pairs, &mut self.active);
         }
         let facets = &mut self.facets;
         facets.active.clear();
@@ -193,7 +214,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair.held = (0, 0);
             }
         }
-        self.parts
-            .note(&self.active, |k| self.pairs[k as usize].second);
+        self.parts.note(&self.active, |k| {
+            let pair = &self.pairs[k as usize];
+            [pair.first, pair.second]
+        });
     }
 }

@@ -4,13 +4,12 @@
 //! the lower id. Pairs are sorted by their first grain: the pairs of a part are contiguous in the list, and a pair that crosses
 //! into another part crosses into a later one.
 //!
-//! 1. Each part computes its pairs that cross.
+//! 1. The pairs that cross are computed, shared out evenly.
 //! 2. Each part adds, for its own grains, the results of earlier parts (the lower ids), and then computes its other pairs.
 //!
 //! Few pairs cross where ids follow space (the module `preparation::numbering` of the library).
 
 use super::*;
-use crate::thread_pool;
 
 /// Where a part starts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,14 +20,34 @@ struct Cut {
     planes: usize,
 }
 
-/// The active pairs of a part whose second is in a later one.
+/// The active pairs whose second is in a later part than their first, in the order of the list.
 #[derive(Debug)]
-struct Crossing<S: Space> {
-    /// Places in the list of active pairs.
-    places: Vec<u32>,
+struct Crossings<S: Space> {
+    /// Where those of each part begin, and the end.
+    begins: Vec<usize>,
+    /// Places among the listed pairs.
+    pairs: Vec<u32>,
+    /// Before which of [`Parts::within`] each comes.
+    before: Vec<u32>,
+    firsts: Vec<u32>,
     seconds: Vec<u32>,
     actions: Vec<Action<S>>,
-    deepest: Record,
+    /// The deepest contact that each thread found.
+    deepest: Vec<Record>,
+}
+
+impl<S: Space> Default for Crossings<S> {
+    fn default() -> Self {
+        Self {
+            begins: Vec::new(),
+            pairs: Vec::new(),
+            before: Vec::new(),
+            firsts: Vec::new(),
+            seconds: Vec::new(),
+            actions: Vec::new(),
+            deepest: Vec::new(),
+        }
+    }
 }
 
 /// Bonds of a part that failed, and its deepest contact.
@@ -46,7 +65,9 @@ struct Failed<S: Space> {
 pub(super) struct Parts<S: Space> {
     /// One more than there are parts.
     cuts: Vec<Cut>,
-    crossings: Vec<Crossing<S>>,
+    /// The active pairs that do not cross: places among the listed ones.
+    within: Vec<u32>,
+    crossings: Crossings<S>,
     failed: Vec<Failed<S>>,
 }
 
@@ -54,7 +75,8 @@ impl<S: Space> Default for Parts<S> {
     fn default() -> Self {
         Self {
             cuts: Vec::new(),
-            crossings: Vec::new(),
+            within: Vec::new(),
+            crossings: Crossings::default(),
             failed: Vec::new(),
         }
     }
@@ -64,7 +86,7 @@ impl<S: Space> Parts<S> {
     /// One part.
     pub(super) fn none(&mut self) {
         self.cuts.clear();
-        self.crossings.clear();
+        self.crossings = Crossings::default();
         self.failed.clear();
     }
 
@@ -87,12 +109,7 @@ impl<S: Space> Parts<S> {
                 planes: planes_below(grains),
             }
         }));
-        self.crossings.resize_with(count, || Crossing {
-            places: Vec::new(),
-            seconds: Vec::new(),
-            actions: Vec::new(),
-            deepest: Record::default(),
-        });
+        self.crossings.deepest.resize_with(count, Record::default);
         self.failed.extend((0..count).map(|part| Failed {
             part,
             pairs: Vec::new(),
@@ -101,33 +118,54 @@ impl<S: Space> Parts<S> {
         }));
     }
 
-    /// Takes note of the active pairs; `second` gives that of a listed pair.
-    pub(super) fn note(&mut self, active: &[u32], second: impl Fn(u32) -> u32) {
-        for cut in &mut self.cuts {
-            cut.active = active.partition_point(|&k| (k as usize) < cut.pairs);
-        }
-        let owned = self.cuts.last().map_or(0, |end| end.grains);
-        for (crossing, ends) in self.crossings.iter_mut().zip(self.cuts.windows(2)) {
-            crossing.places.clear();
-            crossing.seconds.clear();
-            for (place, &k) in (0..).zip(active).take(ends[1].active).skip(ends[0].active) {
-                let second = second(k);
-                if (ends[1].grains..owned).contains(&(second as usize)) {
-                    crossing.places.push(place);
-                    crossing.seconds.push(second);
+    /// Takes note of the active pairs; `ends` gives the grains of a listed pair.
+    pub(super) fn note(&mut self, active: &[u32], ends: impl Fn(u32) -> [u32; 2]) {
+        let Some(owned) = self.cuts.last().map(|end| end.grains) else {
+            return;
+        };
+        let Self {
+            cuts,
+            within,
+            crossings,
+            ..
+        } = self;
+        within.clear();
+        crossings.begins.clear();
+        crossings.pairs.clear();
+        crossings.before.clear();
+        crossings.firsts.clear();
+        crossings.seconds.clear();
+        let mut rest = active;
+        for part in 1..cuts.len() {
+            cuts[part - 1].active = within.len();
+            crossings.begins.push(crossings.pairs.len());
+            let (end, later) = (cuts[part].pairs, cuts[part].grains..owned);
+            let own = rest.partition_point(|&k| (k as usize) < end);
+            for &k in &rest[..own] {
+                let [first, second] = ends(k);
+                if later.contains(&(second as usize)) {
+                    crossings.pairs.push(k);
+                    crossings.before.push(ghosts::index(within.len()));
+                    crossings.firsts.push(first);
+                    crossings.seconds.push(second);
+                } else {
+                    within.push(k);
                 }
             }
-            crossing.actions.clear();
-            crossing
-                .actions
-                .resize(crossing.places.len(), Action::default());
+            rest = &rest[own..];
         }
+        cuts[self.failed.len()].active = within.len();
+        let all = crossings.pairs.len();
+        crossings.begins.push(all);
+        crossings.actions.clear();
+        crossings.actions.resize(all, Action::default());
     }
 }
 
 /// What the pairs of a step read.
 struct World<'a, S: Space, L: ContactLaw<S>> {
-    active: &'a [u32],
+    /// Active pairs that do not cross.
+    within: &'a [u32],
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
     motion: &'a [Motion<S>],
@@ -145,25 +183,19 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
 }
 
 impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
-    /// The pairs of a part that cross.
+    /// Pairs that cross, at these places in the list. `pairs` are those listed from `first` on. Returns the deepest contact.
     fn cross<const PERIODIC: bool>(
         &self,
-        from: &Cut,
-        crossing: &mut Crossing<S>,
-        pairs: &mut [Pair<L::Scale, L::History>],
-    ) {
+        cross: &[u32],
+        actions: &mut [Action<S>],
+        (first, pairs): (usize, &mut [Pair<L::Scale, L::History>]),
+    ) -> Record {
         let mut spans = Spans::default();
         let mut record = Record::beyond(self.deepest);
-        let places = crossing.places.chunks(BLOCK);
-        for (places, actions) in places.zip(crossing.actions.chunks_mut(BLOCK)) {
-            let mut block = [0; BLOCK];
-            for (k, &place) in block.iter_mut().zip(places) {
-                *k = self.active[place as usize];
-            }
-            let block = &block[..places.len()];
-            spans.measure::<L, PERIODIC>(block, pairs, from.pairs, self.motion, self.offsets);
+        for (block, actions) in cross.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
+            spans.measure::<L, PERIODIC>(block, pairs, first, self.motion, self.offsets);
             for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
-                let pair = &mut pairs[k as usize - from.pairs];
+                let pair = &mut pairs[k as usize - first];
                 let found = act::<S, L>(
                     self.rows,
                     pair,
@@ -175,14 +207,14 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                 *action = found.unwrap_or_default();
             }
         }
-        crossing.deepest = record;
+        record
     }
 
     /// The loads of the grains of a part.
     fn load<const PERIODIC: bool>(
         &self,
         [from, to]: [&Cut; 2],
-        crossings: &[Crossing<S>],
+        crossings: &Crossings<S>,
         failed: &mut Failed<S>,
         share: Share<'_, S, L>,
     ) {
@@ -195,38 +227,47 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         failed.pairs.clear();
         failed.at_walls.clear();
         let mut record = Record::beyond(self.deepest);
-        for earlier in &crossings[..failed.part] {
-            for (&second, action) in earlier.seconds.iter().zip(&earlier.actions) {
-                if let Some(load) = loads.get_mut((second as usize).wrapping_sub(from.grains)) {
-                    load.force += action.force;
-                    load.torque += action.on_second;
-                }
+        let own = crossings.begins[failed.part]..crossings.begins[failed.part + 1];
+        let earlier = crossings.seconds[..own.start].iter();
+        for (&second, action) in earlier.zip(&crossings.actions) {
+            if let Some(load) = loads.get_mut((second as usize).wrapping_sub(from.grains)) {
+                load.force += action.force;
+                load.torque += action.on_second;
             }
         }
         // Ghosts and grains of later parts are beyond the share.
         let place_of = |grain: u32| (grain as usize).wrapping_sub(from.grains);
-        let own = &crossings[failed.part];
-        let mut crosses = own.places.iter().zip(&own.actions);
-        let mut next = crosses.next();
+        // Before which of the others the next pair that crosses comes.
+        let turn = |cross: usize| match crossings.before.get(cross) {
+            Some(&before) if cross < own.end => before as usize,
+            _ => usize::MAX,
+        };
+        let mut cross = own.start;
+        let mut next = turn(cross);
+        // Adds what crosses before one of the others, so that every sum has its order.
+        let mut add_crossing = |before: usize, loads: &mut [Load<S>], failures: &mut Vec<_>| {
+            while turn(cross) <= before {
+                let action = &crossings.actions[cross];
+                if let Some(load) = loads.get_mut(place_of(crossings.firsts[cross])) {
+                    load.force -= action.force;
+                    load.torque += action.on_first;
+                }
+                if let Some(failure) = action.failure {
+                    failures.push((crossings.pairs[cross], failure));
+                }
+                cross += 1;
+            }
+            turn(cross)
+        };
         let mut spans = Spans::default();
-        let blocks = self.active[from.active..to.active].chunks(BLOCK);
+        let blocks = self.within[from.active..to.active].chunks(BLOCK);
         for (start, block) in (from.active..).step_by(BLOCK).zip(blocks) {
             spans.measure::<L, PERIODIC>(block, pairs, from.pairs, self.motion, self.offsets);
             for (place, (&k, span)) in (start..).zip(block.iter().zip(spans.iter())) {
-                let pair = &mut pairs[k as usize - from.pairs];
-                if let Some((&at, action)) = next
-                    && at as usize == place
-                {
-                    if let Some(load) = loads.get_mut(place_of(pair.first)) {
-                        load.force -= action.force;
-                        load.torque += action.on_first;
-                    }
-                    if let Some(failure) = action.failure {
-                        failed.pairs.push((k, failure));
-                    }
-                    next = crosses.next();
-                    continue;
+                if next <= place {
+                    next = add_crossing(place, loads, &mut failed.pairs);
                 }
+                let pair = &mut pairs[k as usize - from.pairs];
                 let found = act::<S, L>(
                     self.rows,
                     pair,
@@ -251,6 +292,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                 }
             }
         }
+        add_crossing(to.active, loads, &mut failed.pairs);
         for pair in planes {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut loads[pair.grain as usize - from.grains];
@@ -290,8 +332,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         particles: &mut Particles<S>,
         dt: f64,
     ) {
+        let Parts {
+            cuts,
+            within,
+            crossings,
+            failed,
+        } = &mut self.parts;
         let world = World::<S, L> {
-            active: &self.active,
+            within,
             rows: &self.rows,
             offsets: &self.offsets,
             motion: &particles.motion,
@@ -299,18 +347,38 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             time_step: dt,
             deepest: self.record.part(),
         };
-        let Parts {
-            cuts,
-            crossings,
-            failed,
-        } = &mut self.parts;
         let (cuts, count) = (&**cuts, failed.len());
-        if crossings.iter().any(|crossing| !crossing.places.is_empty()) {
-            let pairs = thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs);
-            let shared = (thread_pool::evenly(crossings, count), pairs);
-            thread_pool::each_of(count, shared, |part, (crossing, pairs)| {
-                world.cross::<PERIODIC>(&cuts[part], &mut crossing[0], pairs);
+        let Crossings {
+            pairs: cross,
+            actions,
+            deepest,
+            ..
+        } = &mut *crossings;
+        let all = cross.len();
+        if all > 0 {
+            let cross = &**cross;
+            // The listed pairs of each share of those that cross.
+            let first = |part: usize| match cross.get(all * part / count) {
+                _ if part == 0 => 0,
+                Some(&k) => k as usize,
+                None => self.pairs.len(),
+            };
+            let mut firsts = [0; thread_pool::MOST + 1];
+            for (part, at) in firsts[..=count].iter_mut().enumerate() {
+                *at = first(part);
+            }
+            let shared = (
+                thread_pool::evenly(actions, count),
+                thread_pool::evenly(deepest, count),
+                thread_pool::cut(&mut self.pairs, count, |part| firsts[part]),
+            );
+            thread_pool::each_of(count, shared, |part, (actions, deepest, pairs)| {
+                let cross = &cross[all * part / count..all * (part + 1) / count];
+                deepest[0] = world.cross::<PERIODIC>(cross, actions, (firsts[part], pairs));
             });
+            for deepest in deepest {
+                self.record = self.record.or(std::mem::take(deepest));
+            }
         }
         let shared = (
             thread_pool::evenly(failed, count),
@@ -327,10 +395,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let ends = [&cuts[part], &cuts[part + 1]];
             world.load::<PERIODIC>(ends, crossings, &mut failed[0], share);
         });
-        for crossing in crossings {
-            let record = std::mem::take(&mut crossing.deepest);
-            self.record = self.record.or(record);
-        }
         for failed in failed {
             self.record = self.record.or(failed.deepest);
             self.failures.append(&mut failed.pairs);

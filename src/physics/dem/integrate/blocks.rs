@@ -183,9 +183,10 @@ pub(in crate::dem) fn finish<S: Space>(
     particles: &mut Particles<S>,
     with: &Kick<S>,
     mass_damping: f64,
+    parallel: bool,
 ) {
     let how = how(with, mass_damping);
-    each(particles, false, |motion, rotation, by| {
+    each(particles, parallel, |motion, rotation, by| {
         kick(motion, rotation, by, &how);
         Fastest::default()
     });
