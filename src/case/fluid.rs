@@ -216,12 +216,18 @@ pub enum Initial {
         #[serde(default = "one_twentieth")]
         perturbation: f64,
     },
-    /// Developed flow between two walls: a parabolic profile.
+    /// Developed flow between two walls: a parabolic profile, at rest beyond them.
     Channel {
         /// Axis of the flow.
         flow: super::geometry::Axis,
         /// Axis from wall to wall.
         across: super::geometry::Axis,
+        /// Where the flow begins along `across` [m], such as the surface of a bed. Default: 0.
+        #[serde(default)]
+        from: Option<f64>,
+        /// Where it ends [m]. Default: the size of the domain.
+        #[serde(default)]
+        to: Option<f64>,
         /// Velocity at the centre of the channel [m/s].
         peak: f64,
         /// Fluctuations that trigger turbulence.

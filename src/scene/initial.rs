@@ -47,6 +47,8 @@ pub enum Initial {
         flow: usize,
         /// Axis from wall to wall: 0, 1 or 2.
         across: usize,
+        /// Where the flow begins and ends along that axis \[m\].
+        between: [f64; 2],
         /// Velocity in the middle [m/s].
         peak: f64,
         /// Fluctuations about it.
@@ -218,6 +220,8 @@ pub(super) fn initial(
         fluid::Initial::Channel {
             flow,
             across,
+            from,
+            to,
             peak,
             fluctuations,
         } => {
@@ -233,9 +237,22 @@ pub(super) fn initial(
                     "write for example \"flow\": \"x\", \"across\": \"y\"",
                 );
             }
+            let size = grid.size[across];
+            let between = [from.unwrap_or(0.0), to.unwrap_or(size)];
+            if !(0.0 <= between[0] && between[0] < between[1] && between[1] <= size) {
+                findings.error(
+                    &format!("{path}.channel"),
+                    format!(
+                        "the flow begins at {} m and ends at {} m, but the domain goes from 0 to {size} m along {}",
+                        between[0], between[1], ["x", "y", "z"][across]
+                    ),
+                    "state `from` below `to`, both inside the domain",
+                );
+            }
             Initial::Channel {
                 flow,
                 across,
+                between,
                 peak: *peak,
                 fluctuations: *fluctuations,
             }

@@ -2,7 +2,7 @@
 //!
 //! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
 //! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
-//! U = f b²/(8 rho nu), or f/(rho omega) if it oscillates. Where the program chooses the time step, it also asks how fast bodies
+//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also asks how fast bodies
 //! settle ([`settling`]).
 
 pub(crate) mod settling;
@@ -13,6 +13,7 @@ use super::flow::{BodyForce, Flow, PATH};
 use super::initial::Initial;
 use crate::lbm::boundary::Surface;
 use crate::lbm::synthetic::Fluctuations;
+use std::f64::consts::PI;
 
 /// A velocity the fluid will reach.
 pub(crate) struct Speed {
@@ -207,6 +208,30 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     .unwrap_or((grid.size[axis], full))
 }
 
+/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D: discs) of the smallest size in the
+/// densest packing. None where grains have nowhere to settle.
+fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
+    let grid = &scene.grid;
+    let down = (0..grid.dimension)
+        .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
+    let (Some(grains), Some(down)) = (&scene.grains, down) else {
+        return 0.0;
+    };
+    let settles = down != axis && !grid.periodic[down] && scene.gravity[down] != 0.0;
+    let heavy = grains.materials().all(|m| scene.density(m) > flow.density);
+    let Some((smallest, _)) = grains.radii.filter(|_| settles && heavy) else {
+        return 0.0;
+    };
+    let (volume, densest) = if grid.dimension == 2 {
+        (PI * smallest.powi(2), PI / 12.0_f64.sqrt())
+    } else {
+        (4.0 / 3.0 * PI * smallest.powi(3), PI / 18.0_f64.sqrt())
+    };
+    let floor = (0..grid.dimension).filter(|a| *a != down);
+    let floor: f64 = floor.map(|a| grid.size[a]).product();
+    grains.remaining() * volume / (densest * floor)
+}
+
 /// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the others it makes
 /// pressure.
 fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
@@ -231,6 +256,7 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
         return None;
     }
     let (_, height) = passage(scene, axis);
+    let height = height - bed(scene, flow, axis).min(0.75 * height);
     let viscous = size * height * height / (8.0 * flow.density * flow.kinematic_viscosity);
     let start = match &flow.initial {
         Initial::Uniform { velocity, .. } => velocity.iter().map(|x| x * x).sum::<f64>().sqrt(),
@@ -296,4 +322,47 @@ fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
     let friction_velocity = (0.5 * force * height / flow.density).sqrt();
     let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;
     friction_velocity * (reynolds.max(1.0).ln() / 0.41 + 5.2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Plan;
+    use serde_json::json;
+    use std::path::Path;
+
+    /// A bed takes height from the stream, and so a quarter of what an empty channel would let through.
+    #[test]
+    fn the_stream_is_as_high_as_the_bed_leaves_it() {
+        let speed = |number: usize, axis: usize| {
+            let mut gravity = [0.0; 3];
+            gravity[axis] = -9.81;
+            let case = json!({
+                "domain": {"size": [0.1, 0.1, 0.1], "spacing": 2e-3, "periodic": ["x", "z"]},
+                "gravity": gravity,
+                "materials": {"glass": {"density": 2500}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8, "body_force": {"constant": [8, 0, 0]}
+                }},
+                "grains": {"material": "glass", "initial": {"deposition": {
+                    "number": number, "grading": {"by_count": [{"min": 5e-3, "max": 5e-3, "fraction": 1}]}, "seed": 1,
+                    "box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.1]}
+                }}},
+                "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.3}},
+                "box_walls": ["y_min", "y_max"],
+                "coupling": {"partially_saturated": {}},
+                "time": {"end": 10}
+            });
+            let document =
+                crate::case::Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            let scene = Plan::prepare(document).unwrap().scene;
+            force_driven(&scene, scene.flow.as_ref().unwrap()).unwrap()
+        };
+        let empty = 8.0 * 0.1 * 0.1 / (8.0 * 10.0);
+        // 0.74 of a layer of 5 cm are spheres: 707 with a volume of 5.24e-7 m3.
+        let bed = speed(707, 1);
+        assert!((bed / (0.25 * empty) - 1.0).abs() < 0.01, "{bed} {empty}");
+        // Across a periodic axis nothing settles.
+        assert_eq!(speed(707, 2), empty);
+    }
 }

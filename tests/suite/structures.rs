@@ -99,6 +99,41 @@ fn a_channel_of_boxes_is_one_of_walls() {
     }
 }
 
+/// A stream that starts developed between a floor and the top of the domain has its discharge from the first step on.
+#[test]
+fn a_stream_over_a_raised_floor_starts_developed() {
+    let _beside = beside_others();
+    let mut case = channel(0.14, &json!([slab("floor", -1.0, 0.04)]));
+    let flow = |from: f64, to: f64| json!({"channel": {"flow": "x", "across": "y", "from": from, "to": to, "peak": 0.001}});
+    let initial = "/fluid/lattice_boltzmann/initial";
+    case["fluid"]["lattice_boltzmann"]["initial"] = flow(0.04, 0.14);
+    let study = Study::new(&case.to_string());
+    study.run("run", 1, 1, &[]);
+    let discharge = column(&study, "run", "probe_flow.csv", "discharge");
+    // f H³/(12 mu), and what half-way links and ten cells add.
+    for found in &discharge {
+        assert!(
+            (found / (8.0 * 1e-3 / 120.0) - 1.0).abs() < 0.02,
+            "{discharge:?}"
+        );
+    }
+    let [first, .., last] = discharge[..] else {
+        panic!("{discharge:?}")
+    };
+    assert!((first / last - 1.0).abs() < 5e-3, "{discharge:?}");
+    for (from, to) in [(0.14, 0.04), (-0.01, 0.1), (0.04, 0.15)] {
+        *case.pointer_mut(initial).unwrap() = flow(from, to);
+        let found = problems(&case);
+        assert!(
+            found
+                .iter()
+                .any(|p| p.path.ends_with("initial.channel")
+                    && p.reason.contains("the flow begins at")),
+            "{found:?}"
+        );
+    }
+}
+
 /// Cells of a column whose centres lie between the boxes.
 fn wet_cells(cells: i32, h: f64) -> f64 {
     let centres = (0..cells).map(|j| h * (f64::from(j) + 0.5));

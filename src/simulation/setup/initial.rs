@@ -82,18 +82,20 @@ pub fn formula(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
         Initial::Channel {
             flow,
             across,
+            between,
             peak,
             fluctuations,
         } => {
             let (flow, across, peak) = (*flow, *across, u(*peak));
             let grid = &plan.scene.grid;
+            let [begins, ends] = between.map(|place| place / grid.size[across] * cells[across]);
             let eddies = fluctuations.map(|written| {
                 let modes = written.modes(grid.dimension, units);
                 let modes = modes.periodic(repeats(grid));
                 (written.intensity, modes)
             });
             Box::new(move |p: [f64; 3]| {
-                let s = p[across] / cells[across];
+                let s = ((p[across] - begins) / (ends - begins)).clamp(0.0, 1.0);
                 let speed = 4.0 * peak * s * (1.0 - s);
                 let mut v = [0.0; 3];
                 if let Some((intensity, modes)) = &eddies {
