@@ -638,18 +638,22 @@ fn totals<Sp: Space, S: Stored>(
     communicator: &Communicator,
     row: &mut [Vec<f64>; 4],
 ) -> [i128; 4] {
-    let mut sums = [0_i128; 4];
     let populations = flow.fluid().populations();
+    if flow.all_count() {
+        return populations.totals().map(|s| sum(communicator, s));
+    }
+    let mut sums = [0_i128; 4];
     let fast = populations.order()[2];
     let length = populations.cells()[fast];
-    let all_count = flow.all_count();
     for (mut at, first) in populations.rows() {
         populations.row_moments(first, length, row);
-        for (a, row) in row.iter().enumerate() {
-            for (k, value) in row.iter().enumerate() {
-                at[fast] = k;
-                if a == 0 || all_count || flow.counts(at) {
-                    sums[a] += i128::from(quanta(*value));
+        let [drho, momentum @ ..] = &*row;
+        sums[0] += populations.in_quanta(drho);
+        for k in 0..length {
+            at[fast] = k;
+            if flow.counts(at) {
+                for (sum, m) in sums[1..].iter_mut().zip(momentum) {
+                    *sum += i128::from(quanta(m[k]));
                 }
             }
         }

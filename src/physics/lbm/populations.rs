@@ -23,10 +23,14 @@
 //! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
 //! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
 
-use super::lanes::Stored;
+#[cfg(target_arch = "x86_64")]
+use super::lanes::{Avx2, Avx512};
+use super::lanes::{Lanes, Level, Memory, Stored, WIDEST, prefetch};
 use super::lattice::Velocities;
 use super::pages::Pages;
+use super::quanta::sum_of_quanta;
 use crate::number::real;
+use crate::thread_pool;
 
 /// Whether the last pass was even or odd: it decides which end of a link is "in".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +59,9 @@ fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
         .max_by_key(|&a| cells[a])
         .unwrap_or(0)
 }
+
+/// Populations that a cell has at most.
+const MOST_VELOCITIES: usize = 27;
 
 impl Link {
     /// Position of the outgoing f*_i(x).
@@ -97,6 +104,8 @@ pub struct Populations<S: Stored> {
     order: [usize; 3],
     velocities: Velocities,
     parity: Parity,
+    /// Instructions for sums over rows.
+    level: Level,
 }
 
 /// Places of a slab in memory.
@@ -186,6 +195,7 @@ impl<S: Stored> Populations<S> {
             order,
             velocities,
             parity: Parity::Home,
+            level: Level::best(),
         })
     }
 
@@ -364,19 +374,64 @@ impl<S: Stored> Populations<S> {
     /// in memory: density deviation, then the three momenta.
     #[inline(never)]
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
+        // Whole vectors: a row has room for them.
+        let padded = length.next_multiple_of(WIDEST);
         for m in moments.iter_mut() {
             m.clear();
-            m.resize(length, 0.0);
+            m.resize(padded, 0.0);
         }
-        let numbers = self.numbers();
-        let row = |i: usize| &numbers[self.incoming(cell, i)..][..length];
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has it.
-            unsafe { add_rows_avx2(&self.velocities.c, row, moments) };
-            return;
+        let base = self.numbers().as_ptr();
+        let mut rows = [base; MOST_VELOCITIES];
+        for (i, row) in rows.iter_mut().take(self.velocities.q()).enumerate() {
+            *row = base.wrapping_add(self.incoming(cell, i));
         }
-        add_rows(&self.velocities.c, row, moments);
+        let velocities = &self.velocities.c[..];
+        match self.level {
+            // SAFETY: the level was chosen from what the processor offers; the rows are in the array.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { add_rows_avx512(velocities, &rows, moments) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Level::Avx2 => unsafe { add_rows_avx2(velocities, &rows, moments) },
+            // SAFETY: as above.
+            Level::Scalar => unsafe { add_rows::<S, f64>(velocities, &rows, moments) },
+        }
+        for m in moments.iter_mut() {
+            m.truncate(length);
+        }
+    }
+
+    /// The sum of values of cells in quanta, in any order the same.
+    #[must_use]
+    pub fn in_quanta(&self, values: &[f64]) -> i128 {
+        sum_of_quanta(self.level, values)
+    }
+
+    /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
+    #[must_use]
+    pub fn totals(&self) -> [i128; 4] {
+        let [slow, middle, fast] = self.order;
+        let rows = self.cells[slow] * self.cells[middle];
+        let pieces = thread_pool::threads().min(rows).max(1);
+        let mut sums = vec![[0_i128; 4]; pieces];
+        thread_pool::each_item(&mut sums, 1, |piece, sums| {
+            let mut moments = <[Vec<f64>; 4]>::default();
+            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (row / self.cells[middle], row % self.cells[middle]);
+                self.row_moments(self.interior_cell(at), self.cells[fast], &mut moments);
+                for (sum, values) in sums.iter_mut().zip(&moments) {
+                    *sum += self.in_quanta(values);
+                }
+            }
+        });
+        let mut totals = [0; 4];
+        for sums in sums {
+            for (total, sum) in totals.iter_mut().zip(sums) {
+                *total += sum;
+            }
+        }
+        totals
     }
 
     /// Local coordinates of the interior or ghost cell at a position within an array.
@@ -442,36 +497,74 @@ fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
     along * all + across
 }
 
-/// Adds the rows of all populations to density deviation and momenta.
+/// Bytes ahead that are asked for where rows are summed.
+const AHEAD: usize = 256;
+
+/// Density deviation and momenta of the cells of a row from where it has each population.
+///
+/// # Safety
+/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the instructions of `N`.
 #[inline(always)]
-fn add_rows<'a, S: Stored>(
+unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     velocities: &[[i8; 3]],
-    row: impl Fn(usize) -> &'a [S],
-    [drho, momentum @ ..]: &mut [Vec<f64>; 4],
-) {
-    for (i, c) in velocities.iter().enumerate() {
-        let row = row(i);
-        for (sum, g) in drho.iter_mut().zip(row) {
-            *sum += g.to_f64();
-        }
-        for (m, &c) in momentum.iter_mut().zip(c).filter(|(_, c)| **c != 0) {
-            let c = f64::from(c);
-            for (sum, g) in m.iter_mut().zip(row) {
-                *sum += c * g.to_f64();
+    rows: &[*const S; MOST_VELOCITIES],
+    [drho, x, y, z]: &mut [Vec<f64>; 4],
+) where
+    f64: Memory<N>,
+{
+    for k in (0..drho.len()).step_by(N::WIDTH) {
+        let mut sum = N::splat(0.0);
+        let mut m = [sum; 3];
+        for (c, row) in velocities.iter().zip(rows) {
+            // The processor follows fewer streams by itself.
+            prefetch(row.wrapping_add(k + AHEAD / size_of::<S>()));
+            // SAFETY: promised by the caller.
+            let g = unsafe { <S as Memory<N>>::load(row.add(k)) };
+            sum = sum + g;
+            for a in 0..3 {
+                match c[a] {
+                    1 => m[a] = m[a] + g,
+                    -1 => m[a] = m[a] - g,
+                    _ => {}
+                }
             }
+        }
+        for (values, value) in [
+            (&mut *drho, sum),
+            (&mut *x, m[0]),
+            (&mut *y, m[1]),
+            (&mut *z, m[2]),
+        ] {
+            // SAFETY: whole vectors have room.
+            unsafe { <f64 as Memory<N>>::store(values.as_mut_ptr().add(k), value) };
         }
     }
 }
 
-/// The same, four lanes at a time.
+/// # Safety
+/// As [`add_rows`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn add_rows_avx2<'a, S: Stored>(
+#[target_feature(enable = "avx2,fma")]
+unsafe fn add_rows_avx2<S: Stored>(
     velocities: &[[i8; 3]],
-    row: impl Fn(usize) -> &'a [S],
+    rows: &[*const S; MOST_VELOCITIES],
     moments: &mut [Vec<f64>; 4],
 ) {
-    add_rows(velocities, row, moments);
+    // SAFETY: forwarded from the caller.
+    unsafe { add_rows::<S, Avx2>(velocities, rows, moments) };
+}
+
+/// # Safety
+/// As [`add_rows`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
+unsafe fn add_rows_avx512<S: Stored>(
+    velocities: &[[i8; 3]],
+    rows: &[*const S; MOST_VELOCITIES],
+    moments: &mut [Vec<f64>; 4],
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { add_rows::<S, Avx512>(velocities, rows, moments) };
 }
 
 #[expect(
