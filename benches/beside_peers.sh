@@ -7,6 +7,8 @@
 #   --build        build solver and benches first (cargo, some minutes); else what is under target/release is used
 #   --install      install the peers first (benches/peers/install.sh)
 #   --busy-ok      measure although other processes load the machine; the results say so
+#   --avx2         solver and lbmpy with vectors of four numbers, also where the processor has longer ones; results go to
+#                  benches/results/avx2
 #   --quick        tiny sizes to try the script; results go to target/peers/quick, not to benches/results
 #   --results DIR  where the results go
 #
@@ -32,6 +34,7 @@ build=0
 install=0
 busy_ok=0
 quick=0
+avx2=0
 results=
 rows=()
 while [ $# -gt 0 ]; do
@@ -44,6 +47,7 @@ while [ $# -gt 0 ]; do
     --build) build=1 ;;
     --install) install=1 ;;
     --busy-ok) busy_ok=1 ;;
+    --avx2) avx2=1 ;;
     --quick) quick=1 ;;
     P-[1-9] | P-1[0-3]) rows+=("$1") ;;
     *) usage ;;
@@ -65,6 +69,7 @@ mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
 if [ -z "$results" ]; then
   if [ "$quick" -eq 1 ]; then results=$folder/quick; else results=$here/results; fi
+  [ "$avx2" -eq 0 ] || results=$results/avx2
 fi
 mkdir -p "$results"
 work=$(mktemp -d "$folder/work.XXXXXX")
@@ -72,6 +77,8 @@ trap 'rm -rf "$work"' EXIT
 cores=${CORES:-0,1}
 core=${cores%%,*}
 use_environment
+lbmpy_vectors=longest
+[ "$avx2" -eq 0 ] || export SOLVER_LANES=avx2 lbmpy_vectors=avx2
 export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1 FIPY_SOLVERS=scipy
 
 if [ "$install" -eq 1 ]; then
@@ -237,7 +244,7 @@ p1_ours() {
 }
 p1_bandwidth() { probe=$(bandwidth 1); }
 p1_lbmpy() {
-  peer=$(limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --stencil D2Q9 --method srt --n "$cells" --repeats 5 | field mlups.0)
+  peer=$(limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --vectors "$lbmpy_vectors" --stencil D2Q9 --method srt --n "$cells" --repeats 5 | field mlups.0)
 }
 row_P1() {
   local pair ours peer probe limit
@@ -294,7 +301,7 @@ cavity_3d=()
 }
 # lbmpy_3d ARGS...: million updates a second of its bare kernel of as many cells.
 lbmpy_3d() {
-  limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --stencil D3Q27 --n "$edge" --repeats 5 "$@" | field mlups.0
+  limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --vectors "$lbmpy_vectors" --stencil D3Q27 --n "$edge" --repeats 5 "$@" | field mlups.0
 }
 # Ours with the moments above the second at one rate of 1, as the peer takes them by default, and with the rates of Suga.
 ours_3d() {
@@ -595,7 +602,7 @@ header() {
   [ -z "$solver_commit" ] || echo "# solver built from: $solver_commit"
   echo "# date: $(date -u +%Y-%m-%dT%H:%M:%SZ)"
   echo "# machine: $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1), $(nproc --all) cores, $(awk '/MemTotal/ { printf "%.0f GB", $2 / 1e6 }' /proc/meminfo), $(uname -sr)"
-  echo "# vectors: $(grep -m 1 '^flags' /proc/cpuinfo | tr ' ' '\n' | grep -E '^(avx|avx2|avx512f|fma)$' | tr '\n' ' ')"
+  echo "# vectors: $(grep -m 1 '^flags' /proc/cpuinfo | tr ' ' '\n' | grep -E '^(avx|avx2|avx512f|fma)$' | tr '\n' ' ')$([ "$avx2" -eq 0 ] || echo '; solver and lbmpy limited to avx2')"
   echo "# compilers: $(rustc --version 2>/dev/null || echo 'no rustc'); $(cc --version | head -n 1)"
   echo "# command: $command_line"
   echo "# pairs: $pairs, by turns; cores $cores, rows of one core on core $core"

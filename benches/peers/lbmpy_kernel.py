@@ -26,11 +26,11 @@ from pystencils import Assignment, CreateKernelConfig, Field, Target, create_ker
 METHODS = {"srt": Method.SRT, "mrt_raw": Method.MRT_RAW, "central": Method.CENTRAL_MOMENT, "cumulant": Method.CUMULANT}
 
 
-def vectors():
-    """The widest vectors of this processor."""
+def vectors(longest):
+    """The widest vectors of this processor, or those of AVX2."""
     with open("/proc/cpuinfo") as f:
         flags = next((line for line in f if line.startswith("flags")), "").split()
-    if "avx512f" in flags:
+    if "avx512f" in flags and longest:
         return Target.X86_AVX512
     if "avx2" in flags:
         return Target.X86_AVX
@@ -75,6 +75,7 @@ def main():
     p.add_argument("--force", action="store_true", help="constant, after Guo")
     p.add_argument("--rates", choices=["one", "many"], default="one",
                    help="one: the shear stress has a rate, all higher moments get 1 and are not needed; many: each has a rate of its own (D3Q27)")
+    p.add_argument("--vectors", choices=["longest", "avx2"], default="longest", help="longest: as wide as the processor has")
     p.add_argument("--repeats", type=int, default=7)
     p.add_argument("--seconds", type=float, default=0.5, help="of each repeat")
     a = p.parse_args()
@@ -95,7 +96,7 @@ def main():
         options["subgrid_scale_model"] = SubgridScaleModel[a.sgs.upper()]
     if a.force:
         options.update(force_model=ForceModel.GUO, force=(1e-6,) + (0,) * (stencil.D - 1))
-    target = vectors()
+    target = vectors(a.vectors == "longest")
     config = CreateKernelConfig(target=target, default_dtype="float32" if a.precision == "single" else "float64")
     config.cpu.openmp.enable = True
     config.cpu.vectorize.enable = True
