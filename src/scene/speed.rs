@@ -2,8 +2,8 @@
 //!
 //! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
 //! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
-//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also asks how fast bodies
-//! settle ([`settling`]).
+//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also
+//! asks how fast bodies settle ([`settling`]).
 
 pub(crate) mod settling;
 
@@ -209,7 +209,7 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
 }
 
 /// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D: discs) of the smallest size in the
-/// densest packing. None where grains have nowhere to settle.
+/// densest packing. None where grains have nowhere to settle, or where the stream goes through a hole cut into them.
 fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     let grid = &scene.grid;
     let down = (0..grid.dimension)
@@ -217,7 +217,8 @@ fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     let (Some(grains), Some(down)) = (&scene.grains, down) else {
         return 0.0;
     };
-    let settles = down != axis && !grid.periodic[down] && scene.gravity[down] != 0.0;
+    let settles =
+        down != axis && !grid.periodic[down] && scene.gravity[down] != 0.0 && grains.cut.is_empty();
     let heavy = grains.materials().all(|m| scene.density(m) > flow.density);
     let Some((smallest, _)) = grains.radii.filter(|_| settles && heavy) else {
         return 0.0;
