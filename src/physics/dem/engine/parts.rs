@@ -188,7 +188,8 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         &self,
         cross: &[u32],
         actions: &mut [Action<S>],
-        (first, pairs): (usize, &mut [Pair<L::Scale, L::History>]),
+        first: usize,
+        pairs: &mut [Pair<L::Scale, L::History>],
     ) -> Record {
         let mut spans = Spans::default();
         let mut record = Record::beyond(self.deepest);
@@ -374,7 +375,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             );
             thread_pool::each_of(count, shared, |part, (actions, deepest, pairs)| {
                 let cross = &cross[all * part / count..all * (part + 1) / count];
-                deepest[0] = world.cross::<PERIODIC>(cross, actions, (firsts[part], pairs));
+                deepest[0] = world.cross::<PERIODIC>(cross, actions, firsts[part], pairs);
             });
             for deepest in deepest {
                 self.record = self.record.or(std::mem::take(deepest));
