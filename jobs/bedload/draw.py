@@ -1,9 +1,9 @@
-"""Draws the viscous flux of grains over the Shields number beside experiments and the flux of Ouriemi, Aussillous and Guazzelli.
+"""Draws the viscous flux of grains over the Shields number beside experiments and a law with a threshold.
 
     python3 jobs/bedload/draw.py      reads results/shields.csv and results/flux.csv, writes results/shields.svg; needs matplotlib
 
-The curve is A Sh_c [Sh/(2 Sh_c) (Sh²/Sh_c² + 1/5) - 3/5], the flux of a bed with Coulomb friction under a viscous stream (J. Fluid Mech. 636 (2009) 295), with A and
-the threshold Sh_c fitted to the logarithms of the runs with 5 cells per diameter from 1 s on and Sh above 0.14.
+The curve is A Sh_c [Sh/(2 Sh_c) (Sh²/Sh_c² + 1/5) - 3/5], for a bed with Coulomb friction under a viscous stream (after Ouriemi, Aussillous, Guazzelli, J. Fluid Mech.
+636 (2009) 295), with A and the threshold Sh_c fitted to the logarithms of the runs with 5 cells per diameter from 1 s on and Sh above 0.14.
 """
 
 import csv
