@@ -138,15 +138,38 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.now.view()
     }
 
-    /// One step. Collective.
+    /// Whether nobody looks at the water between this step and the next, and the water can make both at once
+    /// ([`crate::lbm::fluid::Fluid::advance_two`]). The same on every rank.
+    fn may_take_two_steps(&self) -> bool {
+        let now = &self.now;
+        let between = now.step + 1;
+        let saves = now.plan.scene.checkpoint.every;
+        let saves = saves.is_some_and(|every| now.plan.clock.every(every).falls_on(between));
+        now.flow.as_ref().is_some_and(Water::may_advance_two)
+            && now.dem.is_none()
+            && now.averages.is_none()
+            && between < now.plan.clock.steps
+            && between < self.outputs.next_due()
+            && !saves
+            && !self.recorder.measures()
+            && !self.collapse.measures()
+            && !self.guards.look_between(now.step)
+    }
+
+    /// One step, or two of water alone where nobody looks between them. Collective.
     ///
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
+        let two = self.may_take_two_steps();
         let now = &mut self.now;
         self.guards.before(now.step, now.lattice(), &now.domain);
         if let Some(flow) = &mut now.flow {
-            flow.advance(&mut now.particles, &now.domain)?;
+            if two {
+                flow.advance_two();
+            } else {
+                flow.advance(&mut now.particles, &now.domain)?;
+            }
         }
         self.phases.done(Phase::Fluid);
         self.guards.after(now.lattice(), &now.domain);
@@ -157,7 +180,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
                 .map_err(|error| guards::of_solids(error, &now.plan))?;
         }
         self.phases.done(Phase::Grains);
-        now.step += 1;
+        now.step += if two { 2 } else { 1 };
         let time = now.time();
         let mut changed = false;
         if let Some(dem) = &mut now.dem {

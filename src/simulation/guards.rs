@@ -342,6 +342,16 @@ impl Guards {
         })
     }
 
+    /// Whether a check or a balance needs the state between `step` and the step after the next.
+    #[must_use]
+    pub fn look_between(&self, step: u64) -> bool {
+        let between = step + 1;
+        between.is_multiple_of(self.every)
+            || [step, between]
+                .iter()
+                .any(|at| at.is_multiple_of(BALANCE_EVERY))
+    }
+
     /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
     pub fn before<Sp: Space, S: Stored>(
         &mut self,

@@ -197,6 +197,46 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
+/// Water between walls makes two steps at once where nobody looks between them: what is due, a checkpoint and the end may fall on any step.
+#[test]
+fn a_cavity_that_is_watched_now_and_then() {
+    let _beside = beside_others();
+    let watched =
+        r#"[{"name": "often", "every": 1e-3, "at": {"point": {"position": [0.002, 0.003]}}}]"#;
+    let seldom =
+        r#"[{"name": "seldom", "every": 0.017, "at": {"point": {"position": [0.002, 0.003]}}}]"#;
+    let study = Study::of(
+        "cavity",
+        &[
+            ("domain.size", "[0.004, 0.006]"),
+            ("probes", seldom),
+            ("output", r#"{"fluid": {"every": 0.043}}"#),
+            ("guards", r#"{"check_every_steps": 7}"#),
+            ("checkpoint.every", "0.037"),
+            ("time.end", "0.181"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    study.run("watched", 1, 1, &[&format!("probes={watched}")]);
+    assert_eq!(study.hash("watched"), study.hash("straight"));
+    // A line of units beside the rows.
+    assert_eq!(study.rows("watched", "probe_often.csv"), 183);
+    assert_eq!(study.rows("straight", "probe_seldom.csv"), 13);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=y"),
+        ("two", 2, 2, "domain.split=x"),
+        ("three", 3, 1, "domain.split=y"),
+        ("uneven", 2, 1, "domain.slab_bounds=[5]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.071"]);
+    study.restart("parts", 1, &["time.end=0.18"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.181"]).expect(0);
+    study.same("straight", "parts");
+}
+
 /// Synthetic turbulence enters, is carried out, and is averaged: sums over time are part of the state.
 #[test]
 fn averages_of_a_gusty_stream() {

@@ -141,6 +141,12 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
+    /// Whether two steps may be made at once where there are no grains: nothing but walls acts on the water. The same on every rank.
+    #[must_use]
+    pub fn may_advance_two(&self) -> bool {
+        self.structures.is_none() && self.fluid.may_advance_two()
+    }
+
     fn clear_loads(&mut self, n: usize) {
         self.loads.clear();
         self.loads.resize(n, [0; 6]);

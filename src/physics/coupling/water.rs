@@ -43,6 +43,23 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
+    /// Whether [`Self::advance_two`] may be called: nothing but walls acts on the water, and there are no grains in it. The same on every rank.
+    #[must_use]
+    pub fn may_advance_two(&self) -> bool {
+        match self {
+            Self::BounceBack(flow) => flow.may_advance_two(),
+            Self::Saturated(_) | Self::Seepage(_) => false,
+        }
+    }
+
+    /// Two steps of water without grains, at the cost in memory traffic of one. Collective.
+    #[inline(never)]
+    pub fn advance_two(&mut self) {
+        if let Some(flow) = self.lattice_mut() {
+            flow.fluid_mut().advance_two();
+        }
+    }
+
     /// The seepage, if it is one.
     #[must_use]
     #[inline(never)]

@@ -49,11 +49,12 @@ pub use rule::{Giver, Moment, Rule};
 pub use site::{Opening, Place, Site};
 pub use sound::{Sound, Sums};
 
+use super::kernel::Block;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};
 use crate::family;
-use crate::number::real;
+use crate::number::{real, to_u32};
 use crate::units::LatticeUnits;
 use decomposition::Communicator;
 use profile::ReadTable;
@@ -336,7 +337,7 @@ impl<S: Stored> Boundaries<S> {
         let mut open = covered::OpenCells::default();
         let velocities = populations.velocities().clone();
         let dimension = velocities.dimension;
-        let [slow, ..] = populations.order();
+        let [slow, across, _] = populations.order();
         for (local, cell) in populations.interior() {
             let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
             let at_face = (0..dimension)
@@ -398,6 +399,7 @@ impl<S: Stored> Boundaries<S> {
                         patch,
                         direction: i,
                         plane: local[slow],
+                        row: to_u32(local[across]),
                         term,
                     });
                 }
@@ -457,21 +459,26 @@ impl<S: Stored> Boundaries<S> {
             .all(|patch| patch.rule.walls_stand_alone())
     }
 
-    /// Gives what comes back from the walls to the cells of some planes, ahead of [`Self::apply`].
+    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step needs.
+    #[must_use]
+    pub fn are_walls(&self) -> bool {
+        self.patches.iter().all(|patch| patch.rule.is_wall())
+    }
+
+    /// Gives what comes back from the walls to some cells, ahead of [`Self::apply`].
     ///
     /// # Safety
-    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on the cells of these planes or of those
-    /// beside them.
+    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those beside them.
     pub(crate) unsafe fn give_walls(
         &self,
-        planes: Range<usize>,
+        cells: &Block,
         step: f64,
         parity: Parity,
         numbers: *mut S,
     ) {
         let speed = |patch: usize| self.velocity_factor(patch, step);
-        // SAFETY: forwarded from the caller: a link's numbers lie in the plane of its cell or beside it.
-        unsafe { self.walls.give(planes, speed, parity, numbers) };
+        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or beside it.
+        unsafe { self.walls.give(cells, speed, parity, numbers) };
     }
 
     /// What the rules remember from step to step, by patch.

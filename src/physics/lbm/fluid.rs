@@ -4,6 +4,7 @@ mod dispatch;
 mod force;
 mod state;
 mod surfaces;
+mod two_steps;
 
 pub use force::Force;
 
@@ -139,6 +140,8 @@ impl<S: Stored> Fluid<S> {
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
+        // There is nothing to go round.
+        periodic_within[populations.velocities().dimension..].fill(false);
         log::info!(
             "rank {}: lattice {:?} of {} cells, {} numbers of {} bytes each; this slab {cells:?}, {} bytes, {threads} threads",
             domain.rank(),
@@ -363,12 +366,13 @@ impl<S: Stored> Fluid<S> {
         let threads = self.workers(&planes);
         if threads <= 1 {
             // SAFETY: the only worker.
-            unsafe { self.pass.pass(shared, force, planes, 0) };
+            unsafe { self.pass.pass(shared, force, &shared.planes(planes), 0) };
             return;
         }
         thread_pool::each(threads, |t| {
+            let cells = shared.planes(share(&planes, threads, t));
             // SAFETY: the shares of planes are disjoint, and each worker has one.
-            unsafe { self.pass.pass(shared, force, share(&planes, threads, t), t) };
+            unsafe { self.pass.pass(shared, force, &cells, t) };
         });
     }
 
@@ -383,11 +387,12 @@ impl<S: Stored> Fluid<S> {
             let walled = inner(&share);
             for plane in share {
                 // SAFETY: the shares of planes are disjoint, and each worker has one.
-                unsafe { pass.pass(shared, force, plane..plane + 1, t) };
+                unsafe { pass.pass(shared, force, &shared.planes(plane..plane + 1), t) };
                 if walled.contains(&(plane - 1)) {
                     // SAFETY: this worker has the planes on both sides too, and is done with them.
                     unsafe {
-                        boundaries.give_walls(plane - 1..plane, time, parity, shared.numbers());
+                        let cells = shared.planes(plane - 1..plane);
+                        boundaries.give_walls(&cells, time, parity, shared.numbers());
                     }
                 }
             }

@@ -35,6 +35,10 @@ impl<S: Stored> Rule<S> for Links {
         Giver::Wall { term: 0.0 }
     }
 
+    fn is_wall(&self) -> bool {
+        true
+    }
+
     fn velocity(&self, _: [f64; 3]) -> Option<[f64; 3]> {
         Some([0.0; 3])
     }

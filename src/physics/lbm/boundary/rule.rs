@@ -57,6 +57,11 @@ pub trait Rule<S: Stored>: Send + Sync {
         true
     }
 
+    /// Whether the rule does nothing but give its links to the walls.
+    fn is_wall(&self) -> bool {
+        false
+    }
+
     /// Notes what the rule needs of the state before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
 

@@ -269,6 +269,10 @@ impl<S: Stored> Rule<S> for Links {
         Giver::Wall { term }
     }
 
+    fn is_wall(&self) -> bool {
+        self.turbulence.is_none() && self.sound.is_none()
+    }
+
     fn velocity(&self, position: [f64; 3]) -> Option<[f64; 3]> {
         Some((self.profile)(position))
     }

@@ -8,6 +8,7 @@
 //! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
 //! are still in the cache.
 
+use crate::lbm::kernel::Block;
 use crate::lbm::lanes::{Stored, prefetch};
 use crate::lbm::populations::{Link, Parity, Populations};
 use std::ops::Range;
@@ -21,8 +22,9 @@ pub(crate) struct WallLink {
     pub(crate) link: Link,
     pub(crate) patch: usize,
     pub(crate) direction: usize,
-    /// Plane of the cell across the split axis.
+    /// Plane of the cell across the split axis, and row of the plane.
     pub(crate) plane: usize,
+    pub(crate) row: u32,
     /// 6 w_i c_i·u_w at full speed.
     pub(crate) term: f64,
 }
@@ -33,12 +35,14 @@ struct Run {
     first: WallLink,
     count: u32,
     stride: u32,
+    /// Whether each link is in the row after that of the link before it; else all are in one row.
+    down: bool,
 }
 
 impl Run {
     /// Its links.
     fn links(&self) -> impl Iterator<Item = WallLink> {
-        let (first, stride) = (self.first, self.stride);
+        let (first, stride, down) = (self.first, self.stride, u32::from(self.down));
         (0..self.count).map(move |k| {
             let Link { near, far } = first.link;
             let beyond = k * stride;
@@ -47,6 +51,7 @@ impl Run {
                     near: near + beyond,
                     far: far + beyond,
                 },
+                row: first.row + k * down,
                 ..first
             }
         })
@@ -58,12 +63,18 @@ impl Run {
             first,
             count,
             stride,
+            down,
         } = self;
         let apart = next.link.near.checked_sub(first.link.near)?;
-        let stride = if count == 1 { apart } else { stride };
+        let (stride, down) = if count == 1 {
+            (apart, next.row > first.row)
+        } else {
+            (stride, down)
+        };
         let far = next.link.far.checked_sub(first.link.far)?;
         (stride > 0
             && apart == far
+            && next.row == first.row + u32::from(down) * count
             && Some(apart) == stride.checked_mul(count)
             && first.term.to_bits() == next.term.to_bits()
             && (first.plane, first.patch, first.direction)
@@ -72,7 +83,21 @@ impl Run {
                 first,
                 count: count + 1,
                 stride,
+                down,
             })
+    }
+
+    /// Which of its links are in some rows.
+    fn within(&self, rows: &Range<usize>) -> Range<usize> {
+        let (first, count) = (self.first.row as usize, self.count as usize);
+        if self.down {
+            let end = rows.end.saturating_sub(first).min(count);
+            rows.start.saturating_sub(first).min(end)..end
+        } else if rows.contains(&first) {
+            0..count
+        } else {
+            0..0
+        }
     }
 }
 
@@ -97,6 +122,7 @@ impl Walls {
                     first: *link,
                     count: 1,
                     stride: 0,
+                    down: false,
                 }),
             }
         }
@@ -126,18 +152,22 @@ impl Walls {
         populations: &mut Populations<S>,
     ) {
         let parity = populations.parity();
+        let cells = Block {
+            planes,
+            rows: 0..usize::MAX,
+        };
         // SAFETY: the populations are borrowed alone.
-        unsafe { self.give(planes, speed, parity, populations.base()) };
+        unsafe { self.give(&cells, speed, parity, populations.base()) };
     }
 
-    /// As [`Self::apply`], to numbers that others may work on elsewhere.
+    /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
     ///
     /// # Safety
     /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any link of these
-    /// planes.
+    /// cells.
     pub(super) unsafe fn give<S: Stored>(
         &self,
-        planes: Range<usize>,
+        Block { planes, rows }: &Block,
         speed: impl Fn(usize) -> f64,
         parity: Parity,
         numbers: *mut S,
@@ -146,31 +176,48 @@ impl Walls {
         let mut patch = usize::MAX;
         let mut factor = 0.0;
         for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
+            let links = run.within(rows);
+            if links.is_empty() {
+                continue;
+            }
             if run.first.patch != patch {
                 patch = run.first.patch;
                 factor = speed(patch);
             }
             // SAFETY: forwarded from the caller.
-            unsafe { run.give(parity, run.first.term * factor, numbers) };
+            unsafe { run.give(links, parity, run.first.term * factor, numbers) };
         }
     }
 }
 
 impl Run {
     /// # Safety
-    /// As [`Walls::give`].
-    unsafe fn give<S: Stored>(&self, parity: Parity, term: f64, numbers: *mut S) {
+    /// As [`Walls::give`]; `links` must be some of the run.
+    unsafe fn give<S: Stored>(
+        &self,
+        links: Range<usize>,
+        parity: Parity,
+        term: f64,
+        numbers: *mut S,
+    ) {
         let link = self.first.link;
-        let (count, stride) = (self.count as usize, self.stride as usize);
-        let (from, to) = (link.out(parity), link.incoming(parity));
+        let stride = self.stride as usize;
+        let skipped = links.start * stride;
+        let (from, to) = (link.out(parity) + skipped, link.incoming(parity) + skipped);
+        let count = links.len();
         // SAFETY: links are positions in the numbers.
         let (from, to) = unsafe { (numbers.add(from), numbers.add(to)) };
         if stride > 1 {
+            // Each number lies in a line of its own.
+            let ask = |k: usize| {
+                prefetch(from.wrapping_add(k * stride));
+                prefetch(to.wrapping_add(k * stride));
+            };
+            (0..count.min(LINES_AHEAD)).for_each(ask);
             for k in 0..count {
-                // Each number lies in a line of its own.
-                let later = (k + LINES_AHEAD) * stride;
-                prefetch(from.wrapping_add(later));
-                prefetch(to.wrapping_add(later));
+                if k + LINES_AHEAD < count {
+                    ask(k + LINES_AHEAD);
+                }
                 // SAFETY: a link of the run.
                 unsafe {
                     let value = (*from.add(k * stride)).to_f64() - term;
@@ -204,6 +251,11 @@ mod tests {
             patch,
             direction: 3,
             plane: (near / 200) as usize,
+            row: if patch == 0 && term != 0.0 {
+                near / 7
+            } else {
+                2
+            },
             term,
         }
     }
@@ -220,7 +272,7 @@ mod tests {
         }
         let walls = Walls::new(links.iter().rev().copied().collect(), 4);
         assert!(walls.runs.len() < 50, "{}", walls.runs.len());
-        let key = |w: &WallLink| (w.link.near, w.link.far, w.patch, w.term.to_bits());
+        let key = |w: &WallLink| (w.link.near, w.link.far, w.row, w.patch, w.term.to_bits());
         let mut held: Vec<_> = walls.links().map(|w| key(&w)).collect();
         let mut given: Vec<_> = links.iter().map(key).collect();
         held.sort_unstable();
@@ -234,8 +286,14 @@ mod tests {
                 one_by_one[w.link.incoming(parity)] = value;
             }
             for planes in [2..4, 0..1, 1..2] {
-                // SAFETY: all links lie in the list.
-                unsafe { walls.give(planes, |_| 0.5, parity, in_runs.as_mut_ptr()) };
+                for rows in [30..200, 0..3, 3..30] {
+                    let cells = Block {
+                        planes: planes.clone(),
+                        rows,
+                    };
+                    // SAFETY: all links lie in the list.
+                    unsafe { walls.give(&cells, |_| 0.5, parity, in_runs.as_mut_ptr()) };
+                }
             }
             assert!(one_by_one == in_runs, "{parity:?}");
             assert!(in_runs != start);

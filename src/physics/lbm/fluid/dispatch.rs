@@ -3,21 +3,20 @@
 use super::Setup;
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Operator};
 use crate::lbm::fluid::force::Force;
-use crate::lbm::kernel::{Pass, Shared, Update, choose};
+use crate::lbm::kernel::{Block, Pass, Shared, Update, choose};
 use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::lattice::{D2Q9, D3Q19, D3Q27, Lattice, VelocitySet};
 use crate::lbm::saturation::{Covered, Open, Solids};
 use crate::lbm::turbulence::{Eddies, EddyViscosity, Resolved};
 use std::marker::PhantomData;
-use std::ops::Range;
 
-/// Operator, force and eddies, chosen once: what a step does to some planes at a time.
+/// Operator, force and eddies, chosen once: what a step does to some cells at a time.
 pub(super) trait Step<S: Stored>: Send + Sync {
-    /// One pass over the planes by a worker; `force` is that of this step.
+    /// One pass over the cells of a block by a worker; `force` is that of this step.
     ///
     /// # Safety
-    /// No other thread may work on the same planes or be the same worker.
-    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>, worker: usize);
+    /// The slab must have these cells; no other thread may work on them or be the same worker.
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize);
 }
 
 /// A pass function with the operator as a function of the force.
@@ -35,21 +34,15 @@ where
     T: Eddies,
     F: Fn([f64; 3]) -> C + Send + Sync,
 {
-    unsafe fn pass(
-        &self,
-        shared: &Shared<S>,
-        force: [f64; 3],
-        planes: Range<usize>,
-        worker: usize,
-    ) {
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize) {
         let update = Update {
             collision: (self.operator)(force),
             eddies: self.eddies,
             viscosity: self.viscosity,
             worker,
         };
-        // SAFETY: the planes are the caller's promise; the level was chosen from what the processor offers.
-        unsafe { (self.pass)(shared, &update, planes) };
+        // SAFETY: the cells are the caller's promise; the level was chosen from what the processor offers.
+        unsafe { (self.pass)(shared, &update, block) };
     }
 }
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::lbm::boundary::{Ramp, Rule, free_slip, outflow, pressure, velocity};
 use crate::lbm::collision::{bgk, cumulant, mrt, suga, trt};
+use crate::lbm::saturation::{SolidOperator, Weighting};
 use crate::lbm::turbulence::smagorinsky::Smagorinsky;
 use crate::lbm::turbulence::wale::Wale;
 
@@ -357,6 +358,105 @@ fn walls_may_be_given_early_or_late() {
             assert!(run(threads) == late, "{set:?}, {threads} threads");
         }
     }
+}
+
+/// A moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
+fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Setup {
+    let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
+    s.periodic = periodic;
+    s.force = Force::Oscillating {
+        mean: [1e-5, 0.0, 0.0],
+        amplitude: [0.0, 2e-5, 0.0],
+        period: 7.0,
+        phase: 0.3,
+    };
+    s.patches = vec![Patch {
+        name: "lid".into(),
+        axis: 1,
+        upper: true,
+        range: EVERYWHERE,
+        rule: Box::new(velocity::Links::new(
+            Box::new(|p| [0.02 + 0.001 * p[0], 0.0, 0.0]),
+            Ramp {
+                start: 0.0,
+                end: 1.0,
+                steps: 20.0,
+            },
+        )),
+    }];
+    s
+}
+
+/// Whatever is left between the shares of threads, at the ends of the slab and beside whole blocks of rows. Rows that fill no whole number
+/// of vectors reach beyond their end.
+#[test]
+fn two_steps_in_one_sweep_are_two_steps() {
+    let mut swept = 0;
+    for (set, cells) in [
+        (VelocitySet::D2Q9, [13, 37, 1]),
+        (VelocitySet::D2Q9, [40, 19, 1]),
+        (VelocitySet::D3Q19, [11, 12, 29]),
+        (VelocitySet::D3Q27, [21, 19, 18]),
+        (VelocitySet::D3Q27, [8, 30, 17]),
+    ] {
+        for periodic in [[false; 3], [true, false, false], [false, false, true]] {
+            for split in 0..set.velocities().dimension {
+                let run = |threads: usize, at_once: bool| {
+                    let mut fluid = serial(split, lid_and_force(set, cells, periodic));
+                    fluid.threads = threads;
+                    fluid.initialise(&swirl);
+                    let sweeps = fluid.may_advance_two();
+                    for _ in 0..6 {
+                        if at_once {
+                            fluid.advance_two();
+                        } else {
+                            fluid.advance();
+                            fluid.advance();
+                        }
+                    }
+                    assert_eq!(fluid.steps(), 12);
+                    (sweeps, bits(&fluid, cells))
+                };
+                let (_, steps) = run(1, false);
+                assert!(steps.iter().any(|&b| f64::from_bits(b).abs() > 1e-3));
+                for threads in 1..4 {
+                    let (sweeps, at_once) = run(threads, true);
+                    let first = steps.iter().zip(&at_once).position(|(a, b)| a != b);
+                    assert_eq!(
+                        first, None,
+                        "{set:?} {cells:?} {periodic:?} {split} {threads}"
+                    );
+                    swept += usize::from(sweeps && cells[split] >= 8 * threads + 2);
+                }
+            }
+        }
+    }
+    assert!(swept > 40, "{swept}");
+}
+
+/// An opening or a body between the two steps is not left out.
+#[test]
+fn two_steps_are_single_ones_where_more_than_walls_acts() {
+    let cells = [24, 20, 1];
+    let walls = || lid_and_force(VelocitySet::D2Q9, cells, [false; 3]);
+    assert!(serial(0, walls()).may_advance_two());
+    let mut fluid = serial(0, walls());
+    fluid.advance();
+    assert!(!fluid.may_advance_two(), "between an even and an odd pass");
+    let mut closed = serial(0, walls());
+    closed.close(std::iter::empty());
+    assert!(!closed.may_advance_two());
+    let open = every_face([false; 3], VelocitySet::D2Q9, cells);
+    assert!(!serial(0, open).may_advance_two());
+    let mut covered = walls();
+    covered.saturation = Some(Method {
+        operator: SolidOperator::BounceBackAboutSolid,
+        weighting: Weighting::Viscous,
+    });
+    assert!(!serial(0, covered).may_advance_two());
+    let mut eddies = lid_and_force(VelocitySet::D3Q27, [12, 12, 12], [false; 3]);
+    eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    assert!(!serial(0, eddies).may_advance_two());
 }
 
 #[test]
