@@ -292,6 +292,7 @@ fn on_processor() -> f64 {
 }
 
 fn main() -> Result<(), Error> {
+    solver::huge_pages::ask();
     let words: Vec<String> = std::env::args()
         .skip(1)
         .filter(|w| !w.starts_with("--"))

@@ -54,6 +54,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
 }
 
 fn main() -> Result<(), Error> {
+    solver::huge_pages::ask();
     let words: Vec<String> = std::env::args()
         .skip(1)
         .filter(|word| !word.starts_with('-'))

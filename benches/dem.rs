@@ -354,6 +354,7 @@ fn scaling() -> Result<(), Error> {
 }
 
 fn main() -> Result<(), Error> {
+    solver::huge_pages::ask();
     // Cargo adds `--bench` itself.
     let as_written = std::env::args().any(|word| word == "--as-written");
     let words: Vec<String> = std::env::args()

@@ -25,6 +25,7 @@ pub mod checkpoint;
 pub mod cli;
 pub mod critical_gradient;
 pub mod figures;
+pub mod huge_pages;
 pub mod output;
 pub mod plan;
 pub mod preparation;

@@ -1,8 +1,9 @@
 //! Entry point: the log and the exit code.
 
-use solver::{cli, provenance};
+use solver::{cli, huge_pages, provenance};
 
 fn main() {
+    huge_pages::ask();
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
     provenance::declare(env!("SOLVER_COMMIT"), env!("SOLVER_PROFILE"));
     std::process::exit(cli::main(std::env::args_os()));

@@ -15,7 +15,7 @@ const EVERYBODYS: &[&str] = &["error", "family", "number"];
 
 /// A room of the house: the modules and the crates beside std it may name.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
-    ("main", &["cli", "provenance"], &[]),
+    ("main", &["cli", "huge_pages", "provenance"], &[]),
     (
         "cli",
         &[
@@ -145,6 +145,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("units", &[], &[]),
     ("random", &[], &[]),
     ("thread_pool", &[], &[]),
+    ("huge_pages", &[], &[]),
     ("error", &[], &[]),
     ("family", &[], &[]),
     ("number", &[], &[]),
