@@ -23,6 +23,7 @@
 //! | `extremes` | largest speed and compression of each row |
 //! | `quanta` | sums that do not depend on the order |
 
+pub mod block;
 pub mod boundary;
 pub mod collision;
 pub mod extremes;

@@ -49,7 +49,7 @@ pub use rule::{Giver, Moment, Rule};
 pub use site::{Opening, Place, Site};
 pub use sound::{Sound, Sums};
 
-use super::kernel::Block;
+use super::block::Block;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};

@@ -4,6 +4,7 @@
 //! was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in ghosts and padding, whose contents
 //! the boundaries renew after every pass.
 
+use super::block::Block;
 use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored, prefetch};
 use super::lattice::{Lattice, unroll};
@@ -29,15 +30,6 @@ const fn bytes_ahead<const Q: usize>() -> usize {
 /// at hand then. Else they are asked for once a line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
-}
-
-/// The cells of a pass: rows of planes.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
-    /// Planes across the slab axis.
-    pub planes: Range<usize>,
-    /// Rows of each.
-    pub rows: Range<usize>,
 }
 
 /// What happens to a cell: an operator with an eddy viscosity.

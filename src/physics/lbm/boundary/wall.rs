@@ -8,7 +8,7 @@
 //! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
 //! are still in the cache.
 
-use crate::lbm::kernel::Block;
+use crate::lbm::block::Block;
 use crate::lbm::lanes::{Stored, prefetch};
 use crate::lbm::populations::{Link, Parity, Populations};
 use std::ops::Range;

@@ -1,9 +1,10 @@
 //! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage precision and processor.
 
 use super::Setup;
+use crate::lbm::block::Block;
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Operator};
 use crate::lbm::fluid::force::Force;
-use crate::lbm::kernel::{Block, Pass, Shared, Update, choose};
+use crate::lbm::kernel::{Pass, Shared, Update, choose};
 use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::lattice::{D2Q9, D3Q19, D3Q27, Lattice, VelocitySet};
 use crate::lbm::saturation::{Covered, Open, Solids};

@@ -20,8 +20,9 @@
 
 use super::dispatch::Step;
 use super::{CoverView, Fluid, View, share};
+use crate::lbm::block::Block;
 use crate::lbm::boundary::Boundaries;
-use crate::lbm::kernel::{Block, Shared};
+use crate::lbm::kernel::Shared;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Parity;
 use crate::thread_pool;
