@@ -16,7 +16,8 @@ const SWITCH: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
 
 /// Starts the program again with the word in its environment, in the same process, where the operating system gives huge pages to those who ask.
 /// Returns where it does not, where the environment already has a word for it (`GLIBC_TUNABLES=glibc.malloc.hugetlb=0` turns it off), and
-/// where the program cannot be started again. Call it first of all.
+/// where the program cannot be started again. Call it first of all. Debuggers and tools that count instructions follow the first start alone: turn it
+/// off for them.
 pub fn ask() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

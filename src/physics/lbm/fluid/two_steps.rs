@@ -3,8 +3,8 @@
 //! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter. The second step of a
 //! cell needs nothing but the first step of its neighbours. It follows the first two planes and two rows behind, while their populations
 //! are still in the cache: the memory then moves half the bytes (temporal blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig,
-//! G. Wellein, Parallel Process. Lett. 20 (2010) 359). The planes are walked once for every [`ROWS`] rows, so that what lies between the
-//! two steps fits into the second-level cache.
+//! G. Wellein, Parallel Process. Lett. 20 (2010) 359). The planes are walked once for every [`ROWS`] rows, so that only as many rows of four
+//! planes lie between the two steps: 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
 //!
 //! Order of the work at plane p and rows up to y, each at its distance behind the one before:
 //!
@@ -28,7 +28,8 @@ use crate::lbm::populations::Parity;
 use crate::thread_pool;
 use std::ops::Range;
 
-/// Rows that are walked at a time through all planes.
+/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor follows longer pieces of
+/// memory better: from 8 to 48 the speed is the same (`benches/README.md`).
 const ROWS: usize = 32;
 
 /// Planes of a thread from which on it has some to sweep.
