@@ -234,6 +234,8 @@ impl<S: Stored> Fluid<S> {
             let populations = &self.populations;
             self.boundaries
                 .measure(populations, time, half, &self.communicator);
+            // All ranks agree on which pass is next, also those without planes.
+            self.populations.flip();
             self.step += 1;
             return;
         }
