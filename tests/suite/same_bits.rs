@@ -227,6 +227,8 @@ fn a_cavity_that_is_watched_now_and_then() {
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("uneven", 2, 1, "domain.slab_bounds=[5]"),
+        // The rank in the middle has no planes: it follows which pass is next all the same.
+        ("empty", 3, 1, "domain.slab_bounds=[25, 25]"),
     ] {
         study.run(name, ranks, threads, &[set]);
         study.same("straight", name);
