@@ -291,6 +291,9 @@ fn on_processor() -> f64 {
     }
 }
 
+#[global_allocator]
+static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
+
 fn main() -> Result<(), Error> {
     solver::huge_pages::ask();
     let words: Vec<String> = std::env::args()

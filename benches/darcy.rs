@@ -53,6 +53,9 @@ fn patches(grid: &Grid) -> Vec<Patch> {
     all
 }
 
+#[global_allocator]
+static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
+
 fn main() -> Result<(), Error> {
     solver::huge_pages::ask();
     let words: Vec<String> = std::env::args()

@@ -353,6 +353,9 @@ fn scaling() -> Result<(), Error> {
     Ok(())
 }
 
+#[global_allocator]
+static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
+
 fn main() -> Result<(), Error> {
     solver::huge_pages::ask();
     // Cargo adds `--bench` itself.

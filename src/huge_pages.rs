@@ -1,9 +1,8 @@
-//! Huge pages for what the program allocates.
+//! Huge pages for the small blocks of memory that the program allocates; the large ones have pages of their own ([`crate::allocator`]).
 //!
-//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes. In pages of 4 KiB the processor then waits for
-//! the translation of addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water two fifths. The allocator of
-//! glibc (2.35 and later) advises huge pages only if the environment says so before the program starts (`glibc.malloc.hugetlb=1`, the tunables of
-//! the GNU C library manual). The lattice itself asks the operating system ([`crate::lbm`]).
+//! The maps of bodies are thousands of small blocks, 10 MB together for 343 spheres in water, which every step reads once. In pages of 4 KiB the
+//! processor waits for the translation of addresses: the mapping takes half as long again. The allocator of glibc (2.35 and later) advises huge pages only
+//! if the environment says so before the program starts (`glibc.malloc.hugetlb=1`, the tunables of the GNU C library manual).
 
 use std::ffi::OsString;
 

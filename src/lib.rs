@@ -36,6 +36,6 @@ pub mod sweep;
 pub mod uncertainty;
 
 pub use physics::{
-    coupling, darcy, dem, error, family, geometry, lbm, number, random, structure, thread_pool,
-    units,
+    allocator, coupling, darcy, dem, error, family, geometry, lbm, number, random, structure,
+    thread_pool, units,
 };

@@ -1,6 +1,10 @@
 //! Entry point: the log and the exit code.
 
+use solver::allocator::Allocator;
 use solver::{cli, huge_pages, provenance};
+
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
 
 fn main() {
     huge_pages::ask();

@@ -19,6 +19,7 @@
     reason = "readers of these pages read the code too"
 )]
 
+pub mod allocator;
 pub mod coupling;
 pub mod darcy;
 pub mod dem;

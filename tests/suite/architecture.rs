@@ -15,7 +15,11 @@ const EVERYBODYS: &[&str] = &["error", "family", "number"];
 
 /// A room of the house: the modules and the crates beside std it may name.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
-    ("main", &["cli", "huge_pages", "provenance"], &[]),
+    (
+        "main",
+        &["allocator", "cli", "huge_pages", "provenance"],
+        &[],
+    ),
     (
         "cli",
         &[
@@ -133,7 +137,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     // Boundaries and fluctuations convert their own parameters.
     (
         "lbm",
-        &["thread_pool", "geometry", "random", "units"],
+        &["allocator", "thread_pool", "geometry", "random", "units"],
         &["decomposition"],
     ),
     ("dem", &["thread_pool", "random"], &["decomposition"]),
@@ -145,6 +149,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("units", &[], &[]),
     ("random", &[], &[]),
     ("thread_pool", &[], &[]),
+    ("allocator", &[], &[]),
     ("huge_pages", &[], &[]),
     ("error", &[], &[]),
     ("family", &[], &[]),
@@ -170,8 +175,8 @@ const CRATES: &[&str] = &[
     "solver",
 ];
 
-/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, vector lanes, what threads share.
-const UNSAFE: &[&str] = &["decomposition", "io", "lbm", "thread_pool"];
+/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads share.
+const UNSAFE: &[&str] = &["allocator", "decomposition", "io", "lbm", "thread_pool"];
 
 /// Comments and strings blanked out, tests cut off; line breaks stay.
 pub(crate) fn code_of(text: &str) -> String {

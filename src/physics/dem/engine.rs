@@ -99,7 +99,6 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) tested: u64,
     listed: bool,
     total: Option<u64>,
-    search: Search,
     pairs: Vec<Pair<L::Scale, L::History>>,
     /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
     offsets: Vec<S::Vector>,
@@ -155,7 +154,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             tested: 0,
             listed: false,
             total: None,
-            search: Search::default(),
             pairs: Vec::new(),
             offsets: Vec::new(),
             offset_shifts: Vec::new(),

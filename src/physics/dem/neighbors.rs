@@ -15,7 +15,8 @@ use super::particles::Particles;
 use super::space::{Components, Space};
 use crate::number::real;
 
-/// The search and its buffers, which are kept between calls.
+/// The grids of a search. A step needs none of it: who makes lists drops it when they are made, and the memory of a
+/// grain stays low.
 #[derive(Debug, Default)]
 pub struct Search {
     /// Of the large; those of finer classes stay empty.
@@ -30,8 +31,14 @@ pub struct Search {
     large: Vec<u32>,
     cell_of: Vec<u32>,
     found: Vec<[u32; 2]>,
+}
+
+/// The pairs that a search found, in the order that the module defines.
+#[derive(Debug)]
+pub(super) struct Candidates {
+    /// Entries by rising (id, shift).
     order: Vec<u32>,
-    place: Vec<u32>,
+    /// The second ends of the n-th entry in `order` are `second[start[n]..start[n + 1]]`, as places in `order`.
     start: Vec<u32>,
     second: Vec<u32>,
 }
@@ -208,25 +215,11 @@ impl Overlaps {
 }
 
 impl Search {
-    /// Calls `visit(first, second)` for every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned
-    /// and one can be moved by forces, in the order that the module defines.
-    #[cfg(test)]
-    pub(super) fn pairs<S: Space>(
-        &mut self,
-        particles: &Particles<S>,
-        gap: f64,
-        visit: impl FnMut(usize, usize),
-    ) {
-        self.look(particles, gap);
-        self.each(visit);
-    }
-
     /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be moved by
-    /// forces; returns how many.
-    pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
-        let pairs = self.find_pairs(particles, gap);
-        self.put_in_order(particles);
-        pairs
+    /// forces.
+    pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> Candidates {
+        self.find_pairs(particles, gap);
+        Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
     /// As the engine's own search, before the pairs are put in order: how many there are. For measurements.
@@ -234,15 +227,6 @@ impl Search {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
         self.found.len()
-    }
-
-    /// Calls `visit(first, second)` for every pair of the last [`Self::look`], in the order that the module defines.
-    pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
-        for (p, window) in self.start.windows(2).enumerate() {
-            for &second in &self.second[window[0] as usize..window[1] as usize] {
-                visit(self.order[p] as usize, self.order[second as usize] as usize);
-            }
-        }
     }
 
     /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box between two
@@ -436,41 +420,60 @@ impl Search {
             }
         }
     }
+}
 
-    fn put_in_order<S: Space>(&mut self, particles: &Particles<S>) {
+impl Candidates {
+    fn in_order<S: Space>(mut found: Vec<[u32; 2]>, particles: &Particles<S>) -> Self {
         let count = super::ghosts::index(particles.len());
-        self.order.clear();
-        self.order.extend(0..count);
-        self.order.sort_unstable_by_key(|&k| {
+        let mut order: Vec<u32> = (0..count).collect();
+        order.sort_unstable_by_key(|&k| {
             (particles.body[k as usize].id, particles.shift[k as usize])
         });
-        self.place.resize(particles.len(), 0);
-        for (place, &k) in (0..count).zip(&self.order) {
-            self.place[k as usize] = place;
+        let mut place = vec![0; particles.len()];
+        for (at, &k) in (0..count).zip(&order) {
+            place[k as usize] = at;
         }
-        self.start.clear();
-        self.start.resize(particles.len() + 1, 0);
-        for pair in &mut self.found {
-            let [a, b] = pair.map(|k| self.place[k as usize]);
+        let mut start = vec![0; particles.len() + 1];
+        for pair in &mut found {
+            let [a, b] = pair.map(|k| place[k as usize]);
             *pair = [a.min(b), a.max(b)];
-            self.start[pair[0] as usize + 1] += 1;
+            start[pair[0] as usize + 1] += 1;
         }
         for p in 0..particles.len() {
-            self.start[p + 1] += self.start[p];
+            start[p + 1] += start[p];
         }
-        self.second.resize(self.found.len(), 0);
-        for pair in &self.found {
+        let mut second = vec![0; found.len()];
+        for pair in &found {
             // `start` runs ahead while filling and is set back below.
-            let slot = &mut self.start[pair[0] as usize];
-            self.second[*slot as usize] = pair[1];
+            let slot: &mut u32 = &mut start[pair[0] as usize];
+            second[*slot as usize] = pair[1];
             *slot += 1;
         }
         for p in (1..=particles.len()).rev() {
-            self.start[p] = self.start[p - 1];
+            start[p] = start[p - 1];
         }
-        self.start[0] = 0;
+        start[0] = 0;
         for p in 0..particles.len() {
-            self.second[self.start[p] as usize..self.start[p + 1] as usize].sort_unstable();
+            second[start[p] as usize..start[p + 1] as usize].sort_unstable();
+        }
+        Self {
+            order,
+            start,
+            second,
+        }
+    }
+
+    /// How many pairs there are.
+    pub(super) fn count(&self) -> usize {
+        self.second.len()
+    }
+
+    /// Calls `visit(first, second)` for every pair.
+    pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
+        for (p, window) in self.start.windows(2).enumerate() {
+            for &second in &self.second[window[0] as usize..window[1] as usize] {
+                visit(self.order[p] as usize, self.order[second as usize] as usize);
+            }
         }
     }
 }
@@ -569,7 +572,9 @@ mod tests {
 
     fn check<S: Space>(particles: &Particles<S>, gap: f64) {
         let mut found = Vec::new();
-        Search::default().pairs(particles, gap, |a, b| found.push((a, b)));
+        let pairs = Search::default().look(particles, gap);
+        pairs.each(|a, b| found.push((a, b)));
+        assert_eq!(pairs.count(), found.len());
         let ids: Vec<_> = found
             .iter()
             .map(|&(a, b)| (particles.body[a].id, particles.body[b].id))

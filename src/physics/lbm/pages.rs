@@ -1,9 +1,10 @@
-//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages.
+//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages, also in programs and tests with another allocator.
 //!
 //! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and the processor
 //! spends its time on address translation.
 
 use super::lanes::Stored;
+use crate::allocator;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 
@@ -26,27 +27,12 @@ impl<S: Stored> Pages<S> {
     /// If the memory cannot be allocated.
     pub(super) fn new(len: usize) -> Result<Self, String> {
         let bytes = len * size_of::<S>();
-        // SAFETY: an anonymous private mapping of our own; the result is checked.
-        let start = unsafe {
-            libc::mmap(
-                std::ptr::null_mut(),
-                bytes,
-                libc::PROT_READ | libc::PROT_WRITE,
-                libc::MAP_PRIVATE | libc::MAP_ANONYMOUS,
-                -1,
-                0,
-            )
-        };
-        if start == libc::MAP_FAILED {
+        let start = allocator::map(bytes);
+        if start.is_null() {
             return Err(format!(
                 "no memory for a lattice of {bytes} bytes: {}",
                 std::io::Error::last_os_error()
             ));
-        }
-        #[cfg(target_os = "linux")]
-        // SAFETY: advice on our own mapping; failing is harmless.
-        unsafe {
-            libc::madvise(start, bytes, libc::MADV_HUGEPAGE);
         }
         Ok(Self {
             start: start.cast(),
@@ -79,9 +65,9 @@ impl<S: Stored> DerefMut for Pages<S> {
 
 impl<S> Drop for Pages<S> {
     fn drop(&mut self) {
-        // SAFETY: unmapping the mapping made in `new`, once.
+        // SAFETY: the memory taken in `new`, given back once.
         unsafe {
-            libc::munmap(self.start.cast(), self.len * size_of::<S>());
+            allocator::unmap(self.start.cast(), self.len * size_of::<S>());
         }
     }
 }

@@ -47,7 +47,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             }
         }
-        self.pairs.clear();
+        // Their memory is given back: the search for new pairs needs as much.
+        self.pairs = Vec::new();
         self.wall_pairs.clear();
         self.facets.pairs.clear();
         self.facets.held.clear();

@@ -57,10 +57,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.offset_shifts.clear();
         self.offsets.push(S::Vector::default());
         self.offset_shifts.push([0; 3]);
-        let mut search = std::mem::take(&mut self.search);
-        // No more room than needed: these lists are most of the memory of a grain.
-        self.pairs.reserve_exact(search.look(particles, gap));
-        search.each(|i, j| {
+        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
+        // no more room than needed: it is most of the memory of a grain.
+        let mut search = Search::default();
+        let candidates = search.look(particles, gap);
+        self.list_facets(particles, gap, &search);
+        drop(search);
+        self.pairs.reserve_exact(candidates.count());
+        candidates.each(|i, j| {
             let (a, b) = (&particles.body[i], &particles.body[j]);
             let key = key(self.names[i], self.names[j]);
             // The last ones are the likely ones.
@@ -105,8 +109,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 history: if lives { held } else { L::History::default() },
             });
         });
-        self.list_facets(particles, gap, &search);
-        self.search = search;
+        drop(candidates);
         for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
             let (body, motion) = (&particles.body[k], &particles.motion[k]);
             for (w, wall) in self.walls.iter().enumerate() {
@@ -133,8 +136,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 });
             }
         }
-        self.histories.clear();
-        self.wall_histories.clear();
+        self.histories = Vec::new();
+        self.wall_histories = Vec::new();
         self.path = 0.0;
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
