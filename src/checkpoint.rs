@@ -15,14 +15,16 @@ use crate::dem::state::{Contacts, Table, Values};
 use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
+use crate::lbm::populations::Populations;
 use crate::number::to_usize;
 use crate::output::averages::{Averages, SUMS};
 use crate::output::group::RankGroup;
 use decomposition::{Communicator, StateHash, field_key};
 use io::checkpoint::{Array, Reader};
-use io::data::Data;
+use io::{Maker, Numbers};
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
@@ -30,36 +32,45 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Incoming populations of a slab in the order `[z][y][x][i]`.
-fn gather<S: Stored>(fluid: &Fluid<S>) -> Vec<S> {
+/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its numbers, where an array in the
+/// order `[z][y][x]` has `per_cell` numbers a cell.
+fn each_cell_of<S: Stored>(
+    populations: &Populations<S>,
+    per_cell: usize,
+    range: &Range<usize>,
+    mut visit: impl FnMut(usize, Range<usize>),
+) {
+    let [nx, ny, _] = populations.cells();
+    for n in range.start / per_cell..range.end.div_ceil(per_cell) {
+        let at = [n % nx, n / nx % ny, n / (nx * ny)];
+        let numbers =
+            range.start.max(n * per_cell) - n * per_cell..(range.end - n * per_cell).min(per_cell);
+        visit(populations.cell(at.map(usize::cast_signed)), numbers);
+    }
+}
+
+/// Incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy would double the memory of a run.
+fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
     let count = populations.cells().iter().product::<usize>() * q;
-    let mut all = Vec::with_capacity(count);
-    for (_, cell) in cells_of(fluid) {
-        all.extend((0..q).map(|i| populations.numbers()[populations.incoming(cell, i)]));
-    }
-    all
+    Maker::new(count, move |range, all: &mut Vec<S>| {
+        each_cell_of(populations, q, &range, |cell, which| {
+            all.extend(which.map(|i| populations.numbers()[populations.incoming(cell, i)]));
+        });
+    })
 }
 
-fn scatter<S: Stored>(fluid: &mut Fluid<S>, all: &[S], step: u64) {
-    fluid.set_steps(step);
-    let populations = fluid.populations_mut();
-    let cells = populations.cells();
+/// Takes the populations of a range of what [`gather`] makes.
+fn scatter<S: Stored>(populations: &mut Populations<S>, range: &Range<usize>, some: &[S]) {
     let q = populations.velocities().q();
-    let mut values = all.iter();
-    for z in 0..cells[2] {
-        for y in 0..cells[1] {
-            for x in 0..cells[0] {
-                let cell = populations.cell([x, y, z].map(usize::cast_signed));
-                for i in 0..q {
-                    let slot = populations.incoming(cell, i);
-                    if let Some(&value) = values.next() {
-                        populations.numbers_mut()[slot] = value;
-                    }
-                }
-            }
-        }
+    let mut slots = Vec::with_capacity(some.len());
+    each_cell_of(populations, q, range, |cell, which| {
+        slots.extend(which.map(|i| populations.incoming(cell, i)));
+    });
+    let numbers = populations.numbers_mut();
+    for (slot, value) in slots.into_iter().zip(some) {
+        numbers[slot] = *value;
     }
 }
 
@@ -73,13 +84,15 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
 }
 
 /// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without turbulence.
-fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<Vec<f32>> {
+fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let field = fluid.velocities()?;
-    Some(
-        cells_of(fluid)
-            .flat_map(|(_, cell)| field.velocity(cell))
-            .collect(),
-    )
+    let populations = fluid.populations();
+    let count = populations.cells().iter().product::<usize>() * 3;
+    Some(Maker::new(count, move |range, all: &mut Vec<f32>| {
+        each_cell_of(populations, 3, &range, |cell, which| {
+            all.extend_from_slice(&field.velocity(cell)[which]);
+        });
+    }))
 }
 
 /// Where a slab lies in an array of `q` numbers a cell: shape, start and count.
@@ -151,7 +164,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 shape,
                 start,
                 count,
-                data: <S as io::data::Element>::data(values),
+                data: Numbers::Made(values),
             });
         }
         attributes["velocities"] = json!(velocities.is_some());
@@ -162,7 +175,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 shape,
                 start,
                 count,
-                data: Data::from(values.as_slice()),
+                data: Numbers::Made(values),
             });
         }
         attributes["averages"] = json!(self.averages.map_or(0, Averages::samples));
@@ -173,7 +186,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 shape,
                 start,
                 count,
-                data: Data::from(averages.sums()),
+                data: averages.sums().into(),
             });
         }
         if let (Some(fluid), Some(velocities)) = (self.fluid, self.earlier) {
@@ -183,7 +196,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 shape,
                 start,
                 count,
-                data: Data::from(velocities),
+                data: velocities.into(),
             });
         }
         if !self.seepage.is_empty() {
@@ -194,7 +207,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 shape: vec![total],
                 start: vec![0],
                 count: vec![mine],
-                data: Data::from(&self.seepage[..mine]),
+                data: self.seepage[..mine].into(),
             });
         }
         attributes["seepage"] = json!(self.seepage.len());
@@ -221,8 +234,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                     continue;
                 }
                 let data = match values {
-                    Values::Real(values) => Data::from(values.as_slice()),
-                    Values::Whole(values) => Data::from(values.as_slice()),
+                    Values::Real(values) => values.as_slice().into(),
+                    Values::Whole(values) => values.as_slice().into(),
                 };
                 let (shape, start, count) = (vec![total], vec![offset], vec![mine]);
                 arrays.push(Array {
@@ -457,8 +470,8 @@ fn table_from_json(value: &Value) -> Table {
 }
 
 /// Refuses numbers that no run would have written.
-fn finite(name: &str, mut numbers: impl Iterator<Item = f64>) -> Result<(), Error> {
-    if numbers.all(f64::is_finite) {
+fn finite(name: &str, all_finite: bool) -> Result<(), Error> {
+    if all_finite {
         return Ok(());
     }
     Err(Error::Io(format!(
@@ -473,19 +486,22 @@ fn finite(name: &str, mut numbers: impl Iterator<Item = f64>) -> Result<(), Erro
 pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     let q = fluid.populations().velocities().q();
     let [_, start, count] = box_of(fluid, q).map(|v| v.to_vec());
-    let values: Vec<S> = reader
-        .read("populations", &start, &count)
-        .map_err(as_error)?;
-    finite("populations", values.iter().map(|x| x.to_f64()))?;
-    let step = reader.attributes()["fluid_steps"].as_u64().unwrap_or(0);
-    scatter(fluid, &values, step);
+    let mut all_finite = true;
+    let read = reader.read_in_pieces("populations", &start, &count, |range, some: &[S]| {
+        all_finite &= some.iter().all(|x| x.to_f64().is_finite());
+        scatter(fluid.populations_mut(), &range, some);
+        Ok(())
+    });
+    read.map_err(as_error)?;
+    finite("populations", all_finite)?;
+    fluid.set_steps(reader.attributes()["fluid_steps"].as_u64().unwrap_or(0));
     let saved = reader.attributes()[OPENINGS].as_array();
     let memories: Vec<Option<f64>> = saved
         .into_iter()
         .flatten()
         .map(|bits| bits.as_u64().map(f64::from_bits))
         .collect();
-    finite(OPENINGS, memories.iter().flatten().copied())?;
+    finite(OPENINGS, memories.iter().flatten().all(|x| x.is_finite()))?;
     fluid.recall(memories.into_iter());
     if reader.attributes()["velocities"] != json!(true) {
         // The turbulence was added at this restart.
@@ -496,7 +512,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     let velocities: Vec<f32> = reader
         .read("velocities", &start, &count)
         .map_err(as_error)?;
-    finite("velocities", velocities.iter().map(|&u| f64::from(u)))?;
+    finite("velocities", velocities.iter().all(|u| u.is_finite()))?;
     let cells: Vec<usize> = cells_of(fluid).map(|(_, cell)| cell).collect();
     if let Some(field) = fluid.velocities_mut() {
         for (&cell, u) in cells.iter().zip(velocities.chunks_exact(3)) {
@@ -536,7 +552,7 @@ pub fn read_averages<S: Saved>(
     }
     let [_, start, count] = box_of(fluid, SUMS).map(|v| v.to_vec());
     let sums: Vec<f64> = reader.read("averages", &start, &count).map_err(as_error)?;
-    finite("averages", sums.iter().copied())?;
+    finite("averages", sums.iter().all(|x| x.is_finite()))?;
     averages.restore(samples, sums);
     Ok(())
 }
@@ -550,7 +566,7 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
         0 => Ok(Vec::new()),
         n => {
             let numbers: Vec<f64> = reader.read("seepage", &[0], &[n]).map_err(as_error)?;
-            finite("seepage", numbers.iter().copied())?;
+            finite("seepage", numbers.iter().all(|x| x.is_finite()))?;
             Ok(numbers)
         }
     }

@@ -271,14 +271,14 @@ fn checkpoint(
             shape: vec![planes, 64, 64],
             start: vec![first, 0, 0],
             count: vec![n, 64, 64],
-            data: Data::F64(&population),
+            data: Data::F64(&population).into(),
         },
         Array {
             name: "id",
             shape: vec![planes],
             start: vec![first],
             count: vec![n],
-            data: Data::U64(&id),
+            data: Data::U64(&id).into(),
         },
     ];
     let attributes = serde_json::json!({"case_hash": "00ff"});
@@ -329,7 +329,7 @@ fn one_rank_errs(folder: &Path, group: &dyn Group, mode: Mode) -> Result<(), Err
         shape: vec![group.size()],
         start: vec![group.rank()],
         count: vec![1],
-        data: Data::U64(&id),
+        data: Data::U64(&id).into(),
     };
     let none = serde_json::Value::Null;
     let told = io::checkpoint::write(folder, 1, 0.0, &[array], &none, group, mode, 2)

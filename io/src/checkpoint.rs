@@ -17,13 +17,14 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::atomic;
-use crate::data::{Data, Element, Kind};
+use crate::data::{Element, Kind, Numbers};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
 use crate::hdf::{self, Attribute, Content, Mode, Part, Transfer, product};
@@ -41,7 +42,7 @@ pub struct Array<'a> {
     /// Size of my box; any zero means nothing.
     pub count: Vec<usize>,
     /// My box, C order.
-    pub data: Data<'a>,
+    pub data: Numbers<'a>,
 }
 
 /// What a checkpoint holds.
@@ -402,7 +403,7 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>>
         .map(|a| Block {
             start: a.start.clone(),
             count: a.count.clone(),
-            crc32: crc32fast::hash(a.data.bytes()),
+            crc32: crc_of_numbers(a),
         })
         .collect();
     let text = serde_json::to_vec(&mine)
@@ -417,6 +418,18 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>>
         }
     }
     Ok(by_array)
+}
+
+/// The checksum of this rank's numbers, in pieces where they are made.
+fn crc_of_numbers(array: &Array) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    let pieces = hdf::Pieces::new(&array.start, &array.count, array.data.kind().size());
+    for round in 0..pieces.rounds() {
+        array
+            .data
+            .show(pieces.range(round), |bytes| sum.update(bytes));
+    }
+    sum.finalize()
 }
 
 fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
@@ -852,6 +865,35 @@ impl<'g> Reader<'g> {
         Ok(numbers)
     }
 
+    /// Read a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its numbers.
+    ///
+    /// # Errors
+    /// As [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
+    pub fn read_in_pieces<T: Element>(
+        &self,
+        name: &str,
+        start: &[usize],
+        count: &[usize],
+        mut take: impl FnMut(Range<usize>, &[T]) -> Result<()>,
+    ) -> Result<()> {
+        let inside = match self.shape(name) {
+            Ok(shape) if hdf::is_inside(start, count, shape) => Ok(()),
+            _ => self.fits::<T>(name, start, count, product(count)),
+        };
+        self.together(inside)?;
+        let pieces = hdf::Pieces::new(start, count, size_of::<T>());
+        let rounds = match self.group {
+            Some(group) => hdf::most(group, pieces.rounds())?,
+            None => pieces.rounds(),
+        };
+        for round in 0..rounds {
+            let (start, count) = pieces.place(round);
+            let numbers = self.read::<T>(name, &start, &count)?;
+            self.together(take(pieces.range(round), &numbers))?;
+        }
+        Ok(())
+    }
+
     /// Read a whole array.
     ///
     /// # Errors
@@ -876,6 +918,7 @@ impl<'g> Reader<'g> {
 mod tests {
     use super::*;
     use crate::Alone;
+    use crate::data::Data;
     use std::fs::OpenOptions;
     use std::io::{Seek, SeekFrom, Write};
 
@@ -890,21 +933,21 @@ mod tests {
                 shape: vec![100, 3],
                 start: vec![0, 0],
                 count: vec![100, 3],
-                data: Data::F64(&position),
+                data: Data::F64(&position).into(),
             },
             Array {
                 name: "particles/id",
                 shape: vec![100],
                 start: vec![0],
                 count: vec![100],
-                data: Data::U64(&id),
+                data: Data::U64(&id).into(),
             },
             Array {
                 name: "contacts",
                 shape: vec![0],
                 start: vec![0],
                 count: vec![0],
-                data: Data::I32(&[]),
+                data: Data::I32(&[]).into(),
             },
         ];
         let attributes = serde_json::json!({"case_hash": "abc", "x": 0.1});
@@ -957,6 +1000,54 @@ mod tests {
                 .unwrap()
                 .contains("case_hash")
         );
+    }
+
+    /// Numbers that are made while they are written give the same file as numbers in memory, and come back in pieces.
+    #[test]
+    fn numbers_are_made_in_pieces() {
+        let dir = tempfile::tempdir().unwrap();
+        let of = |n: usize| f64::from(u32::try_from(n).unwrap()).sqrt();
+        // Twelve megabytes, cut between rows of the first axis.
+        let shape = vec![40, 13, 3001];
+        let count = product(&shape);
+        let all: Vec<f64> = (0..count).map(of).collect();
+        let made = crate::Maker::new(count, |range, some: &mut Vec<f64>| {
+            some.extend(range.map(of));
+        });
+        let both = [Numbers::Held(Data::F64(&all)), Numbers::Made(&made)];
+        let texts = both.map(|data| {
+            let folder = dir
+                .path()
+                .join(format!("{:?}", matches!(data, Numbers::Made(_))));
+            fs::create_dir(&folder).unwrap();
+            let array = Array {
+                name: "all",
+                shape: shape.clone(),
+                start: vec![0; 3],
+                count: shape.clone(),
+                data,
+            };
+            let none = Value::Null;
+            write(&folder, 1, 0.0, &[array], &none, &Alone, Mode::Gather, 2).unwrap();
+            let found = newest(&folder, &Alone).unwrap();
+            let reader = Reader::open(&found).unwrap();
+            assert_eq!(reader.read_all::<f64>("all").unwrap(), all);
+            let (mut next, mut pieces) = (0, 0);
+            let (start, size) = ([3, 0, 0], [37, 13, 3001]);
+            let read = reader.read_in_pieces("all", &start, &size, |range, some: &[f64]| {
+                let from = 3 * 13 * 3001;
+                assert_eq!(range.start, next);
+                assert_eq!(some, &all[from + range.start..from + range.end]);
+                (next, pieces) = (range.end, pieces + 1);
+                Ok(())
+            });
+            read.unwrap();
+            assert_eq!((next, pieces), (37 * 13 * 3001, 3));
+            let beyond = reader.read_in_pieces("all", &[4, 0, 0], &size, |_, _: &[f64]| Ok(()));
+            assert!(beyond.is_err());
+            format!("{:?}", found.manifest.arrays)
+        });
+        assert_eq!(texts[0], texts[1]);
     }
 
     #[test]

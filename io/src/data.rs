@@ -2,6 +2,8 @@
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
 use serde::{Deserialize, Serialize};
+use std::marker::PhantomData;
+use std::ops::Range;
 
 use crate::error::{Error, Result};
 
@@ -160,6 +162,117 @@ impl<'a> Data<'a> {
             Self::I64(v) => bytes_of(v),
             Self::U64(v) => bytes_of(v),
         }
+    }
+}
+
+/// Numbers that are made while they are written, a piece at a time, so that nothing holds all of them.
+pub trait Make {
+    /// The number type.
+    fn kind(&self) -> Kind;
+    /// How many numbers there are.
+    fn count(&self) -> usize;
+    /// Makes the numbers of a range, in C order, and shows them.
+    fn show(&self, range: Range<usize>, show: &mut dyn FnMut(Data<'_>));
+}
+
+/// A function that appends the numbers of a range to a list.
+pub struct Maker<T, F> {
+    count: usize,
+    append: F,
+    kind: PhantomData<fn() -> T>,
+}
+
+impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
+    /// `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range each time.
+    pub fn new(count: usize, append: F) -> Self {
+        Self {
+            count,
+            append,
+            kind: PhantomData,
+        }
+    }
+}
+
+impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
+    fn kind(&self) -> Kind {
+        T::KIND
+    }
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn show(&self, range: Range<usize>, show: &mut dyn FnMut(Data<'_>)) {
+        let mut numbers = Vec::with_capacity(range.len());
+        (self.append)(range, &mut numbers);
+        show(T::data(&numbers));
+    }
+}
+
+/// One rank's part of an array in C order: numbers in memory, or numbers made while they are written.
+#[derive(Clone, Copy)]
+pub enum Numbers<'a> {
+    /// In memory.
+    Held(Data<'a>),
+    /// Made in pieces.
+    Made(&'a dyn Make),
+}
+
+impl<'a> From<Data<'a>> for Numbers<'a> {
+    fn from(data: Data<'a>) -> Self {
+        Self::Held(data)
+    }
+}
+
+impl<'a, T: Element> From<&'a [T]> for Numbers<'a> {
+    fn from(slice: &'a [T]) -> Self {
+        Self::Held(T::data(slice))
+    }
+}
+
+impl std::fmt::Debug for Numbers<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} numbers {:?}", self.count(), self.kind())
+    }
+}
+
+impl Numbers<'_> {
+    /// The number type.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Held(data) => data.kind(),
+            Self::Made(make) => make.kind(),
+        }
+    }
+
+    /// How many numbers there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Held(data) => data.len(),
+            Self::Made(make) => make.count(),
+        }
+    }
+
+    /// Shows the bytes of a range of numbers.
+    pub(crate) fn show<R>(&self, range: Range<usize>, show: impl FnOnce(&[u8]) -> R) -> Option<R> {
+        let (mut show, mut shown) = (Some(show), None);
+        match self {
+            Self::Held(data) => {
+                let size = data.kind().size();
+                let bytes = data.bytes().get(range.start * size..range.end * size);
+                if let (Some(bytes), Some(show)) = (bytes, show.take()) {
+                    shown = Some(show(bytes));
+                }
+            }
+            Self::Made(make) => make.show(range, &mut |data| {
+                if let Some(show) = show.take() {
+                    shown = Some(show(data.bytes()));
+                }
+            }),
+        }
+        shown
     }
 }
 

@@ -303,7 +303,7 @@ mod tests {
             shape: vec![3],
             start: vec![0],
             count: vec![3],
-            data: Data::I64(&[5, 6, 7]),
+            data: Data::I64(&[5, 6, 7]).into(),
             attributes: vec![("units".to_owned(), Attribute::Text("-".to_owned()))],
         });
         hdf::write(&path, &content, &Alone, Mode::Gather).unwrap();

@@ -10,6 +10,7 @@
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
+use std::ops::Range;
 use std::path::Path;
 
 use hdf5::dataset::{AllocTime, FillTime};
@@ -23,7 +24,7 @@ use hdf5_sys::h5p::{H5FD_mpio_xfer_t, H5Pclose, H5Pcreate, H5Pset_dxpl_mpio};
 use hdf5_sys::h5s::{H5S_seloper_t, H5Sselect_hyperslab, H5Sselect_none};
 
 use crate::atomic;
-use crate::data::{Data, Kind, index};
+use crate::data::{Data, Kind, Numbers, index};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
 use crate::plain;
@@ -106,7 +107,7 @@ pub struct Part<'a> {
     /// Size of my box along each axis; any zero means that I hold nothing.
     pub count: Vec<usize>,
     /// My box, C order.
-    pub data: Data<'a>,
+    pub data: Numbers<'a>,
     /// Its attributes, the same on all ranks.
     pub attributes: Vec<(String, Attribute)>,
 }
@@ -150,7 +151,7 @@ impl<'a> Content<'a> {
                 shape: vec![bytes.len()],
                 start: vec![0],
                 count: vec![mine.len()],
-                data: Data::U8(mine),
+                data: Data::U8(mine).into(),
                 attributes: vec![("encoding".to_owned(), Attribute::Text("utf-8".to_owned()))],
             });
         }
@@ -207,6 +208,14 @@ impl<'a> Content<'a> {
 }
 
 impl Part<'_> {
+    /// How it is written: numbers in memory at once, others in pieces.
+    fn pieces(&self) -> Pieces {
+        match self.data {
+            Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
+            Numbers::Made(_) => Pieces::new(&self.start, &self.count, self.data.kind().size()),
+        }
+    }
+
     fn check(&self) -> Result<()> {
         let axes = self.shape.len();
         if axes == 0 || self.start.len() != axes || self.count.len() != axes {
@@ -224,10 +233,10 @@ impl Part<'_> {
                 ),
             ));
         }
-        if product(&self.count) != self.data.len() {
+        if product(&self.count) != self.data.count() {
             return Err(Error::invalid(
                 &self.path,
-                format!("{} numbers for a box {:?}", self.data.len(), self.count),
+                format!("{} numbers for a box {:?}", self.data.count(), self.count),
             ));
         }
         Ok(())
@@ -352,17 +361,23 @@ fn write_together(
         },
     )?;
     for (dataset, piece) in datasets.iter().zip(&content.parts) {
-        if product(&piece.shape) > 0 {
-            together(
-                write_box(
-                    dataset,
-                    &piece.start,
-                    &piece.count,
-                    piece.data.bytes(),
-                    Transfer::Collective,
-                )
-                .map_err(|e| Error::hdf(part, &format!("write {}", piece.path), &e)),
-            )?;
+        if product(&piece.shape) == 0 {
+            continue;
+        }
+        let pieces = piece.pieces();
+        let rounds = match piece.data {
+            Numbers::Held(_) => 1,
+            Numbers::Made(_) => most(group, pieces.rounds())?,
+        };
+        for round in 0..rounds {
+            together(write_piece(
+                part,
+                dataset,
+                piece,
+                &pieces,
+                round,
+                Transfer::Collective,
+            ))?;
         }
     }
     drop(ManuallyDrop::into_inner(datasets));
@@ -411,6 +426,35 @@ fn write_through_root(part: &Path, content: &Content, group: &dyn Group) -> Resu
     )
 }
 
+/// Writes a piece of a rank's part of a dataset.
+fn write_piece(
+    path: &Path,
+    dataset: &Dataset,
+    part: &Part,
+    pieces: &Pieces,
+    round: usize,
+    transfer: Transfer,
+) -> Result<()> {
+    let (start, count) = pieces.place(round);
+    let written = part.data.show(pieces.range(round), |bytes| {
+        write_box(dataset, &start, &count, bytes, transfer)
+    });
+    written
+        .unwrap_or_else(|| write_box(dataset, &start, &count, &[], transfer))
+        .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e))
+}
+
+/// The largest of the ranks' numbers.
+pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
+    let mut largest = 0;
+    for bytes in group.gather(&(mine as u64).to_le_bytes()) {
+        largest = largest.max(index(
+            bytes.iter().rev().fold(0, |n, &b| n << 8 | u64::from(b)),
+        )?);
+    }
+    Ok(largest)
+}
+
 /// Bytes of one message to rank 0: bounds its memory to this times the number of ranks.
 const PIECE: usize = 4 << 20;
 
@@ -446,14 +490,10 @@ fn gather_numbers(
         if let Some(dataset) = dataset
             && product(&part.shape) > 0
         {
-            return write_box(
-                dataset,
-                &part.start,
-                &part.count,
-                part.data.bytes(),
-                Transfer::Independent,
-            )
-            .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e));
+            let pieces = part.pieces();
+            return (0..pieces.rounds()).try_for_each(|round| {
+                write_piece(path, dataset, part, &pieces, round, Transfer::Independent)
+            });
         }
         return first;
     }
@@ -476,8 +516,10 @@ fn gather_numbers(
     let rounds = boxes.iter().map(|b| b.rounds).max().unwrap_or(0);
     let mine = &boxes[group.rank()];
     for round in 0..rounds {
-        let (from, to) = mine.bytes(round);
-        let all = group.gather(&part.data.bytes()[from..to]);
+        let all = part
+            .data
+            .show(mine.range(round), |bytes| group.gather(bytes))
+            .unwrap_or_else(|| group.gather(&[]));
         let Some(dataset) = dataset else { continue };
         for (pieces, bytes) in boxes.iter().zip(&all) {
             if first.is_ok() && !bytes.is_empty() {
@@ -495,6 +537,7 @@ pub(crate) struct Pieces {
     start: Vec<usize>,
     count: Vec<usize>,
     axis: usize,
+    /// Numbers of a row, and rows of a piece.
     row: usize,
     rows: usize,
     rounds: usize,
@@ -504,8 +547,19 @@ impl Pieces {
     /// The pieces of a box of numbers of so many bytes.
     pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
-        let row = product(&count[axis + 1..]) * size;
-        let rows = (PIECE / row.max(1)).max(1);
+        let row = product(&count[axis + 1..]);
+        Self::of_rows(start, count, row, PIECE / (row * size).max(1))
+    }
+
+    /// The box as one piece.
+    fn whole(start: &[usize], count: &[usize]) -> Self {
+        let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
+        Self::of_rows(start, count, product(&count[axis + 1..]), count[axis])
+    }
+
+    fn of_rows(start: &[usize], count: &[usize], row: usize, rows: usize) -> Self {
+        let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
+        let rows = rows.max(1);
         let rounds = if product(count) == 0 {
             0
         } else {
@@ -534,9 +588,10 @@ impl Pieces {
         (from, (from + self.rows).min(self.count[self.axis]))
     }
 
-    fn bytes(&self, round: usize) -> (usize, usize) {
+    /// Which numbers of the box a piece has.
+    pub(crate) fn range(&self, round: usize) -> Range<usize> {
         let (from, to) = self.span(round);
-        (from * self.row, to * self.row)
+        from * self.row..to * self.row
     }
 
     /// Start and count of a piece.
@@ -783,7 +838,7 @@ mod tests {
             shape: shape.to_vec(),
             start: vec![0; shape.len()],
             count: shape.to_vec(),
-            data,
+            data: data.into(),
             attributes: vec![("units".to_owned(), Attribute::Text("m/s²".to_owned()))],
         }
     }
@@ -900,14 +955,17 @@ mod tests {
             let pieces = Pieces::new(&[0; 3], &count, 8);
             let mut next = 0;
             for round in 0..pieces.rounds + 2 {
-                let (from, to) = pieces.bytes(round);
-                if to > from {
-                    assert_eq!(from, next);
-                    assert_eq!(product(&pieces.place(round).1) * 8, to - from);
-                    next = to;
+                let range = pieces.range(round);
+                if !range.is_empty() {
+                    assert_eq!(range.start, next);
+                    assert_eq!(product(&pieces.place(round).1), range.len());
+                    next = range.end;
                 }
             }
-            assert_eq!(next, product(&count) * 8);
+            assert_eq!(next, product(&count));
+            let whole = Pieces::whole(&[0; 3], &count);
+            assert_eq!(whole.range(0), 0..product(&count));
+            assert_eq!(whole.rounds(), product(&count).min(1));
         }
     }
 }

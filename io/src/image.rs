@@ -66,7 +66,7 @@ pub fn write(
             shape: field.shaped(&reversed(image.cells)),
             start: field.start(&reversed(image.start)),
             count: field.shaped(&reversed(image.count)),
-            data: field.data,
+            data: field.data.into(),
             attributes: vec![("units".to_owned(), Attribute::Text(field.units.to_owned()))],
         });
     }

@@ -74,7 +74,7 @@ pub mod table;
 mod xdmf;
 
 pub use checkpoint::{Array, Found, Reader, newest};
-pub use data::{Column, Data, Element, Kind};
+pub use data::{Column, Data, Element, Kind, Make, Maker, Numbers};
 pub use error::{Error, Result};
 pub use group::{Alone, Group};
 pub use hdf::Mode;

@@ -119,7 +119,7 @@ pub fn write(
                 shape: vec![0],
                 start: vec![0],
                 count: vec![0],
-                data: Data::I64(&[]),
+                data: Data::I64(&[]).into(),
                 attributes: Vec::new(),
             });
         }
@@ -166,7 +166,7 @@ fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
         shape: vec![1],
         start: vec![0],
         count: vec![held],
-        data: Data::I64(&value[..held]),
+        data: Data::I64(&value[..held]).into(),
         attributes: Vec::new(),
     }
 }
@@ -195,7 +195,7 @@ impl Span {
             shape: shaped(self.total),
             start: [&[self.offset][..], &vec![0; components.len()]].concat(),
             count: shaped(self.mine),
-            data,
+            data: data.into(),
             attributes: vec![("units".to_owned(), Attribute::Text(units.to_owned()))],
         }
     }
@@ -271,7 +271,7 @@ impl Joined {
             shape: vec![self.cells.total + 1],
             start: vec![self.cells.offset],
             count: vec![self.cells.mine + last],
-            data: Data::I64(&self.starts),
+            data: Data::I64(&self.starts).into(),
             attributes: Vec::new(),
         }
     }

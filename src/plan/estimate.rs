@@ -236,8 +236,7 @@ impl Estimate {
         scene.flow.as_ref()?;
         let grid = &scene.grid;
         let cells = &grid.cells[..grid.dimension];
-        let lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>()
-            + self.checkpoint_bytes;
+        let lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
         let room = available - (self.memory_bytes - lattice);
         let coarser = (lattice / room).powf(1.0 / real(grid.dimension));
         // Edges stay whole numbers of cells where the numbers of cells of all edges are divided in the same ratio.

@@ -239,6 +239,42 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.same("straight", "parts");
 }
 
+/// A checkpoint of some megabytes is written and read in pieces, of which a thick slab has more than a thin one.
+#[test]
+fn a_state_of_many_pieces() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "taylor-green",
+        &[
+            (
+                "domain",
+                r#"{"size": [0.004, 0.004, 0.004], "spacing": 1e-4, "periodic": ["x", "y"], "split": "x"}"#,
+            ),
+            ("fluid.lattice_boltzmann.collision", r#"{"mrt": {}}"#),
+            ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+            ("fluid.lattice_boltzmann.relaxation_time", "0.51"),
+            (
+                "fluid.lattice_boltzmann.initial.taylor_green.velocity",
+                "0.2",
+            ),
+            ("probes", "[]"),
+            ("output", "{}"),
+            ("time.end", "0.002"),
+        ],
+    );
+    study.run("straight", 1, 2, &[]);
+    for (name, ranks, bounds) in [
+        ("thin and thick", 2, "[9]"),
+        ("none, thick, thin", 3, "[0, 31]"),
+    ] {
+        let set = format!("domain.slab_bounds={bounds}");
+        study.run(name, ranks, 1, &[&set, "time.end=0.001"]);
+        let whole = ["time.end=0.002", "domain.slab_bounds=[35]"];
+        study.restart(name, 2, &whole).expect(0);
+        study.same("straight", name);
+    }
+}
+
 /// Synthetic turbulence enters, is carried out, and is averaged: sums over time are part of the state.
 #[test]
 fn averages_of_a_gusty_stream() {

@@ -54,10 +54,7 @@ fn bytes(precision: Precision) -> f64 {
 
 /// One checkpoint \[bytes\].
 pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
-    let mut size = CHECKPOINT
-        + (amounts.grains + amounts.bodies) * SAVED_GRAIN
-        + amounts.blocks * SAVED_BLOCK
-        + amounts.seepage_cells * SAVED_SEEPAGE;
+    let mut size = CHECKPOINT + tables(amounts);
     if amounts.moving() > 0.0 {
         size += CHECKPOINT_OF_GRAINS;
     }
@@ -68,6 +65,13 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
         size += amounts.cells * (numbers + eddies + averages);
     }
     size
+}
+
+/// What a checkpoint holds of grains, blocks and the seepage.
+pub(super) fn tables(amounts: &Amounts) -> f64 {
+    (amounts.grains + amounts.bodies) * SAVED_GRAIN
+        + amounts.blocks * SAVED_BLOCK
+        + amounts.seepage_cells * SAVED_SEEPAGE
 }
 
 /// Adds the sizes of all files to the estimate, whose time and checkpoint are known.

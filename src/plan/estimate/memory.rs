@@ -1,6 +1,6 @@
 //! Memory of a run.
 
-use super::{Amounts, Estimate};
+use super::{Amounts, Estimate, disk};
 use crate::case::coupling::Coupling;
 use crate::case::fluid::Precision;
 use crate::lbm::populations::Layout;
@@ -34,7 +34,7 @@ const GRAIN: f64 = 1700.0;
 /// A block: its shape, here and in the scene, and the longer memory of its contacts.
 const BLOCK: f64 = 17_000.0;
 
-/// A piece of a checkpoint as it is read back.
+/// A piece of a checkpoint as it is written or read back.
 const PIECE: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
@@ -81,8 +81,8 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         estimate.bytes_per_cell = SEEPAGE + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
-    // Files are gathered in memory, one at a time; a checkpoint is the largest. It is read back in pieces.
-    memory += estimate.checkpoint_bytes.max(estimate.fluid_output_bytes);
+    // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in pieces.
+    memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
     memory += estimate.checkpoint_bytes.min(PIECE);
     estimate.memory_bytes = memory;
 }
