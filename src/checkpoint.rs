@@ -309,20 +309,26 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let key = field_key("populations");
             let [shape, start, _] = box_of(fluid, fluid.populations().velocities().q());
             let populations = fluid.populations();
-            let [nx, ny, nz] = populations.cells();
-            // The sum is the same in any order: rows in parallel, and in a row one population after the other.
-            let of_row = |row: usize| {
-                let (y, z) = (row % ny, row / ny);
-                let first = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2];
+            let cells = populations.cells();
+            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as they lie in memory.
+            let [slow, middle, fast] = populations.order();
+            let of_plane = |plane: usize| {
                 let mut part = StateHash::new();
                 for i in 0..shape[3] {
-                    let entries = (0..nx).map(|x| {
-                        let cell = populations.cell([x, y, z].map(usize::cast_signed));
-                        let number = populations.numbers()[populations.incoming(cell, i)];
-                        let index = (first + x) * shape[3] + i;
-                        (index as u64, number.to_f64().to_bits())
-                    });
-                    part.add_entries(key, entries);
+                    for row in 0..cells[middle] {
+                        let entries = (0..cells[fast]).map(|k| {
+                            let mut at = [0; 3];
+                            (at[slow], at[middle], at[fast]) = (plane, row, k);
+                            let [x, y, z] = at;
+                            let cell = populations.cell(at.map(usize::cast_signed));
+                            let number = populations.numbers()[populations.incoming(cell, i)];
+                            let global = ((start[0] + z) * shape[1] + start[1] + y) * shape[2]
+                                + start[2]
+                                + x;
+                            ((global * shape[3] + i) as u64, number.to_f64().to_bits())
+                        });
+                        part.add_entries(key, entries);
+                    }
                 }
                 part
             };
@@ -330,8 +336,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 a.merge(b);
                 a
             };
-            let rows = (0..ny * nz).into_par_iter();
-            hash.merge(rows.map(of_row).reduce(StateHash::new, merged));
+            let planes = (0..cells[slow]).into_par_iter();
+            hash.merge(planes.map(of_plane).reduce(StateHash::new, merged));
             if communicator.rank() == 0 {
                 let key = field_key(OPENINGS);
                 for (patch, memory) in (0..).zip(fluid.memories()) {

@@ -192,6 +192,7 @@ impl<S: Stored> Fluid<S> {
             self.relaxation_time,
             half,
             field,
+            self.threads,
         );
         self.renew_velocities();
     }
