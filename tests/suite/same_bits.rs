@@ -239,6 +239,42 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.same("straight", "parts");
 }
 
+/// The same in three dimensions with eddies, whose velocities beyond walls and slabs the second of two steps needs.
+#[test]
+fn eddies_between_walls_watched_now_and_then() {
+    let _beside = beside_others();
+    let watched = r#"[{"name": "often", "every": 1e-3, "at": {"point": {"position": [0.002, 0.003, 0.001]}}}]"#;
+    let study = Study::of(
+        "cavity",
+        &[
+            ("domain.size", "[0.0036, 0.0044, 0.004]"),
+            ("fluid.lattice_boltzmann.collision", r#"{"mrt": {}}"#),
+            ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+            (
+                "fluid.lattice_boltzmann.boundaries",
+                r#"[{"name": "lid", "face": "y_max", "condition": {"moving_wall": {"velocity": [0.1, 0, 0.02]}}}]"#,
+            ),
+            ("fluid.lattice_boltzmann.reference_velocity", "0.1"),
+            ("probes", "[]"),
+            ("output", "{}"),
+            ("guards", r#"{"check_every_steps": 7}"#),
+            ("time.end", "0.0171"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    study.run("watched", 1, 1, &[&format!("probes={watched}")]);
+    assert_eq!(study.hash("watched"), study.hash("straight"));
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=z"),
+        ("two", 2, 2, "domain.split=x"),
+        ("three", 3, 1, "domain.split=y"),
+        ("empty", 3, 1, "domain.slab_bounds=[15, 15]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+}
+
 /// A checkpoint of some megabytes is written and read in pieces, of which a thick slab has more than a thin one.
 #[test]
 fn a_state_of_many_pieces() {

@@ -73,6 +73,11 @@ impl<S> Shared<S> {
         self.base
     }
 
+    /// What the pass reads and leaves of the velocities.
+    pub(crate) fn velocity(&self) -> &View {
+        &self.velocity
+    }
+
     /// Rows of a plane.
     pub(crate) fn rows(&self) -> usize {
         self.rows

@@ -1,4 +1,4 @@
-//! Two steps in one sweep over the lattice, for water between walls.
+//! Two steps in one sweep over the lattice, for water between walls, with eddies or without.
 //!
 //! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter. The second step of a
 //! cell needs nothing but the first step of its neighbours. It follows the first two planes and two rows behind, while their populations
@@ -11,7 +11,7 @@
 //! | plane, row | work | needs |
 //! |---|---|---|
 //! | p, y | even pass | nothing |
-//! | p - 1, y - 1 | walls of the first step | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
+//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
 //! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
 //! | p - 3, y - 3 | walls of the second step | the odd pass beside |
 //!
@@ -25,8 +25,10 @@ use crate::lbm::boundary::Boundaries;
 use crate::lbm::kernel::Shared;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Parity;
+use crate::lbm::turbulence::field::{Field, Ghosts};
 use crate::thread_pool;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor follows longer pieces of
 /// memory better: from 8 to 48 the speed is the same (`benches/README.md`).
@@ -57,7 +59,6 @@ impl<S: Stored> Fluid<S> {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
             && self.cover.is_none()
-            && self.field.is_none()
             && self.closed.is_empty()
             && !self.periodic_within[middle]
             && self.boundaries.are_walls()
@@ -98,6 +99,10 @@ impl<S: Stored> Fluid<S> {
         self.run(&even, first.force, 0..1);
         self.run(&even, first.force, planes - 1..planes);
         self.populations.flip();
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
         let odd = self.describe_pass();
         self.halo.start(&self.populations);
         let sweep = Sweep {
@@ -105,12 +110,16 @@ impl<S: Stored> Fluid<S> {
             boundaries: &self.boundaries,
             shared: [&even, &odd],
             moments: [&first, &second],
+            ghosts: self.field.as_ref().map(Field::ghosts),
         };
         thread_pool::each(threads, |t| {
             // SAFETY: the shares are disjoint, and each worker has one.
             unsafe { sweep.planes(&shares[t], t) };
         });
         self.halo.finish(&mut self.populations);
+        if let Some(field) = &mut self.field {
+            field.complete(|patch| sweep.boundaries.velocity_factor(patch, first.time));
+        }
         thread_pool::each(threads, |t| {
             for planes in rest(t, 1) {
                 // SAFETY: the passes of the first step are done, and each worker has planes of its own.
@@ -124,8 +133,15 @@ impl<S: Stored> Fluid<S> {
             }
         });
         self.populations.flip();
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
         self.halo.start(&self.populations);
         self.halo.finish(&mut self.populations);
+        if let Some(field) = &mut self.field {
+            field.complete(|patch| sweep.boundaries.velocity_factor(patch, second.time));
+        }
         thread_pool::each(threads, |t| {
             for planes in rest(t, 3) {
                 // SAFETY: the passes of the second step are done.
@@ -139,12 +155,8 @@ impl<S: Stored> Fluid<S> {
     fn describe_pass(&mut self) -> Shared<S> {
         let [.., fast] = self.populations.order();
         let round_rows = self.periodic_within[fast];
-        (self.describe)(
-            &mut self.populations,
-            View::NONE,
-            CoverView::NONE,
-            round_rows,
-        )
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        (self.describe)(&mut self.populations, velocity, CoverView::NONE, round_rows)
     }
 }
 
@@ -154,6 +166,8 @@ struct Sweep<'a, S: Stored> {
     boundaries: &'a Boundaries<S>,
     shared: [&'a Shared<S>; 2],
     moments: [&'a Moment; 2],
+    /// Of the velocities from which the next eddy viscosity comes, if any.
+    ghosts: Option<Arc<Ghosts>>,
 }
 
 impl<S: Stored> Sweep<'_, S> {
@@ -189,6 +203,7 @@ impl<S: Stored> Sweep<'_, S> {
                     }
                     if let Some(cells) = due(1) {
                         self.walls(0, &cells);
+                        self.velocities(&cells);
                     }
                     if let Some(cells) = due(2) {
                         self.pass(1, &cells, worker);
@@ -210,6 +225,18 @@ impl<S: Stored> Sweep<'_, S> {
         // SAFETY: promised by the caller.
         unsafe {
             self.step.pass(self.shared[which], force, cells, worker);
+        }
+    }
+
+    /// Fills the velocities beyond faces beside some cells, which the second pass reads there.
+    ///
+    /// # Safety
+    /// The first pass must be done there and beside, and nobody may work on these cells.
+    unsafe fn velocities(&self, cells: &Block) {
+        if let Some(ghosts) = &self.ghosts {
+            let ramp = |patch| self.boundaries.velocity_factor(patch, self.moments[0].time);
+            // SAFETY: promised by the caller.
+            unsafe { ghosts.follow(cells, self.shared[0].velocity(), ramp) };
         }
     }
 

@@ -16,12 +16,15 @@
 //! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
 //! each cell says where they stand, and only cells that have one leave the vector path.
 
+use crate::lbm::block::Block;
 use crate::lbm::boundary::{Frame, Patch, Surface, holder};
 use crate::lbm::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
 use crate::lbm::populations::Populations;
 use decomposition::{Domain, HaloBytes, HaloExchange};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Message tag of the velocity.
 const TAG: u8 = 2;
@@ -250,6 +253,8 @@ impl View {
 
 /// Velocity beyond a face: wall · ramp + inner · u_1 + second · u_2, by component.
 struct Ghost {
+    /// Row of the cell, counted through all planes.
+    row: usize,
     ghost: usize,
     first: usize,
     second: usize,
@@ -258,6 +263,81 @@ struct Ghost {
     outer: f32,
     /// Patch whose ramp multiplies the velocity of the wall; none for a wall at rest and for open faces.
     patch: Option<usize>,
+}
+
+/// Velocity round a periodic axis within the slab.
+struct Wrap {
+    row: usize,
+    ghost: usize,
+    source: usize,
+}
+
+/// The ghosts of a slab that follow from its own cells, by rising row.
+#[derive(Default)]
+pub(crate) struct Ghosts {
+    beyond: Vec<Ghost>,
+    wraps: Vec<Wrap>,
+    /// Rows of a plane.
+    rows: usize,
+}
+
+impl Ghosts {
+    /// Fills the ghosts of the cells of some rows, in the field that starts at `numbers` for each component. `ramp` gives the factor of a patch.
+    ///
+    /// # Safety
+    /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the ghosts follow from.
+    unsafe fn fill(&self, rows: Range<usize>, numbers: [*mut f32; 3], ramp: impl Fn(usize) -> f64) {
+        let first = self.wraps.partition_point(|wrap| wrap.row < rows.start);
+        for wrap in self.wraps[first..]
+            .iter()
+            .take_while(|wrap| wrap.row < rows.end)
+        {
+            for component in numbers {
+                // SAFETY: both are positions in the field.
+                unsafe {
+                    component
+                        .add(wrap.ghost)
+                        .write(component.add(wrap.source).read())
+                };
+            }
+        }
+        let first = self.beyond.partition_point(|ghost| ghost.row < rows.start);
+        for g in self.beyond[first..]
+            .iter()
+            .take_while(|ghost| ghost.row < rows.end)
+        {
+            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+            let factor = g.patch.map_or(0.0, &ramp) as f32;
+            for (a, component) in numbers.into_iter().enumerate() {
+                // SAFETY: all three are positions in the field.
+                unsafe {
+                    component.add(g.ghost).write(
+                        g.wall[a] * factor
+                            + g.inner[a] * component.add(g.first).read()
+                            + g.outer * component.add(g.second).read(),
+                    );
+                }
+            }
+        }
+    }
+
+    /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
+    ///
+    /// # Safety
+    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody else may work on them.
+    pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
+        for plane in cells.planes.clone() {
+            let first = plane * self.rows;
+            // SAFETY: promised by the caller.
+            unsafe {
+                self.fill(
+                    first + cells.rows.start..first + cells.rows.end,
+                    written.write,
+                    &ramp,
+                );
+            }
+        }
+    }
 }
 
 /// The velocity field of a slab, for the gradient.
@@ -270,9 +350,7 @@ pub struct Field {
     array: usize,
     strides: [usize; 3],
     dimension: usize,
-    ghosts: Vec<Ghost>,
-    /// Pairs (ghost, source) round periodic axes within the slab.
-    wraps: Vec<(usize, usize)>,
+    ghosts: Arc<Ghosts>,
     exchange: HaloExchange,
     /// Positions of the cells of a plane relative to its first.
     plane: Vec<usize>,
@@ -294,7 +372,7 @@ impl Field {
         patches: &[Patch<S>],
         domain: &Domain,
     ) -> Result<Self, String> {
-        let [slow, ..] = populations.order();
+        let [slow, middle, _] = populations.order();
         let dimension = populations.velocities().dimension;
         let cells = populations.cells();
         let zero = populations.cell([0; 3]);
@@ -306,13 +384,16 @@ impl Field {
         let strides = [unit(0), unit(1), unit(2)];
         // Staggered, so that the six arrays do not meet in the same lines of the cache.
         let array = populations.cell_positions() + 208;
-        let mut ghosts = Vec::new();
-        let mut wraps = Vec::new();
+        let mut ghosts = Ghosts {
+            rows: cells[middle],
+            ..Ghosts::default()
+        };
         let mut plane = Vec::new();
         for (local, cell) in populations.interior() {
             if local[slow] == 0 {
                 plane.push(cell - zero);
             }
+            let row = local[slow] * cells[middle] + local[middle];
             for axis in 0..dimension {
                 let at = local[axis] + frame.start[axis];
                 for upper in [false, true] {
@@ -326,7 +407,11 @@ impl Field {
                     if frame.periodic[axis] {
                         if axis != slow {
                             let across = 1 - cells[axis].cast_signed();
-                            wraps.push((beyond(1), beyond(across)));
+                            ghosts.wraps.push(Wrap {
+                                row,
+                                ghost: beyond(1),
+                                source: beyond(across),
+                            });
                         }
                         continue;
                     }
@@ -362,7 +447,8 @@ impl Field {
                             };
                         }
                     }
-                    ghosts.push(Ghost {
+                    ghosts.beyond.push(Ghost {
+                        row,
                         ghost: beyond(1),
                         first: cell,
                         second: if frame.cells[axis] == 1 {
@@ -393,8 +479,7 @@ impl Field {
             array,
             strides,
             dimension,
-            ghosts,
-            wraps,
+            ghosts: Arc::new(ghosts),
             exchange,
             plane,
             planes: [
@@ -505,21 +590,17 @@ impl Field {
                 }
             }
         }
-        for component in numbers.chunks_exact_mut(self.array) {
-            for &(ghost, source) in &self.wraps {
-                component[ghost] = component[source];
-            }
+        let start = numbers.start();
+        // SAFETY: the memory holds three components of this length, nobody else has it, and all ghosts lie within.
+        unsafe {
+            let components = std::array::from_fn(|a| start.add(a * self.array));
+            self.ghosts.fill(0..usize::MAX, components, ramp);
         }
-        for g in &self.ghosts {
-            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
-            let factor = g.patch.map_or(0.0, &ramp) as f32;
-            for a in 0..3 {
-                let base = a * self.array;
-                numbers[base + g.ghost] = g.wall[a] * factor
-                    + g.inner[a] * numbers[base + g.first]
-                    + g.outer * numbers[base + g.second];
-            }
-        }
+    }
+
+    /// The ghosts that follow from the cells of the slab.
+    pub(crate) fn ghosts(&self) -> Arc<Ghosts> {
+        self.ghosts.clone()
     }
 
     /// The velocity of a cell, as kept.
