@@ -9,7 +9,7 @@
 //!
 //! ```
 //! #[global_allocator]
-//! static ALLOCATOR: physics::allocator::Allocator = solver::allocator::Allocator;
+//! static ALLOCATOR: physics::allocator::Allocator = physics::allocator::Allocator;
 //! ```
 
 use std::alloc::{GlobalAlloc, Layout, System};
