@@ -236,7 +236,11 @@ impl Estimate {
         scene.flow.as_ref()?;
         let grid = &scene.grid;
         let cells = &grid.cells[..grid.dimension];
-        let lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
+        let mut lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
+        // What is gathered for an output grows with the cells, too.
+        if self.fluid_output_bytes > disk::tables(&Amounts::of(scene)) {
+            lattice += self.fluid_output_bytes;
+        }
         let room = available - (self.memory_bytes - lattice);
         let coarser = (lattice / room).powf(1.0 / real(grid.dimension));
         // Edges stay whole numbers of cells where the numbers of cells of all edges are divided in the same ratio.

@@ -134,6 +134,7 @@ impl Overlaps {
         self.start.resize(total + 1, 0);
         let mut start = std::mem::take(&mut self.start);
         self.spans.clear();
+        self.spans.reserve_exact(points.len());
         for (k, at) in points.iter().enumerate() {
             let mut span = [[0; 2]; 3];
             if is_small(k) {
@@ -372,6 +373,8 @@ impl Search {
     fn find<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
         let owned = particles.owned();
         self.found.clear();
+        // As many as in a bed of discs, so that a small scene seldom needs more room.
+        self.found.reserve(4 * particles.len());
         let moves = |k: usize| particles.mobility[k].free > 0.0;
         let found = &mut self.found;
         let points = &self.points;

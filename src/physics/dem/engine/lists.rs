@@ -137,7 +137,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
         }
         self.histories = Vec::new();
-        self.wall_histories = Vec::new();
+        self.wall_histories.clear();
         self.path = 0.0;
         let threads = rayon::current_num_threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
