@@ -1,8 +1,15 @@
 #!/usr/bin/env python3
 """How the time of a step grows with ranks and threads, and a model of it.
 
-  scaling.py measure [--workers 1,2,4] [--repeats N] [--quick] [--busy-ok]   runs the scenes; writes results/scaling.csv
-  scaling.py model                                                           results/scaling.csv to scaling_model.csv and scaling.svg
+  scaling.py measure [options]   runs the scenes; writes results/scaling.csv after each run
+  scaling.py model               results/scaling.csv to scaling_model.csv and scaling.svg
+
+  --workers 1,2,4    numbers of ranks or threads (else powers of two up to the cores, at most 16)
+  --repeats N        turns (else 3). Each begins with what matters most: one core and ranks, then threads, then copies and weak scaling
+  --shorter F        ends each scene at the F-th part of its time; F,F,F,F: of cavity, piping, spheres and scour
+  --minutes M        starts no run later than this
+  --quick            small scenes, one turn, into target/peers/quick: a test of this script
+  --busy-ok          goes on where other work runs
 
 A scene has a size in units of the work of one slab: size 1 on one rank, size 2 on two ranks, and so on (weak scaling), and size 2 on
 any number of ranks or threads (strong scaling). Three more runs give the numbers of the model, none of which comes from a run on
@@ -10,9 +17,11 @@ several ranks that it is compared with: the scene of size 1 and of size 2 on one
 are cores, at the same time: what they lose to each other is what the machine takes, not what messages cost. `messages` (peers/messages.c) measures
 messages between two ranks. README.md has the equations.
 
-Environment: SOLVER, PIPING_SAMPLE (else target/peers/piping/sample.csv, which `beside_peers.sh P-2` makes), CORES (else all).
+Environment: SOLVER, PIPING_SAMPLE (else target/peers/piping/sample.csv, which `beside_peers.sh P-2` makes), CORES (else all, one thread of each core
+before the second ones); MESSAGES (else made by mpicc), BANDWIDTH (peers/bandwidth.c, else target/peers/bandwidth if it is there), COMMIT (else git's).
 """
 import csv
+import glob
 import json
 import math
 import os
@@ -30,7 +39,7 @@ SOLVER = os.environ.get("SOLVER", os.path.join(TARGET, "release", "solver"))
 PEERS = os.path.join(TARGET, "peers")
 RESULTS = os.path.join(HERE, "results")
 COLUMNS = ["scene", "kind", "size", "ranks", "threads", "steps", "seconds a step", "least", "most", "cells", "grain steps a step",
-           "messages a rank and step", "bytes a rank and step", "reductions a step", "imbalance", "waiting share", "state_hash"]
+           "messages a rank and step", "bytes a rank and step", "reductions a step", "imbalance", "waiting share", "runs", "state_hash"]
 
 
 # --- The scenes: (case, arguments, cells of size 1) ---
@@ -40,8 +49,7 @@ def cavity(size, work, quick):
     half = edge // 2
     dx = 1e-5
     return os.path.join(HERE, "cases", "cavity_3d.json"), [
-        "--set", f"domain.size=[{edge * dx:g}, {edge * dx:g}, {half * size * dx:g}]", "--set", "domain.split=z",
-        "--set", f"time.end={1e-4 if quick else 6e-4}"]
+        "--set", f"domain.size=[{edge * dx:g}, {edge * dx:g}, {half * size * dx:g}]", "--set", "domain.split=z"]
 
 
 def piping(size, work, quick):
@@ -52,8 +60,8 @@ def piping(size, work, quick):
         sys.exit(f"scaling: no {sample}; `bash benches/beside_peers.sh P-2` makes it, or name one in PIPING_SAMPLE")
     length, height = 0.0168, 0.008
     arguments = ["--set", "grains.save=null", "--set", "fluid.lattice_boltzmann.boundaries[0].condition.pressure.ramp=null",
-                 "--set", "time.solid_steps_per_fluid_step=18", "--set", f"time.end={(20 if quick else 1200) * 8e-5:g}", "--set", "output={}",
-                 "--set", "probes=[]", "--set", "analysis={}", "--set", "regions=[]", "--set", "domain.split=x"]
+                 "--set", "time.solid_steps_per_fluid_step=18", "--set", "output={}", "--set", "probes=[]", "--set", "analysis={}",
+                 "--set", "regions=[]", "--set", "domain.split=x"]
     if size == 1:
         # The half with the inlet; the sample and the hole end in the middle.
         path = os.path.join(work, "half.csv")
@@ -89,8 +97,7 @@ def spheres(size, work, quick):
                     x, rest = line.split(",", 1)
                     out.write(f"{float(x) + 0.2 * copy:.12g},{rest}\n")
     return os.path.join(HERE, "cases", "spheres.json"), [
-        "--set", f"domain.size=[{0.2 * size:g}, 0.2, 0.06]", "--set", f"grains.initial.file.path={path}",
-        "--set", f"time.end={3e-4 if quick else 4e-3}"]
+        "--set", f"domain.size=[{0.2 * size:g}, 0.2, 0.06]", "--set", f"grains.initial.file.path={path}"]
 
 
 def scour(size, work, quick):
@@ -105,7 +112,7 @@ def scour(size, work, quick):
             x, *rest = body["position"]
             blocks.append(dict(body, name=f"{body['name']} {copy}", position=[length * (copy + 0.5), *rest]))
     case["bodies"] = blocks
-    case["time"] = {"end": 0.0025 if quick else 0.02}
+    case["time"] = {}
     case["probes"], case["output"] = [], {}
     path = os.path.join(work, f"scour_{size}.json")
     with open(path, "w") as f:
@@ -114,16 +121,39 @@ def scour(size, work, quick):
 
 
 SCENES = {"cavity": cavity, "piping": piping, "spheres": spheres, "scour": scour}
+# Time at the end [s]: whole, quick.
+ENDS = {"cavity": (6e-4, 1e-4), "piping": (0.096, 0.0016), "spheres": (4e-3, 3e-4), "scour": (0.02, 0.0025)}
 WORDS = {"cavity": "cavity of 200 x 200 x 100 cells a size, D3Q27", "piping": "piping, 420 x 400 cells a size, 18 solid steps",
          "spheres": "100,000 packed spheres a size", "scour": "two blocks in a turbulent stream, 180 x 60 x 30 cells a size"}
 
 
+def content(path):
+    """Text of a file of the system; nothing where there is none."""
+    try:
+        with open(path) as f:
+            return f.read().strip()
+    except OSError:
+        return ""
+
+
+def numbers(words):
+    """0-2,8 as 0, 1, 2, 8."""
+    ends = [[int(end) for end in word.split("-")] for word in words.split(",") if word]
+    return [n for end in ends for n in range(end[0], end[-1] + 1)]
+
+
+def threads_of(cpu):
+    return numbers(content(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")) or [cpu]
+
+
 def cores():
     named = os.environ.get("CORES")
-    return [int(word) for word in named.split(",")] if named else sorted(os.sched_getaffinity(0))
+    if named:
+        return [int(word) for word in named.split(",")]
+    return sorted(os.sched_getaffinity(0), key=lambda cpu: (threads_of(cpu).index(cpu), cpu))
 
 
-def command(scene, size, ranks, threads, on, folder, work, quick):
+def command(scene, size, ranks, threads, on, folder, work, quick, shorter):
     made = SCENES[scene](size, work, quick)
     if made is None:
         return None
@@ -131,7 +161,8 @@ def command(scene, size, ranks, threads, on, folder, work, quick):
     launch = ["taskset", "-c", ",".join(map(str, on))]
     if ranks > 1:
         launch += ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)]
-    return [*launch, SOLVER, case, "--threads", str(threads), "--output", folder, "--no-final-checkpoint", "--set", "checkpoint.every_wall_seconds=0", *arguments]
+    return [*launch, SOLVER, case, "--threads", str(threads), "--output", folder, "--no-final-checkpoint", "--set", "checkpoint.every_wall_seconds=0",
+            "--set", f"time.end={ENDS[scene][quick] / shorter[scene]:g}", *arguments]
 
 
 def finish(process, log):
@@ -168,84 +199,113 @@ def idle():
 
 
 def machine():
-    name = platform.processor() or platform.machine()
-    with open("/proc/cpuinfo") as f:
-        for line in f:
-            if line.startswith("model name"):
-                name = line.split(":", 1)[1].strip()
-                break
-    return f"{name}, {os.cpu_count()} cores, Linux {platform.release()}"
+    cpu = {}
+    for line in content("/proc/cpuinfo").split("\n\n")[0].splitlines():
+        name, _, value = line.partition(":")
+        cpu[name.strip()] = value.strip()
+    caches = []
+    for at in sorted(glob.glob("/sys/devices/system/cpu/cpu0/cache/index*")):
+        level, kind, size, shared = (content(f"{at}/{name}") for name in ("level", "type", "size", "shared_cpu_list"))
+        if kind != "Instruction":
+            caches.append(f"L{level} {size} for {len(numbers(shared)) or '?'}")
+    nodes = len(glob.glob("/sys/devices/system/node/node[0-9]*"))
+    return ", ".join([cpu.get("model name") or platform.processor() or platform.machine(), f"{os.cpu_count()} cores", f"{len(threads_of(0))} threads to a core",
+                      "AVX-512" if "avx512f" in cpu.get("flags", "").split() else "no AVX-512", *caches, f"{nodes or '?'} NUMA nodes", f"Linux {platform.release()}"])
 
 
-def measure(workers, repeats, quick, busy_ok):
-    on = cores()
-    if max(workers) > len(on):
-        print(f"scaling: {len(on)} cores; more workers share them and say nothing of scaling", file=sys.stderr)
-    rows, quiet = [], []
-    with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as work:
-        for scene in SCENES:
-            # (kind, size, ranks, threads)
-            wanted = [("one core", 1, 1, 1), ("one core", 2, 1, 1)]
-            for n in workers:
-                if n > 1:
-                    wanted += [("copies", 1, n, 1), ("ranks", 2, n, 1), ("threads", 2, 1, n)]
-                    if n != 2:
-                        wanted.append(("weak", n, n, 1))
-            wanted = [one for one in wanted if SCENES[scene](one[1], work, quick) is not None]
-            seen = {one: [] for one in wanted}
-            # By turns, so that a drift of the machine meets all kinds alike.
-            for turn in range(repeats):
-                share = idle()
-                quiet.append(share)
-                if share < 0.95 and not busy_ok:
-                    sys.exit(f"scaling: the machine is busy (only {share:.2f} of its time was idle over 2 s): end the other work, or --busy-ok")
-                for kind, size, ranks, threads in wanted:
-                    folders = [os.path.join(work, f"run_{k}") for k in range(ranks if kind == "copies" else 1)]
-                    for folder in folders:
-                        subprocess.run(["rm", "-rf", folder], check=True)
-                    if kind == "copies":
-                        jobs = [(command(scene, size, 1, 1, [on[k % len(on)]], folder, work, quick), folder + ".log") for k, folder in enumerate(folders)]
-                    else:
-                        jobs = [(command(scene, size, ranks, threads, on[:ranks * threads], folders[0], work, quick), folders[0] + ".log")]
-                    running = [(start(words, log), log) for words, log in jobs]
-                    for process, log in running:
-                        finish(process, log)
-                    seen[kind, size, ranks, threads].append([summary(folder) for folder in folders])
-                    last = seen[kind, size, ranks, threads][-1]
-                    print(f"  {scene} {turn + 1}: {kind}, size {size}, {ranks} x {threads}: {max(one['seconds a step'] for one in last):.4g} s a step", flush=True)
-            for (kind, size, ranks, threads), runs in seen.items():
-                # Copies: their mean.
-                times = [statistics.mean(one["seconds a step"] for one in run) for run in runs]
-                first = runs[0][0]
-                hashes = {one["state_hash"] for run in runs for one in run}
-                if len(hashes) > 1:
-                    sys.exit(f"scaling: runs of {scene} differ: {hashes}")
-                rows.append({**first, "scene": scene, "kind": kind, "size": size, "ranks": ranks, "threads": threads, "seconds a step": statistics.median(times),
-                             "least": min(times), "most": max(times), "imbalance": statistics.median(one["imbalance"] for run in runs for one in run),
-                             "waiting share": statistics.median(one["waiting share"] for run in runs for one in run)})
+def messages(on, work):
+    binary = os.environ.get("MESSAGES")
+    if not binary:
         binary = os.path.join(work, "messages")
         subprocess.run(["mpicc", "-O3", os.path.join(HERE, "peers", "messages.c"), "-o", binary], check=True)
-        told = subprocess.run(["taskset", "-c", ",".join(map(str, on[:2])), "mpirun", "--oversubscribe", "--bind-to", "none", "-n", "2", binary],
-                              check=True, capture_output=True, text=True).stdout
-    for scene in SCENES:
-        hashes = {row["state_hash"] for row in rows if row["scene"] == scene and row["size"] == 2}
-        if len(hashes) > 1:
-            sys.exit(f"scaling: the state of {scene} depends on the number of workers: {hashes}")
-    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
-    program = subprocess.run([SOLVER, "-V"], capture_output=True, text=True).stdout.strip()
-    head = [f"commit: {commit}", f"solver: {program}", f"date: {time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())}", f"machine: {machine()}",
-            f"command: python3 benches/scaling.py {' '.join(sys.argv[1:])}", f"repeats: {repeats}, by turns; idle share before each turn {min(quiet):.3f} to {max(quiet):.3f}",
-            f"messages: {told.strip()}"] + (["BUSY"] if min(quiet) < 0.95 else []) + (["QUICK"] if quick else [])
-    results = os.path.join(PEERS, "quick") if quick else RESULTS
-    os.makedirs(results, exist_ok=True)
-    path = os.path.join(results, "scaling.csv")
+    return subprocess.run(["taskset", "-c", ",".join(map(str, on[:2])), "mpirun", "--oversubscribe", "--bind-to", "none", "-n", "2", binary],
+                          check=True, capture_output=True, text=True).stdout.strip()
+
+
+def bandwidth(on, workers):
+    """Lines of peers/bandwidth.c, over threads."""
+    binary = os.environ.get("BANDWIDTH", os.path.join(PEERS, "bandwidth"))
+    if not os.path.exists(binary):
+        return "not measured"
+    lines = [subprocess.run(["taskset", "-c", ",".join(map(str, on[:n])), binary, "1024", "3"], check=True, capture_output=True, text=True,
+                            env={**os.environ, "OMP_NUM_THREADS": str(n)}).stdout.strip() for n in workers if n <= len(on)]
+    return f"[{', '.join(lines)}]"
+
+
+def plan(workers, work, quick):
+    """(scene, kind, size, ranks, threads) of a turn, in the order of their weight where the time ends before the turn does."""
+    many = [n for n in workers if n > 1]
+    groups = [[("one core", 1, 1, 1), ("one core", 2, 1, 1)] + [("ranks", 2, n, 1) for n in many],
+              [("threads", 2, 1, n) for n in many],
+              [one for n in many for one in (("copies", 1, n, 1), ("weak", n, n, 1)) if one[:2] != ("weak", 2)]]
+    return [(scene, *one) for group in groups for scene in SCENES for one in group if SCENES[scene](one[1], work, quick) is not None]
+
+
+def write(path, head, seen):
+    """The table of the runs so far."""
+    os.makedirs(os.path.dirname(path), exist_ok=True)
     with open(path + ".part", "w", newline="") as f:
         f.writelines(f"# {line}\n" for line in head)
         table = csv.DictWriter(f, COLUMNS, lineterminator="\n", extrasaction="ignore")
         table.writeheader()
-        for row in rows:
+        for (scene, kind, size, ranks, threads), runs in seen.items():
+            if not runs:
+                continue
+            # Copies: their mean.
+            times = [statistics.mean(one["seconds a step"] for one in run) for run in runs]
+            row = {**runs[0][0], "scene": scene, "kind": kind, "size": size, "ranks": ranks, "threads": threads, "seconds a step": statistics.median(times),
+                   "least": min(times), "most": max(times), "imbalance": statistics.median(one["imbalance"] for run in runs for one in run),
+                   "waiting share": statistics.median(one["waiting share"] for run in runs for one in run), "runs": len(runs)}
             table.writerow({name: f"{value:.5g}" if isinstance(value, float) else value for name, value in row.items()})
     os.replace(path + ".part", path)
+
+
+def measure(workers, repeats, quick, busy_ok, shorter, minutes):
+    on, began = cores(), time.monotonic()
+    if max(workers) > len(on):
+        print(f"scaling: {len(on)} cores; more workers share them and say nothing of scaling", file=sys.stderr)
+    results = os.path.join(PEERS, "quick") if quick else RESULTS
+    path = os.path.join(results, "scaling.csv")
+    commit = os.environ.get("COMMIT") or subprocess.run(["git", "-C", ROOT, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
+    program = subprocess.run([SOLVER, "-V"], capture_output=True, text=True).stdout.strip()
+    quiet, states, done = [], {}, 0
+    with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as work:
+        wanted = plan(workers, work, quick)
+        # Rows by scene, whatever the order of the runs.
+        seen = {one: [] for one in sorted(wanted, key=lambda one: list(SCENES).index(one[0]))}
+        about = [f"commit: {commit}", f"solver: {program}", f"date: {time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())}", f"machine: {machine()}",
+                     f"command: python3 benches/scaling.py {' '.join(sys.argv[1:])}", f"messages: {messages(on, work)}", f"bandwidth [GB/s]: {bandwidth(on, workers)}"]
+        # By turns, so that a drift of the machine meets all kinds alike.
+        for count, one in enumerate(wanted * repeats):
+            scene, kind, size, ranks, threads = one
+            if count % len(wanted) == 0:
+                quiet.append(idle())
+                if quiet[-1] < 0.95 and not busy_ok:
+                    sys.exit(f"scaling: the machine is busy (only {quiet[-1]:.2f} of its time was idle over 2 s): end the other work, or --busy-ok")
+            if time.monotonic() - began > 60 * minutes:
+                print(f"scaling: {minutes:g} minutes are over: {done} of {len(wanted) * repeats} runs")
+                break
+            folders = [os.path.join(work, f"run_{k}") for k in range(ranks if kind == "copies" else 1)]
+            for folder in folders:
+                subprocess.run(["rm", "-rf", folder], check=True)
+            if kind == "copies":
+                jobs = [(command(scene, size, 1, 1, [on[k % len(on)]], folder, work, quick, shorter), folder + ".log") for k, folder in enumerate(folders)]
+            else:
+                jobs = [(command(scene, size, ranks, threads, on[:ranks * threads], folders[0], work, quick, shorter), folders[0] + ".log")]
+            running = [(start(words, log), log) for words, log in jobs]
+            for process, log in running:
+                finish(process, log)
+            last = [summary(folder) for folder in folders]
+            states.setdefault((scene, size), set()).update(run["state_hash"] for run in last)
+            if len(states[scene, size]) > 1:
+                sys.exit(f"scaling: the state of {scene}, size {size}, differs between runs or depends on the number of workers "
+                         f"({kind}, {ranks} x {threads}): {states[scene, size]}")
+            seen[one].append(last)
+            done += 1
+            step = max(run["seconds a step"] for run in last)
+            print(f"  {time.monotonic() - began:4.0f} s  {scene} {count // len(wanted) + 1}: {kind}, size {size}, {ranks} x {threads}: {step:.4g} s a step", flush=True)
+            write(path, about + [f"repeats: {repeats}, by turns, {done} of {len(wanted) * repeats} runs; idle share before each turn {min(quiet):.3f} to {max(quiet):.3f}"]
+                  + (["BUSY"] if min(quiet) < 0.95 else []) + (["QUICK"] if quick else []), seen)
     print(f"wrote {path}")
     model(results)
 
@@ -312,13 +372,15 @@ def model(results=RESULTS):
     models, table = {}, []
     for scene in SCENES:
         mine = [row for row in rows if row["scene"] == scene]
-        if not mine:
+        have = {(row["kind"], row["size"], row["ranks"]) for row in mine}
+        # A measurement that ended early.
+        if not have >= {("one core", 1, 1), ("one core", 2, 1), ("ranks", 2, 2)}:
             continue
         models[scene] = m = Model(mine, told)
         base = next(row["seconds a step"] for row in mine if row["kind"] == "one core" and row["size"] == 2)
         single = next(row["seconds a step"] for row in mine if row["kind"] == "one core" and row["size"] == 1)
         for row in mine:
-            if row["kind"] not in ("ranks", "weak"):
+            if row["kind"] not in ("ranks", "weak") or row["ranks"] not in m.sharing:
                 continue
             predicted = m.step(row["size"], int(row["ranks"]))
             compute = m.alone(row["size"] / row["ranks"]) * m.sharing[row["ranks"]]
@@ -363,54 +425,52 @@ COLOURS = {"cavity": "#0072b2", "piping": "#d55e00", "spheres": "#009e73", "scou
 
 
 def draw(results, rows, models):
-    """Parallel efficiency over ranks: weak to the left, strong to the right; points are measured, lines the model on a cluster."""
-    panel, high, left, gap, top = 330, 260, 60, 70, 60
+    """Parallel efficiency over ranks: weak; strong as measured; strong on a cluster. Points are measured, lines the model."""
+    panel, high, left, gap, top = 270, 260, 50, 50, 60
     most = 4096
-    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + 2 * panel + gap + 30}" height="{top + high + 150}" font-family="sans-serif">',
+    measured = max(int(ranks) for m in models.values() for ranks in m.sharing)
+    # (words, size on so many ranks, most ranks)
+    panels = [("weak: size 1 on each rank", lambda ranks: ranks, most), ("strong: size 2 in all", lambda ranks: 2, max(measured, 2)),
+              (f"strong: size {NODE} in all", lambda ranks: NODE, most)]
+    highest = 1.4
+    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + 3 * panel + 2 * gap + 30}" height="{top + high + 150}" font-family="sans-serif">',
              '<rect width="100%" height="100%" fill="white"/>', text(14, 24, "Efficiency over ranks: measured (points) and modelled (lines)", size=15, weight="bold")]
-    for k, kind in enumerate(("weak", "strong")):
+    for k, (words, sized, last) in enumerate(panels):
         x0 = left + k * (panel + gap)
 
         def place(ranks, efficiency):
-            return x0 + panel * math.log2(ranks) / math.log2(most), top + high * (1 - min(max(efficiency, 0), 1.2) / 1.2)
+            return x0 + panel * math.log2(ranks) / math.log2(last), top + high * (1 - min(max(efficiency, 0), highest) / highest)
 
-        parts.append(text(x0, top - 8, "a slab of size 1 for each rank" if kind == "weak" else "64 slabs of size 1 in all", size=12))
-        for tick in (0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2):
+        parts.append(text(x0, top - 8, words, size=12))
+        for tick in (0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4):
             y = place(1, tick)[1]
             parts.append(f'<line x1="{x0}" y1="{y:.1f}" x2="{x0 + panel}" y2="{y:.1f}" stroke="#ddd"/>')
             parts.append(text(x0 - 6, y + 4, f"{tick:g}", "end", 11))
-        for tick in (1, 4, 16, 64, 256, 1024, 4096):
+        powers = range(int(math.log2(last)) + 1)
+        for tick in (2**power for power in powers[::2 if last > 64 else 1]):
             x = place(tick, 0)[0]
             parts.append(f'<line x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + high}" stroke="#eee"/>')
             parts.append(text(x, top + high + 16, str(tick), "middle", 11))
         parts.append(text(x0 + panel / 2, top + high + 34, "ranks", "middle"))
-        for scene, m in models.items():
+        for at, (scene, m) in enumerate(models.items()):
             full = max(m.sharing.values())
             points = []
-            for power in range(0, 13):
-                ranks = 2 ** power
-                sharing = 1.0 if ranks == 1 else full
+            for ranks in (2**power for power in powers):
                 network = {} if ranks <= NODE else NETWORK
-                size = ranks if kind == "weak" else 64
-                alone = m.alone(1) if kind == "weak" else m.alone(64) / ranks
-                points.append("{:.1f},{:.1f}".format(*place(ranks, alone / m.step(size, ranks, sharing=sharing, **network))))
+                step = m.step(sized(ranks), ranks, sharing=m.sharing.get(float(ranks), full), **network)
+                points.append("{:.1f},{:.1f}".format(*place(ranks, m.alone(sized(1)) * sized(ranks) / sized(1) / ranks / step)))
             parts.append(f'<polyline points="{" ".join(points)}" fill="none" stroke="{COLOURS[scene]}" stroke-width="2"/>')
-            one = {row["size"]: row["seconds a step"] for row in rows if row["scene"] == scene and row["kind"] == "one core"}
             for row in rows:
-                if row["scene"] != scene or row["kind"] not in ("ranks", "weak"):
+                if row["scene"] != scene or row["kind"] not in ("ranks", "weak") or row["size"] != sized(row["ranks"]) or row["ranks"] > last:
                     continue
-                if kind == "weak" and row["size"] == row["ranks"]:
-                    x, y = place(row["ranks"], one[1.0] / row["seconds a step"])
-                elif kind == "strong" and row["kind"] == "ranks":
-                    x, y = place(row["ranks"], one[2.0] / row["seconds a step"] / row["ranks"])
-                else:
-                    continue
-                parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="white" stroke="{COLOURS[scene]}" stroke-width="2"/>')
+                x, y = place(row["ranks"], m.alone(sized(1)) * sized(row["ranks"]) / sized(1) / row["ranks"] / row["seconds a step"])
+                # Beside each other, so that equal ones are seen.
+                parts.append(f'<circle cx="{x + 4 * (at - (len(models) - 1) / 2):.1f}" cy="{y:.1f}" r="4" fill="white" stroke="{COLOURS[scene]}" stroke-width="2"/>')
     y = top + high + 58
     for k, scene in enumerate(models):
         parts.append(f'<line x1="14" y1="{y + 18 * k - 4}" x2="40" y2="{y + 18 * k - 4}" stroke="{COLOURS[scene]}" stroke-width="3"/>')
         parts.append(text(48, y + 18 * k, WORDS[scene], size=12))
-    parts.append(text(14, y + 18 * len(models) + 4, f"cluster of the lines: sharing as measured with all cores of this machine, {NODE} ranks a node, 2 us and 12.5 GB/s beyond it", size=11, fill="#555"))
+    parts.append(text(14, y + 18 * len(models) + 4, f"lines: sharing as measured up to {measured} ranks, the largest beyond; {NODE} ranks a node, a network of 2 us and 12.5 GB/s between nodes", size=11, fill="#555"))
     parts.append("</svg>")
     path = os.path.join(results, "scaling.svg")
     with open(path + ".part", "w") as f:
@@ -426,6 +486,7 @@ def main():
     if words[:1] != ["measure"]:
         sys.exit(__doc__)
     workers, repeats, quick, busy_ok = [n for n in (1, 2, 4, 8, 16) if n <= len(cores())], 3, False, False
+    shorter, minutes = dict.fromkeys(SCENES, 1.0), math.inf
     rest = words[1:]
     while rest:
         word = rest.pop(0)
@@ -433,15 +494,22 @@ def main():
             quick, repeats = True, 1
         elif word == "--busy-ok":
             busy_ok = True
-        elif word in ("--workers", "--repeats") and rest:
+        elif word in ("--workers", "--repeats", "--shorter", "--minutes") and rest:
             value = rest.pop(0)
             if word == "--workers":
                 workers = sorted({int(n) for n in value.split(",")} | {1})
+            elif word == "--shorter":
+                parts = [float(part) for part in value.split(",")]
+                if len(parts) not in (1, len(SCENES)) or min(parts) <= 0:
+                    sys.exit(f"scaling: --shorter has one number above zero or {len(SCENES)} of them")
+                shorter = dict(zip(SCENES, parts * len(SCENES)))
+            elif word == "--minutes":
+                minutes = float(value)
             else:
                 repeats = int(value)
         else:
             sys.exit(__doc__)
-    measure(workers, repeats, quick, busy_ok)
+    measure(workers, repeats, quick, busy_ok, shorter, minutes)
 
 
 if __name__ == "__main__":
