@@ -56,6 +56,7 @@ fn measure_with<S: Stored>(
         periodic: [false; 3],
         patches: vec![lid(if cells[2] == 1 { 1 } else { 2 })],
         saturation: None,
+        device: solver::lbm::gpu::Device::Cpu,
     };
     let domain = Domain::serial(Axis::X, cells[0], false);
     let mut fluid = match Fluid::<S>::new(setup, &domain) {

@@ -3,6 +3,7 @@
 #
 #   bash jobs/install.sh            compiler, Open MPI, parallel HDF5, libclang; Rust is checked only
 #   bash jobs/install.sh --tests    the same, and what the tests need beside it (Python with venv)
+#   bash jobs/install.sh --kernels  the same, and the compiler that makes the kernels for GPUs (src/physics/lbm/gpu/build.sh): only where they change
 #
 # Works as root and with sudo on Debian and its kin. Where it may not install, it names what is missing and ends with
 # status 1. Other scripts source it and call `install_needs` and `use_environment`.
@@ -17,6 +18,9 @@ missing_packages() {
   have_libclang || echo libclang-dev
   if [ "${1:-}" = --tests ]; then
     python3 -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
+  elif [ "${1:-}" = --kernels ]; then
+    [ -x /usr/bin/rustc ] || echo rustc-web
+    [ -e /usr/lib/rustlib/src/rust/library/core/src/lib.rs ] || echo rust-web-src
   fi
 }
 
@@ -64,7 +68,7 @@ as_root() {
   fi
 }
 
-# Installs what is missing; says what is missing and returns 1 where it may not. Argument: --tests or nothing.
+# Installs what is missing; says what is missing and returns 1 where it may not. Argument: --tests, --kernels or nothing.
 install_needs() {
   local missing
   missing=$(missing_packages "${1:-}" | tr '\n' ' ')

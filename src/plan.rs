@@ -6,6 +6,7 @@ mod added_mass;
 mod bodies;
 pub(crate) mod contacts;
 pub(crate) mod critical_step;
+pub mod device;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
@@ -198,6 +199,7 @@ impl Plan {
             let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
             let before = findings.problems.len();
             let clock = clock(&scene, like.map(|plan| &plan.clock), &mut findings)?;
+            device::check(&scene, &mut findings);
             let margins = envelope::margins(&scene, &clock, &mut findings);
             if scene.guards.limits == Limits::Warn {
                 let refused = |p: &&mut Problem| p.severity == Severity::Error;

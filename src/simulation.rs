@@ -138,49 +138,72 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.now.view()
     }
 
-    /// Whether nobody looks at the water between this step and the next, and the water can make both at once
-    /// ([`crate::lbm::fluid::Fluid::advance_two`]). The same on every rank.
-    fn may_take_two_steps(&self) -> bool {
+    /// How many steps the water can make at once ([`crate::lbm::fluid::Fluid::at_once`]) before somebody looks at it: at least one. The same on
+    /// every rank.
+    fn steps_at_once(&self) -> u64 {
         let now = &self.now;
-        let between = now.step + 1;
-        let saves = now.plan.scene.checkpoint.every;
-        let saves = saves.is_some_and(|every| now.plan.clock.every(every).falls_on(between));
-        now.flow.as_ref().is_some_and(Water::may_advance_two)
-            && now.dem.is_none()
+        let most = now.flow.as_ref().map_or(1, Water::at_once);
+        let alone = now.dem.is_none()
             && now.averages.is_none()
-            && between < now.plan.clock.steps
-            && between < self.outputs.next_due()
-            && !saves
             && !self.recorder.measures()
-            && !self.collapse.measures()
-            && !self.guards.look_between(now.step)
+            && !self.collapse.measures();
+        if most < 2 || !alone {
+            return 1;
+        }
+        let saves = now.plan.scene.checkpoint.every;
+        let saves = saves.map(|every| now.plan.clock.every(every));
+        let next_save = saves.map_or(u64::MAX, |every| every.next_from(now.step + 1));
+        let due = [
+            now.plan.clock.steps,
+            self.outputs.next_due(),
+            next_save,
+            self.guards.next_look(now.step),
+        ];
+        let next = due.into_iter().min().unwrap_or(u64::MAX);
+        next.saturating_sub(now.step).clamp(1, most)
     }
 
-    /// One step, or two of water alone where nobody looks between them. Collective.
+    /// One step, or several of water alone where nobody looks between them. Collective.
     ///
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
-        let two = self.may_take_two_steps();
+        let steps = self.steps_at_once();
         let now = &mut self.now;
+        let balances = Guards::balances(now.step);
+        if let Some(flow) = &mut now.flow
+            && balances
+        {
+            flow.fetch()?;
+        }
         self.guards.before(now.step, now.lattice(), &now.domain);
         if let Some(flow) = &mut now.flow {
-            if two {
-                flow.advance_two();
+            if steps > 1 {
+                flow.advance_many(steps)?;
             } else {
                 flow.advance(&mut now.particles, &now.domain)?;
+            }
+            // The checks of the guards alone do without.
+            let next = now.step + steps;
+            let saves = now.plan.scene.checkpoint.every;
+            let saves = saves.is_some_and(|every| now.plan.clock.every(every).falls_on(next));
+            let measures =
+                now.averages.is_some() || self.recorder.measures() || self.collapse.measures();
+            let due = next >= self.outputs.next_due().min(now.plan.clock.steps);
+            if balances || saves || measures || due {
+                flow.fetch()?;
             }
         }
         self.phases.done(Phase::Fluid);
         self.guards.after(now.lattice(), &now.domain);
         self.phases.done(Phase::Guards);
         if let Some(dem) = &mut now.dem {
-            let steps = u64::from(now.plan.clock.solid_steps_per_step);
-            dem.advance_many(&mut now.particles, &now.domain, steps)
+            let each = u64::from(now.plan.clock.solid_steps_per_step);
+            dem.advance_many(&mut now.particles, &now.domain, each)
                 .map_err(|error| guards::of_solids(error, &now.plan))?;
         }
         self.phases.done(Phase::Grains);
-        now.step += if two { 2 } else { 1 };
+        now.step += steps;
         let time = now.time();
         let mut changed = false;
         if let Some(dem) = &mut now.dem {
@@ -229,15 +252,24 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             self.outputs.write_due(&now.view())?;
         }
         self.phases.done(Phase::Output);
-        self.guards.check(
-            now.step,
-            now.lattice(),
-            (&now.particles, now.dem.as_ref().map(Dem::deepest)),
-            &now.plan,
-            &now.domain,
-        )?;
+        let deepest = now.dem.as_ref().map(Dem::deepest);
+        let solids = (&now.particles, deepest);
+        self.guards
+            .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
+        if self.guards.take_unfetched() {
+            self.fetch()?;
+            self.look()?;
+        }
         self.phases.done(Phase::Guards);
         Ok(())
+    }
+
+    /// Brings the state of the water back from where it is computed. Collective.
+    ///
+    /// # Errors
+    /// When a GPU fails.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.now.flow.as_mut().map_or(Ok(()), Water::fetch)
     }
 
     /// Looks at the state as it is, unless the guards have done so. Collective.
@@ -245,6 +277,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// # Errors
     /// When the numbers fail.
     fn look(&mut self) -> Result<(), Error> {
+        self.fetch()?;
         let now = &self.now;
         let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
         self.guards

@@ -4,6 +4,7 @@ use super::boundary::Boundary;
 use super::darcy::Darcy;
 use super::geometry::Vector;
 pub use crate::lbm::collision::Operator as Collision;
+pub use crate::lbm::gpu::Device;
 use crate::lbm::synthetic::Fluctuations;
 pub use crate::lbm::turbulence::EddyViscosity as Turbulence;
 use schemars::JsonSchema;
@@ -62,6 +63,10 @@ pub struct LatticeBoltzmann {
     /// with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
+    /// What the fluid runs on. A GPU runs d3q27 with bgk, trt or mrt between walls and periodic axes on one rank, and with mrt also bodies in
+    /// partially saturated cells. The state is the same on both.
+    #[serde(default)]
+    pub device: Device,
     /// Body force that drives the fluid [N/m3], in addition to gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `fluid` | one slab of fluid: the step, its state, surfaces told to the eddy viscosity |
 //! | `kernel` | the fused pass over the rows of a slab |
+//! | `gpu` | the pass and the walls on a GPU, by the same operators |
 //! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |
 //! | `halo` | populations that leave a slab |
 //! | `initial` | populations from density and velocity at the start |
@@ -19,6 +20,7 @@
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
 //! | `synthetic` | synthetic turbulence of inlets and initial flows |
 //! | `links` | bounce-back on links that cross the surface of a body or of a structure |
+//! | `rigid` | the motion of a body |
 //! | `saturation` | partially saturated cells, solid collision operators |
 //! | `extremes` | largest speed and compression of each row |
 //! | `quanta` | sums that do not depend on the order |
@@ -28,6 +30,7 @@ pub mod boundary;
 pub mod collision;
 pub mod extremes;
 pub mod fluid;
+pub mod gpu;
 pub mod halo;
 pub mod initial;
 pub mod kernel;
@@ -37,6 +40,7 @@ pub mod links;
 mod pages;
 pub mod populations;
 pub mod quanta;
+pub mod rigid;
 pub mod saturation;
 pub mod synthetic;
 pub mod turbulence;

@@ -1,7 +1,9 @@
 //! The models of a scene, each with its reason, and the models that it does not need.
 
 use super::Clock;
+use super::device::device;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
+use crate::case::fluid::Device;
 use crate::case::fluid::Precision;
 use crate::family::Description;
 use crate::lbm::lattice::VelocitySet;
@@ -221,6 +223,20 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 },
                 "streamed in place: one array; arithmetic in f64".into(),
             );
+            match device(scene) {
+                Device::Cpu if flow.device == Device::Auto => choose(
+                    "device",
+                    "the processor".into(),
+                    "a GPU does not run this scene yet".into(),
+                ),
+                Device::Cpu => {}
+                Device::Gpu => choose("device", "a GPU".into(), "requested".into()),
+                Device::Auto => choose(
+                    "device",
+                    "a GPU where there is one, else the processor".into(),
+                    "requested; the state is the same on both".into(),
+                ),
+            }
         }
     }
     match (&scene.coupling, &scene.flow) {

@@ -11,7 +11,8 @@ use super::initial::{Initial, initial};
 use crate::case::Case;
 use crate::case::coupling::{PartiallySaturated, SolidOperator};
 use crate::case::fluid::{
-    self, Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence, TurbulenceChoice,
+    self, Collision, Device, LatticeBoltzmann, LatticeChoice, Precision, Turbulence,
+    TurbulenceChoice,
 };
 use crate::error::Remedy;
 pub use crate::lbm::lattice::VelocitySet as Lattice;
@@ -37,6 +38,8 @@ pub struct Flow {
     pub turbulence: Option<Turbulence>,
     /// Storage precision of the populations.
     pub storage: Precision,
+    /// What it runs on.
+    pub device: Device,
     /// Time step \[s\].
     pub time_step: f64,
     /// Relaxation time tau.
@@ -121,6 +124,7 @@ impl Flow {
             collision: lbm.collision.unwrap_or_default(),
             turbulence: lbm.turbulence.and_then(TurbulenceChoice::model),
             storage: lbm.storage.unwrap_or_default(),
+            device: lbm.device,
             time_step,
             relaxation_time,
             fixed_by,

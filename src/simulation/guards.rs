@@ -79,6 +79,8 @@ pub struct Guards {
     squeezed: [Option<At>; 2],
     /// A step was taken since the start: before that nothing has crossed a face.
     stepped: bool,
+    /// The last look found a failure, whose description needs the populations.
+    unfetched: bool,
     /// Looks have all the room that they need.
     ready: bool,
     /// The step of the last look.
@@ -342,14 +344,23 @@ impl Guards {
         })
     }
 
-    /// Whether a check or a balance needs the state between `step` and the step after the next.
+    /// Whether the step from `step` on is one that is balanced.
     #[must_use]
-    pub fn look_between(&self, step: u64) -> bool {
-        let between = step + 1;
-        between.is_multiple_of(self.every)
-            || [step, between]
-                .iter()
-                .any(|at| at.is_multiple_of(BALANCE_EVERY))
+    pub fn balances(step: u64) -> bool {
+        step.is_multiple_of(BALANCE_EVERY)
+    }
+
+    /// The next step after `step` whose state a check or a balance needs.
+    #[must_use]
+    pub fn next_look(&self, step: u64) -> u64 {
+        // A balance compares the state before a step with that after it.
+        let within = |every: u64| (step / every + 1) * every;
+        let balanced = if Self::balances(step) {
+            step + 1
+        } else {
+            within(BALANCE_EVERY)
+        };
+        within(self.every).min(balanced)
     }
 
     /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
@@ -370,7 +381,7 @@ impl Guards {
             self.openings.prepare(self.every, flow);
         }
         if let Some(flow) = flow
-            && step.is_multiple_of(BALANCE_EVERY)
+            && Self::balances(step)
         {
             self.before = Some(totals(flow, domain.communicator(), &mut self.row));
         }
@@ -498,6 +509,11 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
+    /// Whether the last look found a failure in populations that are on a GPU: it is described by the same look once they are here.
+    pub fn take_unfetched(&mut self) -> bool {
+        std::mem::take(&mut self.unfetched)
+    }
+
     /// Looks at all cells and grains. Collective.
     fn inspect<Sp: Space, S: Stored>(
         &mut self,
@@ -567,6 +583,10 @@ impl Guards {
                 .push(format!("{when}: warning: {}", too_fast(speed)));
         }
         let text = match (failure, flow) {
+            (Some(_), Some(flow)) if flow.fluid().is_away() => {
+                (self.unfetched, self.looked) = (true, None);
+                return Ok(());
+            }
             (Some(failure), Some(flow)) => {
                 let told = self.flows(plan);
                 failure.describe(flow, particles, plan, told, communicator)

@@ -56,6 +56,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         ],
         patches,
         saturation: coupled::saturation(plan),
+        device: plan::device::device(&plan.scene),
     })
 }
 

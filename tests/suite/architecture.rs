@@ -115,6 +115,8 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
         &[],
     ),
+    // The kernels of GPUs: the root of a crate of its own, made of files of the lattice.
+    ("gpu", &["lbm"], &[]),
     // The parameters of a model stand beside its formula.
     (
         "case",
@@ -176,7 +178,14 @@ const CRATES: &[&str] = &[
 ];
 
 /// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads share.
-const UNSAFE: &[&str] = &["allocator", "decomposition", "io", "lbm", "thread_pool"];
+const UNSAFE: &[&str] = &[
+    "allocator",
+    "decomposition",
+    "gpu",
+    "io",
+    "lbm",
+    "thread_pool",
+];
 
 /// Comments and strings blanked out, tests cut off; line breaks stay.
 pub(crate) fn code_of(text: &str) -> String {

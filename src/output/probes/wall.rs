@@ -261,6 +261,7 @@ mod tests {
             periodic: [false; 3],
             patches,
             saturation: None,
+            device: crate::lbm::gpu::Device::Cpu,
         };
         let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(Axis::X, 6, false)).unwrap();
         fluid.initialise(&|_| (deviation, [0.0; 3]));

@@ -141,10 +141,14 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// Whether two steps may be made at once where there are no grains: nothing but walls acts on the water. The same on every rank.
+    /// How many steps may be made at once where there are no grains. The same on every rank.
     #[must_use]
-    pub fn may_advance_two(&self) -> bool {
-        self.structures.is_none() && self.fluid.may_advance_two()
+    pub fn at_once(&self) -> u64 {
+        if self.structures.is_none() {
+            self.fluid.at_once()
+        } else {
+            1
+        }
     }
 
     fn clear_loads(&mut self, n: usize) {
@@ -155,13 +159,16 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 
 impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
-        self.fluid.advance();
+        self.fluid.advance_many(1).map_err(Error::Internal)?;
         if let Some(structures) = &mut self.structures {
+            self.fluid.fetch().map_err(Error::Internal)?;
             structures.bounce(self.fluid.populations_mut());
         }
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
+        // The links bounce here.
+        self.fluid.fetch().map_err(Error::Internal)?;
         self.clear_loads(particles.len());
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);

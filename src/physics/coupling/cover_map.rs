@@ -19,9 +19,11 @@ use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::links::{Plane, Rigid};
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
-use crate::number::{real, to_i32, to_u32};
+use crate::number::{floor_i32, real, to_i32, to_u32};
+use crate::thread_pool;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Who is mapped: id, and which image.
 type Name = (u64, [i32; 3]);
@@ -58,6 +60,27 @@ impl Mapped {
     }
 }
 
+impl Mapped {
+    /// The planes of the slab that it may cover, cut for some threads. Of a ball all cells share tables, so that it stays whole.
+    fn cut(&self, rows: &Rows, frame: [i32; 3], threads: usize) -> Vec<Range<i32>> {
+        /// Fewer planes are not worth a piece.
+        const FEWEST: i32 = 2;
+        let slow = rows.order[0];
+        let all = -1..rows.cells[slow] + 1;
+        let Some(pose) = self.at.filter(|_| !self.planes.is_empty()) else {
+            return vec![all];
+        };
+        let (low, high) = (
+            floor_i32(pose.centre[slow] - pose.radius) + frame[slow],
+            floor_i32(pose.centre[slow] + pose.radius) + frame[slow] + 1,
+        );
+        let (low, high) = (low.max(all.start), high.min(all.end));
+        let count = to_i32(threads).min((high - low) / FEWEST).max(1);
+        let cut = |k: i32| low + (high - low) * k / count;
+        (0..count).map(|k| cut(k)..cut(k + 1)).collect()
+    }
+}
+
 /// Where a body stands, in cells, and how large it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
@@ -82,7 +105,21 @@ pub struct CoverMap {
     alone: Alone,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
+    /// Room that is used again.
+    pieces: Vec<Piece>,
 }
+
+/// Up to this many bodies are shared out to threads by their planes, more of them whole.
+const FEW: usize = 16;
+
+/// Some planes of a body, and what it covers there.
+#[derive(Debug, Default)]
+struct Piece {
+    body: usize,
+    planes: Range<i32>,
+    found: Runs,
+}
+
 impl CoverMap {
     /// No bodies over the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
@@ -110,6 +147,7 @@ impl CoverMap {
             entries: Vec::new(),
             alone: Alone::default(),
             closed: Vec::new(),
+            pieces: Vec::new(),
         }
     }
 
@@ -178,7 +216,7 @@ impl CoverMap {
             cover.set(
                 body.slot,
                 Solid {
-                    name: body.name,
+                    name: body.name.into(),
                     motion,
                     frame,
                     alone: self.alone.is(k),
@@ -187,46 +225,116 @@ impl CoverMap {
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);
         let closed = &self.closed;
-        let look = |scratch: &mut Scratch, body: &mut Mapped| {
+        let look = |scratch: &mut Scratch, body: &Mapped, planes: Range<i32>, found: &mut Runs| {
             if let (true, Some(pose)) = (body.moved, body.at) {
-                let frame = frame(grid, dimension, body.name.1);
-                let mut next = std::mem::take(&mut body.next);
                 let form = body.form(&pose, dimension);
                 rows.level.run(Walk {
                     rows: &rows,
                     form: &form,
-                    frame,
+                    frame: frame(grid, dimension, body.name.1),
+                    planes,
                     method,
                     scratch,
-                    found: &mut next,
+                    found,
                 });
                 if !closed.is_empty() {
-                    next.leave_out(closed);
+                    found.leave_out(closed);
                 }
-                body.next = next;
             }
         };
-        let tell = |cover: &mut Cover, body: &mut Mapped| {
-            if body.moved {
-                body.next.tell(cover, body.slot, &body.cells);
-                std::mem::swap(&mut body.cells, &mut body.next);
-            }
+        let all = -1..rows.cells[rows.order[0]] + 1;
+        let look_at_all = |scratch: &mut Scratch, body: &mut Mapped| {
+            let mut next = std::mem::take(&mut body.next);
+            look(scratch, body, all.clone(), &mut next);
+            body.next = next;
         };
-        if rayon::current_num_threads() > 1 && self.bodies.len() > 16 {
-            self.bodies
-                .par_iter_mut()
-                .with_min_len(8)
-                .for_each_init(Scratch::default, look);
+        let threads = rayon::current_num_threads();
+        if threads == 1 {
+            let mut scratch = Scratch::default();
+            let mut part = cover.whole();
             for body in &mut self.bodies {
-                tell(cover, body);
+                look_at_all(&mut scratch, body);
+                // At once: what was found is in the cache.
+                if body.moved {
+                    body.next.tell(&mut part, body.slot, &body.cells);
+                }
             }
         } else {
-            let mut scratch = Scratch::default();
-            for body in &mut self.bodies {
-                look(&mut scratch, body);
-                tell(cover, body);
+            if self.bodies.len() > FEW {
+                self.bodies
+                    .par_iter_mut()
+                    .with_min_len(8)
+                    .for_each_init(Scratch::default, look_at_all);
+            } else {
+                // Each a few planes of a body.
+                let mut pieces = std::mem::take(&mut self.pieces);
+                let mut count = 0;
+                for (k, body) in self.bodies.iter().enumerate().filter(|(_, b)| b.moved) {
+                    for planes in body.cut(&rows, frame(grid, dimension, body.name.1), threads) {
+                        if count == pieces.len() {
+                            pieces.push(Piece::default());
+                        }
+                        (pieces[count].body, pieces[count].planes) = (k, planes);
+                        count += 1;
+                    }
+                }
+                let bodies = &self.bodies;
+                pieces[..count]
+                    .par_iter_mut()
+                    .for_each_init(Scratch::default, |scratch, piece| {
+                        let (body, planes) = (&bodies[piece.body], piece.planes.clone());
+                        look(scratch, body, planes, &mut piece.found);
+                    });
+                for body in self.bodies.iter_mut().filter(|body| body.moved) {
+                    body.next.clear();
+                }
+                for piece in &pieces[..count] {
+                    self.bodies[piece.body].next.append(&piece.found);
+                }
+                self.pieces = pieces;
+            }
+            let bodies = &self.bodies;
+            cover.each_part(&self.cuts(), |part| {
+                for body in bodies.iter().filter(|body| body.moved) {
+                    body.next.tell(part, body.slot, &body.cells);
+                }
+            });
+        }
+        for body in self.bodies.iter_mut().filter(|body| body.moved) {
+            std::mem::swap(&mut body.cells, &mut body.next);
+        }
+    }
+
+    /// Where the planes of the slab, with their ghosts, are best cut for the threads: so that each has as much surface of bodies.
+    fn cuts(&self) -> Vec<usize> {
+        let slow = self.rows.order[0];
+        let planes = self.rows.cells[slow] + 2;
+        let mut surface = vec![0.0; usize::try_from(planes).unwrap_or(0)];
+        let moved = self.bodies.iter().filter(|body| body.moved);
+        for (body, pose) in moved.filter_map(|body| Some((body, body.at?))) {
+            // From the raw frame to the planes with their ghosts.
+            let to = frame(&self.grid, self.dimension, body.name.1)[slow] + 1;
+            let plane = |x: f64| (floor_i32(x) + to).clamp(0, planes - 1);
+            let (low, high) = (
+                pose.centre[slow] - pose.radius,
+                pose.centre[slow] + pose.radius,
+            );
+            for plane in plane(low)..=plane(high) {
+                // The surface of a ball between two planes side by side is the same everywhere.
+                surface[usize::try_from(plane).unwrap_or(0)] += pose.radius;
             }
         }
+        let pieces = real(thread_pool::threads());
+        let each = surface.iter().sum::<f64>() / pieces;
+        let mut cuts = Vec::new();
+        let mut sum = 0.0;
+        for (plane, surface) in surface.iter().enumerate() {
+            if sum >= each * real(cuts.len() + 1) && real(cuts.len() + 1) < pieces {
+                cuts.push(plane * self.rows.strides[slow]);
+            }
+            sum += surface;
+        }
+        cuts
     }
 
     /// Gives each entry of the particles the map of the same body and image, and takes out those that went away.
@@ -248,10 +356,13 @@ impl CoverMap {
                 ..Mapped::default()
             }));
         }
-        for gone in old.into_values() {
-            Runs::default().tell(cover, gone.slot, &gone.cells);
-            self.unused.push(gone.slot);
+        let gone: Vec<Mapped> = old.into_values().collect();
+        let mut part = cover.whole();
+        for gone in &gone {
+            Runs::default().tell(&mut part, gone.slot, &gone.cells);
         }
+        drop(part);
+        self.unused.extend(gone.iter().map(|gone| gone.slot));
         for k in fresh {
             self.bodies[k].slot = self.unused.pop().unwrap_or_else(|| {
                 self.slots += 1;

@@ -178,8 +178,9 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
 
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
-        self.fluid.advance();
+        self.fluid.advance_many(1).map_err(Error::Internal)?;
         if let Some(structures) = &mut self.structures {
+            self.fluid.fetch().map_err(Error::Internal)?;
             structures.bounce(self.fluid.populations_mut());
         }
         if particles.is_empty() && domain.communicator().size() == 1 {

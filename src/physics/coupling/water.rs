@@ -43,20 +43,39 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Whether [`Self::advance_two`] may be called: nothing but walls acts on the water, and there are no grains in it. The same on every rank.
+    /// How many steps of water without grains may be made at once ([`crate::lbm::fluid::Fluid::at_once`]). The same on every rank.
     #[must_use]
-    pub fn may_advance_two(&self) -> bool {
+    pub fn at_once(&self) -> u64 {
         match self {
-            Self::BounceBack(flow) => flow.may_advance_two(),
-            Self::Saturated(_) | Self::Seepage(_) => false,
+            Self::BounceBack(flow) => flow.at_once(),
+            Self::Saturated(_) | Self::Seepage(_) => 1,
         }
     }
 
-    /// Two steps of water without grains, at the cost in memory traffic of one. Collective.
+    /// Steps of water without grains, at most [`Self::at_once`]. Collective.
+    ///
+    /// # Errors
+    /// When a GPU fails.
     #[inline(never)]
-    pub fn advance_two(&mut self) {
-        if let Some(flow) = self.lattice_mut() {
-            flow.fluid_mut().advance_two();
+    pub fn advance_many(&mut self, steps: u64) -> Result<(), Error> {
+        match self.lattice_mut() {
+            Some(flow) => flow
+                .fluid_mut()
+                .advance_many(steps)
+                .map_err(Error::Internal),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings the populations back from a GPU, if they are there ([`crate::lbm::fluid::Fluid::fetch`]).
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    #[inline(never)]
+    pub fn fetch(&mut self) -> Result<(), Error> {
+        match self.lattice_mut() {
+            Some(flow) => flow.fluid_mut().fetch().map_err(Error::Internal),
+            None => Ok(()),
         }
     }
 

@@ -50,6 +50,7 @@ pub use site::{Opening, Place, Site};
 pub use sound::{Sound, Sums};
 
 use super::block::Block;
+use super::gpu::copies::Copies;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use crate::error::{Error, Report};
@@ -436,6 +437,17 @@ impl<S: Stored> Boundaries<S> {
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
         self.patches[patch].rule.factor(step)
+    }
+
+    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor. `plane` is the distance from plane to
+    /// plane.
+    pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
+        self.walls.copies(parity, plane)
+    }
+
+    /// Number of patches.
+    pub(crate) fn count(&self) -> usize {
+        self.patches.len()
     }
 
     /// Names of the patches, in the order of [`Boundaries::fluxes`].

@@ -2,15 +2,18 @@
 
 mod dispatch;
 mod force;
+mod on_gpu;
 mod state;
 mod surfaces;
 mod two_steps;
 
 pub use force::Force;
+pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
 use super::boundary::{Boundaries, Frame, Patch};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
+use super::gpu::{Device, Gpu};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
 use super::kernel::Shared;
@@ -46,6 +49,8 @@ pub struct Setup<S: Stored = f64> {
     pub patches: Vec<Patch<S>>,
     /// The action of solids on covered cells; none if no cell can be covered.
     pub saturation: Option<Method>,
+    /// What it runs on.
+    pub device: Device,
 }
 
 /// The planes of worker t.
@@ -62,6 +67,8 @@ fn inner(share: &Range<usize>) -> Range<usize> {
 
 /// One slab of fluid.
 pub struct Fluid<S: Stored> {
+    /// The GPU that makes the steps, if one does. It uses the memory of the populations: goes before them.
+    gpu: Option<Gpu>,
     populations: Populations<S>,
     boundaries: Boundaries<S>,
     halo: Halo,
@@ -83,15 +90,17 @@ pub struct Fluid<S: Stored> {
     communicator: Communicator,
     threads: usize,
     step: u64,
+    /// The GPU holds the populations as they are here.
+    shared_with_gpu: bool,
 }
 
 impl<S: Stored> Fluid<S> {
     /// Fluid at rest in the slab of this rank.
     ///
     /// # Errors
-    /// If the memory cannot be allocated.
+    /// If the memory cannot be allocated, or a GPU is asked for that does not exist or cannot run this fluid.
     #[inline(never)]
-    pub fn new(setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
+    pub fn new(mut setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
         let split = domain.axis().index();
         let planes = domain.range();
         let mut cells = setup.cells;
@@ -107,6 +116,7 @@ impl<S: Stored> Fluid<S> {
             VelocitySet::D3Q27 => Shared::new::<27>,
         };
         let populations = Populations::new(velocities, cells, split)?;
+        let patches = std::mem::take(&mut setup.patches);
         let frame = Frame {
             cells: setup.cells,
             start,
@@ -114,19 +124,14 @@ impl<S: Stored> Fluid<S> {
         };
         let field = match setup.turbulence {
             None => None,
-            Some(_) => Some(VelocityField::new(
-                &populations,
-                &frame,
-                &setup.patches,
-                domain,
-            )?),
+            Some(_) => Some(VelocityField::new(&populations, &frame, &patches, domain)?),
         };
         let threads = thread_pool::threads();
         let tau = setup.relaxation_time;
         let boundaries = Boundaries::new(
             &populations,
             &frame,
-            setup.patches,
+            patches,
             // Structures may cover them as well.
             true,
         );
@@ -137,6 +142,23 @@ impl<S: Stored> Fluid<S> {
             cover.wall_off(boundaries.behind_walls_at_rest(&populations));
             cover
         });
+        let start_on_gpu = |cover: Option<&Cover>| {
+            on_gpu::start(
+                &setup,
+                &populations,
+                &boundaries,
+                pass.as_ref(),
+                cover,
+                domain,
+            )
+        };
+        let gpu = match setup.device {
+            Device::Cpu => None,
+            Device::Gpu => Some(start_on_gpu(cover.as_ref())?),
+            Device::Auto => start_on_gpu(cover.as_ref())
+                .inspect_err(|why| log::info!("the fluid runs on the processor: {why}"))
+                .ok(),
+        };
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
@@ -179,6 +201,8 @@ impl<S: Stored> Fluid<S> {
             communicator: domain.communicator().clone(),
             threads,
             step: 0,
+            gpu,
+            shared_with_gpu: false,
         })
     }
 
@@ -186,6 +210,7 @@ impl<S: Stored> Fluid<S> {
     #[inline(never)]
     pub fn initialise(&mut self, field: &dyn Field) {
         let half = self.half_force();
+        self.shared_with_gpu = false;
         initial::fill(
             &mut self.populations,
             self.start,
@@ -200,6 +225,7 @@ impl<S: Stored> Fluid<S> {
     /// Sets a cell to equilibrium.
     pub fn set_equilibrium(&mut self, cell: usize, drho: f64, u: [f64; 3]) {
         let half = self.half_force();
+        self.shared_with_gpu = false;
         for i in 0..self.populations.velocities().q() {
             let v = self.populations.velocities();
             let (w, c) = (v.w[i], v.c[i]);
@@ -221,10 +247,40 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.recall(memories);
     }
 
-    /// One step: collide and stream every cell, exchange, apply the boundaries. Afterwards every incoming population of the
+    /// How many steps may be made at once, where nobody sees the populations between them. The same on every rank.
+    #[must_use]
+    pub fn at_once(&self) -> u64 {
+        if self.gpu.is_some() {
+            u64::MAX
+        } else if self.may_advance_two() {
+            2
+        } else {
+            1
+        }
+    }
+
+    /// Steps between which nobody sees the populations, at most [`Self::at_once`]. Collective.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn advance_many(&mut self, steps: u64) -> Result<(), String> {
+        if self.gpu.is_some() {
+            return self.advance_on_gpu(steps);
+        }
+        for _ in 0..steps / 2 {
+            self.advance_two();
+        }
+        for _ in 0..steps % 2 {
+            self.advance();
+        }
+        Ok(())
+    }
+
+    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every incoming population of the
     /// slab is in place, except those at moving bodies, which the coupling sets.
     #[inline(never)]
     pub fn advance(&mut self) {
+        self.shared_with_gpu = false;
         let planes = self.populations.cells()[self.populations.order()[0]];
         let force = self.half_force().map(|f| 2.0 * f);
         let half = force.map(|f| 0.5 * f);
@@ -427,6 +483,7 @@ impl<S: Stored> Fluid<S> {
 
     /// The lattice array, for the coupling and for restarts.
     pub fn populations_mut(&mut self) -> &mut Populations<S> {
+        self.shared_with_gpu = false;
         &mut self.populations
     }
 
@@ -439,6 +496,7 @@ impl<S: Stored> Fluid<S> {
     /// Continues from a saved step; the populations must have been set to their own cells.
     pub fn set_steps(&mut self, step: u64) {
         self.step = step;
+        self.shared_with_gpu = false;
         self.populations.set_home();
     }
 

@@ -8,48 +8,10 @@
 //! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479). Populations are numbered by physical
 //! direction whatever the memory layout, so a sum over populations has one order and hence one result.
 
-/// The velocity sets, as a choice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum VelocitySet {
-    /// Two dimensions, nine velocities.
-    D2Q9,
-    /// Three dimensions, nineteen velocities.
-    D3Q19,
-    /// Three dimensions, twenty-seven velocities.
-    D3Q27,
-}
-
-impl VelocitySet {
-    /// Number of velocities.
-    #[must_use]
-    pub fn count(self) -> usize {
-        match self {
-            Self::D2Q9 => 9,
-            Self::D3Q19 => 19,
-            Self::D3Q27 => 27,
-        }
-    }
-
-    /// Number of space dimensions.
-    #[must_use]
-    pub fn dimension(self) -> usize {
-        match self {
-            Self::D2Q9 => 2,
-            Self::D3Q19 | Self::D3Q27 => 3,
-        }
-    }
-
-    /// Its velocities.
-    #[must_use]
-    pub fn velocities(self) -> Velocities {
-        match self {
-            Self::D2Q9 => Velocities::of::<D2Q9, 9>(),
-            Self::D3Q19 => Velocities::of::<D3Q19, 19>(),
-            Self::D3Q27 => Velocities::of::<D3Q27, 27>(),
-        }
-    }
-}
+#[cfg(not(target_arch = "nvptx64"))]
+mod velocities;
+#[cfg(not(target_arch = "nvptx64"))]
+pub use velocities::{Velocities, VelocitySet};
 
 /// A set of `Q` discrete velocities in lattice units (cells per step), three components always.
 pub trait Lattice<const Q: usize>: Copy + Send + Sync + 'static {
@@ -197,41 +159,6 @@ const fn pairs<const Q: usize>(opposite: &[usize; Q]) -> [(usize, usize); 13] {
         i += 1;
     }
     pairs
-}
-
-/// The same tables at run time, for code outside the cell loop (boundaries, coupling, output).
-#[derive(Clone, Debug)]
-pub struct Velocities {
-    /// Name of the set.
-    pub name: &'static str,
-    /// Number of space dimensions.
-    pub dimension: usize,
-    /// Velocity of each population.
-    pub c: Vec<[i8; 3]>,
-    /// Weight of each population.
-    pub w: Vec<f64>,
-    /// Opposite of each population.
-    pub opposite: Vec<usize>,
-}
-
-impl Velocities {
-    /// The tables of `L`.
-    #[must_use]
-    pub fn of<L: Lattice<Q>, const Q: usize>() -> Self {
-        Self {
-            name: L::NAME,
-            dimension: L::DIMENSION,
-            c: L::C.to_vec(),
-            w: L::W.to_vec(),
-            opposite: L::OPPOSITE.to_vec(),
-        }
-    }
-
-    /// Number of populations.
-    #[must_use]
-    pub fn q(&self) -> usize {
-        self.c.len()
-    }
 }
 
 /// Repeats a block with a constant index below a limit, written out at compile time: a loop that the compiler leaves

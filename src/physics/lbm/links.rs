@@ -21,9 +21,12 @@
 
 pub mod fixed;
 
+pub use super::rigid::Rigid;
+
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
 use super::quanta::quanta;
+pub(crate) use super::rigid::surface_velocity;
 use crate::thread_pool;
 
 /// The two numbers of a link and where it crosses the surface.
@@ -41,19 +44,6 @@ pub struct BodyLink {
     pub moves: bool,
     /// The cell behind the outer one is fluid.
     pub backed: bool,
-}
-
-/// Motion of a body in lattice units, and its size.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Rigid {
-    /// Centre in cells.
-    pub position: [f64; 3],
-    /// Velocity of the centre.
-    pub velocity: [f64; 3],
-    /// Angular velocity.
-    pub spin: [f64; 3],
-    /// Radius in cells.
-    pub radius: f64,
 }
 
 /// The half-space `normal . x <= offset` of a convex polyhedron, in cells.
@@ -287,20 +277,6 @@ fn dot<const D: usize>(a: [f64; 3], b: [f64; 3]) -> f64 {
         sum += a[2] * b[2];
     }
     sum
-}
-
-#[inline(always)]
-pub(super) fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [f64; 3] {
-    let (u, w) = (motion.velocity, motion.spin);
-    if D == 2 {
-        [u[0] - w[2] * r[1], u[1] + w[2] * r[0], 0.0]
-    } else {
-        [
-            u[0] + (w[1] * r[2] - w[2] * r[1]),
-            u[1] + (w[2] * r[0] - w[0] * r[2]),
-            u[2] + (w[0] * r[1] - w[1] * r[0]),
-        ]
-    }
 }
 
 /// # Safety

@@ -106,6 +106,8 @@ pub struct Populations<S: Stored> {
     parity: Parity,
     /// Instructions for sums over rows.
     level: Level,
+    /// The numbers of these cells are elsewhere: those here are of an earlier step.
+    away: bool,
 }
 
 /// Places of a slab in memory.
@@ -196,6 +198,7 @@ impl<S: Stored> Populations<S> {
             velocities,
             parity: Parity::Home,
             level: Level::best(),
+            away: false,
         })
     }
 
@@ -283,7 +286,14 @@ impl<S: Stored> Populations<S> {
     #[inline]
     #[must_use]
     pub fn incoming(&self, cell: usize, j: usize) -> usize {
-        match self.parity {
+        self.incoming_after(self.parity, cell, j)
+    }
+
+    /// Position of the incoming f_j of a cell after a pass of this parity.
+    #[inline]
+    #[must_use]
+    pub fn incoming_after(&self, parity: Parity, cell: usize, j: usize) -> usize {
+        match parity {
             Parity::Home => self.begins[j] + cell,
             Parity::Reversed => {
                 self.begins[self.velocities.opposite[j]] + cell.wrapping_add_signed(-self.offset(j))
@@ -302,13 +312,21 @@ impl<S: Stored> Populations<S> {
     }
 
     /// The whole array.
+    ///
+    /// # Panics
+    /// If the numbers are on a GPU and nobody has fetched them: an old state would pass for the present one.
     #[must_use]
     pub fn numbers(&self) -> &[S] {
+        assert!(!self.away, "the populations are on the GPU");
         &self.memory
     }
 
     /// The whole array, to write.
+    ///
+    /// # Panics
+    /// As [`Self::numbers`].
     pub fn numbers_mut(&mut self) -> &mut [S] {
+        assert!(!self.away, "the populations are on the GPU");
         &mut self.memory
     }
 
@@ -360,7 +378,18 @@ impl<S: Stored> Populations<S> {
         std::array::from_fn(|i| self.incoming(cell, i))
     }
 
+    /// Whether the numbers are elsewhere.
+    pub(crate) fn are_away(&self) -> bool {
+        self.away
+    }
+
+    /// The numbers go elsewhere, or come back.
+    pub(crate) fn set_away(&mut self, away: bool) {
+        self.away = away;
+    }
+
     pub(crate) fn base(&mut self) -> *mut S {
+        assert!(!self.away, "the populations are on the GPU");
         self.memory.start()
     }
 

@@ -27,20 +27,31 @@
 //! covered, and then selects the operator. The rest of this module runs only for covered cells (`pass.rs`).
 
 mod contact;
+#[cfg(not(target_arch = "nvptx64"))]
 pub mod cover;
 mod mixed;
 pub(crate) mod pass;
+pub(crate) mod solid;
+#[cfg(not(target_arch = "nvptx64"))]
+mod sums;
+#[cfg(target_arch = "nvptx64")]
+pub(crate) use super::gpu::sums;
 mod weighting;
 
-pub use cover::{Cover, DEEP, Solid, cells};
+#[cfg(not(target_arch = "nvptx64"))]
+pub use cover::{Cover, cells};
+pub use solid::{DEEP, Solid};
 pub use weighting::Weighting;
 
 use super::collision::along;
 use super::collision::trt::AntisymmetricRate;
 use super::lanes::Lanes;
 use super::lattice::{Lattice, unroll};
+#[cfg(not(target_arch = "nvptx64"))]
 use schemars::{JsonSchema, Schema};
+#[cfg(not(target_arch = "nvptx64"))]
 use serde::{Deserialize, Serialize};
+#[cfg(not(target_arch = "nvptx64"))]
 use serde_json::json;
 
 /// Makes the list of solid collision operators: the modules that hold them, and the enum that a case chooses from. The name of an
@@ -49,9 +60,14 @@ macro_rules! solid_operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
         $(pub mod $module;)*
 
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-        #[serde(rename_all = "snake_case")]
-        #[schemars(inline, transform = Self::describe_choices)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[cfg_attr(
+            not(target_arch = "nvptx64"),
+            derive(Serialize, Deserialize, JsonSchema),
+            serde(rename_all = "snake_case"),
+            schemars(inline, transform = Self::describe_choices)
+        )]
+        #[repr(u32)]
         $(#[$attribute])*
         pub enum $list {
             $(
@@ -60,6 +76,7 @@ macro_rules! solid_operators {
             )*
         }
 
+        #[cfg(not(target_arch = "nvptx64"))]
         impl $list {
             /// Every operator of the list.
             pub const ALL: &[Self] = &[$(Self::$operator,)*];
@@ -91,6 +108,15 @@ macro_rules! solid_operators {
                 schema.insert("oneOf".into(), json!(choices));
             }
 
+            /// See [`SolidCollision::share`].
+            fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
+                match self {
+                    $(Self::$operator => $module::$operator.share(fluid, fraction),)*
+                }
+            }
+        }
+
+        impl $list {
             #[inline(always)]
             fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
                 self,
@@ -102,13 +128,6 @@ macro_rules! solid_operators {
             ) -> Act<N> {
                 match self {
                     $(Self::$operator => $module::$operator.collide::<L, N, Q>(covered, cell, before, fluid, g),)*
-                }
-            }
-
-            /// See [`SolidCollision::share`].
-            fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
-                match self {
-                    $(Self::$operator => $module::$operator.share(fluid, fraction),)*
                 }
             }
         }
@@ -165,7 +184,7 @@ pub struct LightBody {
 }
 
 /// Relaxation times between which the density ratios were measured; beyond they are wider.
-const MEASURED: std::ops::Range<f64> = 0.55..1.25;
+const MEASURED: core::ops::Range<f64> = 0.55..1.25;
 
 impl LightBody {
     /// a + b/R, but not below c.
@@ -228,7 +247,8 @@ pub struct Method {
 
 /// The fluid whose cells are covered, as the operators see it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CoveredFluid {
+#[repr(C)]
+pub struct CoveredFluid {
     weighting: Weighting,
     /// τ - ½ of the fluid itself, also where eddies add to it: B is a matter of geometry, made when a body is mapped.
     time: f64,

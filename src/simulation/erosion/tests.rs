@@ -239,6 +239,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         periodic: [false; 3],
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
         saturation: None,
+        device: crate::lbm::gpu::Device::Cpu,
     };
     let settings = Settings {
         scheme: Scheme::HalfWay,

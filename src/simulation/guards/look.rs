@@ -139,7 +139,7 @@ fn go_through<Sp: Space, S: Stored>(
     let mut at = [0; 3];
     (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
     let first = populations.interior_cell(at);
-    populations.row_moments(first, cells[fast], moments);
+    fluid.row_moments([at[slow], at[middle]], moments);
     let (half, all_count) = (fluid.half_force(), flow.all_count());
     let (order, start) = (Order::of(flow), fluid.start());
     for k in 0..cells[fast] {

@@ -315,6 +315,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn save(&mut self, occasion: Occasion) -> Result<(), Error> {
         let begun = Instant::now();
         let simulation = &mut self.simulation;
+        simulation.fetch()?;
         simulation.outputs.sync(&simulation.now.domain)?;
         let deepest = simulation.now.dem.as_ref().map(Dem::deepest);
         let communicator = simulation.now.domain.communicator();

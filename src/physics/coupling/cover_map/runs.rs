@@ -2,7 +2,8 @@
 
 use super::super::solid_fraction::{BallInCells, Beside, Form, Method, Row, Scratch, round_row};
 use crate::lbm::lanes::{Level, Work};
-use crate::lbm::saturation::{Cover, DEEP};
+use crate::lbm::saturation::DEEP;
+use crate::lbm::saturation::cover::Part;
 use crate::number::{floor_i32, single, to_i32, to_u32};
 use std::ops::Range;
 
@@ -29,18 +30,49 @@ pub(super) struct Runs {
 type Piece<'a> = (Run, &'a [f32]);
 
 impl Runs {
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.runs.clear();
         self.parts.clear();
     }
 
-    fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
-        let mut start = 0;
-        self.runs.iter().map(move |run| {
+    /// Adds runs of later rows.
+    pub(super) fn append(&mut self, later: &Self) {
+        let beyond = to_u32(self.parts.len());
+        self.parts.extend_from_slice(&later.parts);
+        let runs = later.runs.iter().map(|run| Run {
+            end: run.end + beyond,
+            ..*run
+        });
+        self.runs.extend(runs);
+    }
+
+    /// Those from one to another.
+    fn some(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
+        let mut start = self.end_before(runs.start);
+        self.runs[runs].iter().map(move |run| {
             let parts = &self.parts[start..run.end as usize];
             start = run.end as usize;
             (*run, parts)
         })
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+        self.some(0..self.runs.len())
+    }
+
+    /// Where the fractions of a run begin.
+    fn end_before(&self, run: usize) -> usize {
+        let before = run.checked_sub(1);
+        before.map_or(0, |before| self.runs[before].end as usize)
+    }
+
+    /// The runs in rows whose positions are some of these.
+    fn within(&self, positions: &Range<usize>) -> Range<usize> {
+        let before = |position: usize| {
+            self.runs
+                .partition_point(|run| (run.row as usize) < position)
+        };
+        before(positions.start)..before(positions.end)
     }
 
     /// Positions of its cells and how much of each it fills.
@@ -66,23 +98,26 @@ impl Runs {
         }
     }
 
-    /// Passes to the lattice in what the cells of a body differ from those that it covered before.
-    pub(super) fn tell(&self, cover: &mut Cover, slot: u32, before: &Self) {
+    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows lie in one part each.
+    pub(super) fn tell(&self, cover: &mut Part<'_>, slot: u32, before: &Self) {
         // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
         const AHEAD: usize = 16;
         let place = |run: &Run, k: i32| (run.row as usize).wrapping_add_signed(k as isize);
-        let ask = |cover: &Cover, k: usize| {
-            if let Some(run) = self.runs.get(k) {
-                let before = k.checked_sub(1).map_or(0, |k| self.runs[k].end);
+        let positions = cover.positions();
+        let (here, olds) = (self.within(&positions), before.within(&positions));
+        let ask = |cover: &Part<'_>, k: usize| {
+            if k < here.end {
+                let run = &self.runs[k];
                 cover.ask(place(run, run.first));
-                cover.ask(place(run, run.first + (run.end - before).cast_signed()));
+                let count = run.end as usize - self.end_before(k);
+                cover.ask(place(run, run.first + to_i32(count)));
             }
         };
-        for k in 0..AHEAD {
+        for k in here.start..here.start + AHEAD {
             ask(cover, k);
         }
-        let mut olds = before.pieces().peekable();
-        for (k, (run, parts)) in self.pieces().enumerate() {
+        let mut olds = before.some(olds).peekable();
+        for (k, (run, parts)) in here.clone().zip(self.some(here.clone())) {
             ask(cover, k + AHEAD);
             while let Some((old, gone)) = olds.next_if(|(old, _)| old.row < run.row) {
                 change(cover, slot, old.row, (old.first, gone), (old.first, &[]));
@@ -103,7 +138,7 @@ impl Runs {
 /// Passes to the lattice in what two runs of a row differ, each given by its first cell and its fractions.
 #[inline(always)]
 fn change(
-    cover: &mut Cover,
+    cover: &mut Part<'_>,
     slot: u32,
     row: u32,
     (was_first, was): (i32, &[f32]),
@@ -169,6 +204,8 @@ pub(super) struct Walk<'a, 'f> {
     pub(super) form: &'a Form<'f>,
     /// From the raw frame of the body to the cells of the slab.
     pub(super) frame: [i32; 3],
+    /// Planes of the slab to look at; ghost planes are those before the first and behind the last.
+    pub(super) planes: Range<i32>,
     pub(super) method: Method,
     pub(super) scratch: &'a mut Scratch,
     pub(super) found: &'a mut Runs,
@@ -181,6 +218,7 @@ impl Work for Walk<'_, '_> {
             rows,
             form,
             frame,
+            planes,
             method,
             scratch,
             found,
@@ -195,6 +233,8 @@ impl Work for Walk<'_, '_> {
             low[a] = (floor_i32(centre[a] - radius) + frame[a]).max(-1);
             high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(rows.cells[a] + 1);
         }
+        low[rows.order[0]] = low[rows.order[0]].max(planes.start);
+        high[rows.order[0]] = high[rows.order[0]].min(planes.end);
         if (0..3).any(|a| low[a] >= high[a]) {
             return;
         }

@@ -147,3 +147,76 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
         assert!(covered > 20, "{split}: {covered}");
     }
 }
+
+/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several with planes of
+/// their own.
+#[test]
+fn workers_cover_what_one_covers() {
+    let grains = |step: i32| {
+        let mut particles = Particles::<Volume>::new();
+        for n in (0..40).filter(|n| n % 7 != step % 7) {
+            let mix = |k: i32| f64::from(n.wrapping_mul(0x9e37_79b1_u32.cast_signed()) >> k & 63);
+            let away = 0.004 * f64::from(step);
+            let motion = at(0.03 * mix(3) + away, 0.026 * mix(9), 0.02 * mix(15));
+            let body = Body::uniform::<Volume>(n.unsigned_abs().into(), 0.21, 1000.0, 0);
+            particles.insert(body, motion);
+        }
+        particles
+    };
+    for split in 0..3 {
+        let populations = populations(split);
+        let mapped = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new();
+            let pool = pool.num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let (mut map, mut cover) = map(&populations);
+                let mut all = Vec::new();
+                for step in 0..9 {
+                    map.update_bodies(&grains(step), &mut cover, 1.0, 1.0);
+                    // The parts of several bodies, by the velocity of the cell.
+                    for (cell, position) in populations.interior() {
+                        let v = cover.velocity::<3>(position, cell.map(to_i32));
+                        all.push((cover.held(position).to_bits(), v.map(f64::to_bits)));
+                    }
+                }
+                (all, map.cuts().len())
+            })
+        };
+        let (one, _) = mapped(1);
+        for threads in [2, 3, 5] {
+            let (several, cuts) = mapped(threads);
+            assert!(one == several, "{split} {threads}");
+            assert!(cuts > 0, "{split} {threads}");
+        }
+    }
+}
+
+/// A turned block and a ball, few enough to be cut into planes.
+#[test]
+fn workers_cover_planes_of_a_block() {
+    for split in 0..3 {
+        let populations = populations(split);
+        let mapped = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new();
+            let pool = pool.num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let (mut map, mut cover) = map(&populations);
+                let mut all = Vec::new();
+                for step in 0..6 {
+                    let (particles, _) = ball_and_block(1.13 + 0.03 * f64::from(step));
+                    map.update_bodies(&particles, &mut cover, 1.0, 1.0);
+                    let cells = populations.interior();
+                    all.extend(cells.map(|(_, position)| cover.held(position).to_bits()));
+                }
+                (all, map.pieces.len())
+            })
+        };
+        let (one, none) = mapped(1);
+        assert_eq!(none, 0);
+        for threads in [2, 3, 5] {
+            let (several, pieces) = mapped(threads);
+            assert!(one == several, "{split} {threads}");
+            assert!(pieces > 2, "{split} {threads}: {pieces}");
+        }
+    }
+}

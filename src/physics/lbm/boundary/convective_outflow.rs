@@ -175,6 +175,7 @@ mod tests {
             periodic: [false, true, true],
             patches: vec![patch(false, inlet), patch(true, outlet)],
             saturation: None,
+            device: crate::lbm::gpu::Device::Cpu,
         };
         Fluid::new(setup, &Domain::serial(Axis::X, length, false)).unwrap()
     }

@@ -119,6 +119,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
             rule: toy.rule(&place, &units).unwrap(),
         }],
         saturation: None,
+        device: crate::lbm::gpu::Device::Cpu,
     };
     let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, CELLS[0], false)).unwrap();
     fluid.initialise(&|_: [f64; 3]| (0.01, [0.0; 3]));
@@ -200,6 +201,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             periodic: [false, false, true],
             patches,
             saturation: None,
+            device: crate::lbm::gpu::Device::Cpu,
         };
         let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, WIDE[0], false)).unwrap();
         fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));

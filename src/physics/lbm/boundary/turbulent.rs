@@ -233,6 +233,7 @@ mod tests {
                 patch(!upper, Box::new(outlet)),
             ],
             saturation: None,
+            device: crate::lbm::gpu::Device::Cpu,
         };
         let domain = Domain::serial(Axis::X, cells[0], false);
         let mut fluid = Fluid::new(setup, &domain).unwrap();

@@ -9,8 +9,11 @@
 //! are still in the cache.
 
 use crate::lbm::block::Block;
+use crate::lbm::gpu::copies::Copies;
 use crate::lbm::lanes::{Stored, prefetch};
 use crate::lbm::populations::{Link, Parity, Populations};
+use crate::number::to_u32;
+use std::collections::HashMap;
 use std::ops::Range;
 
 /// Links ahead whose numbers are asked for where they do not stand together.
@@ -142,6 +145,48 @@ impl Walls {
     pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
         let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
         moving.flat_map(Run::links)
+    }
+
+    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is the distance from
+    /// plane to plane: runs that stand alike in planes side by side become one rectangle.
+    pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
+        let mut all: Vec<Copies> = Vec::new();
+        // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
+        let mut open: HashMap<(u32, u32), usize> = HashMap::new();
+        for run in &self.runs {
+            let link = run.first.link;
+            let copies = Copies {
+                from: to_u32(link.out(parity)),
+                to: to_u32(link.incoming(parity)),
+                counts: [run.count, 1],
+                strides: [run.stride, plane],
+                factor: to_u32(run.first.patch),
+                unused: 0,
+                term: run.first.term,
+            };
+            let before =
+                open.remove(&(link.near.wrapping_sub(plane), link.far.wrapping_sub(plane)));
+            let continued = before.filter(|&at| {
+                let Copies {
+                    from, to, counts, ..
+                } = all[at];
+                let alike = Copies {
+                    from,
+                    to,
+                    counts: [run.count, counts[1]],
+                    ..copies
+                };
+                all[at] == alike
+            });
+            let at = continued.unwrap_or(all.len());
+            if continued.is_some() {
+                all[at].counts[1] += 1;
+            } else {
+                all.push(copies);
+            }
+            open.insert((link.near, link.far), at);
+        }
+        all
     }
 
     /// Gives what comes back from the walls to the cells of some planes; `speed` is the factor of a patch.

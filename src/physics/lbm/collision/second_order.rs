@@ -17,13 +17,14 @@
 //!
 //! which is even in c except for 3 w c·J: opposite populations are a sum and a difference.
 
+use super::kernel::{Collision, Site};
 use super::products::{POPULATION, n};
-use super::{Collision, Site};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
 /// MRT on D3Q27 with all rates above those of the second moments 1, with a uniform body force where `FORCED`.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct SecondOrder<const FORCED: bool> {
     /// Rate of the shear stress 1/τ.
     pub omega: f64,
@@ -41,6 +42,11 @@ fn moments<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
 }
 
 impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
+    const ON_GPU: Option<&'static str> = Some(if FORCED {
+        "forced_second_order"
+    } else {
+        "second_order"
+    });
     type Rates<N: Lanes> = N;
 
     #[inline(always)]

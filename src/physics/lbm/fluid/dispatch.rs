@@ -4,9 +4,15 @@ use super::Setup;
 use crate::lbm::block::Block;
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Operator};
 use crate::lbm::fluid::force::Force;
+#[cfg(test)]
+use crate::lbm::gpu::program::Program;
+use crate::lbm::gpu::{Gpu, Kernel};
 use crate::lbm::kernel::{Pass, Shared, Update, choose};
 use crate::lbm::lanes::{Level, Stored};
 use crate::lbm::lattice::{D2Q9, D3Q19, D3Q27, Lattice, VelocitySet};
+use crate::lbm::populations::Parity;
+#[cfg(test)]
+use crate::lbm::saturation::pass::View;
 use crate::lbm::saturation::{Covered, Open, Solids};
 use crate::lbm::turbulence::{Eddies, EddyViscosity, Resolved};
 use std::marker::PhantomData;
@@ -18,6 +24,28 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize);
+
+    /// The kernels that do the same on a GPU; none where there are none.
+    fn kernel_on_gpu(&self) -> Option<Kernel>;
+
+    /// Starts the pass over all cells on a GPU made for this kernel, after populations of a parity.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
+
+    /// What a GPU does, cell by cell, on the host.
+    ///
+    /// # Safety
+    /// The numbers must be those of the slab of the program.
+    #[cfg(test)]
+    unsafe fn pass_as_gpu(
+        &self,
+        numbers: *mut S,
+        program: (&Program, Parity),
+        view: &View,
+        force: [f64; 3],
+    );
 }
 
 /// A pass function with the operator as a function of the force.
@@ -26,6 +54,51 @@ struct Chosen<S: Stored, C, T, F> {
     operator: F,
     eddies: T,
     viscosity: f64,
+    /// Name of the velocity set, where no eddies act on the cells; whether solids may cover them.
+    bare: Option<&'static str>,
+    covered: bool,
+    #[cfg(test)]
+    cells: CellByCell<S, C>,
+}
+
+/// See [`cell_by_cell`].
+#[cfg(test)]
+type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
+
+/// The pass over all cells, one by one, by the functions of the kernels of GPUs.
+///
+/// # Safety
+/// The numbers must be those of the slab of the program, and the view that of its cover.
+#[cfg(test)]
+unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
+    numbers: *mut S,
+    (program, before): (&Program, Parity),
+    cover: Option<(&View, f64)>,
+    operator: C,
+) {
+    use crate::lbm::gpu::cell::{Place, collide};
+    use crate::lbm::gpu::covered::{collide_covered, collide_open};
+    let [planes, rows, length] = program.cells;
+    let slab = &program.after(before).slab;
+    let kernel = (&operator, &operator.uniform::<f64>());
+    // Backwards: the order is of no account.
+    let places = (0..planes * rows * length).rev().map(|n| Place {
+        plane: n / (rows * length),
+        row: n / length % rows,
+        place: n % length,
+    });
+    for place in places {
+        // SAFETY: promised by the caller.
+        unsafe {
+            match cover {
+                None => collide::<L, C, S, true, Q>(numbers, slab, place, kernel.0, kernel.1),
+                Some((view, omega)) => {
+                    collide_open::<L, C, S, Q>(numbers, slab, place, kernel, view);
+                    collide_covered::<L, C, S, Q>(numbers, slab, place, kernel, (view, omega));
+                }
+            }
+        }
+    }
 }
 
 impl<S, C, T, F> Step<S> for Chosen<S, C, T, F>
@@ -44,6 +117,39 @@ where
         };
         // SAFETY: the cells are the caller's promise; the level was chosen from what the processor offers.
         unsafe { (self.pass)(shared, &update, block) };
+    }
+
+    fn kernel_on_gpu(&self) -> Option<Kernel> {
+        let (operator, set) = (C::ON_GPU?, self.bare?);
+        let operator = if self.covered {
+            operator.strip_prefix("forced_")?
+        } else {
+            operator
+        };
+        let covered = self.covered;
+        Some(Kernel {
+            operator,
+            set,
+            covered,
+        })
+    }
+
+    fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String> {
+        gpu.pass(before, (self.operator)(force), self.viscosity)
+    }
+
+    #[cfg(test)]
+    unsafe fn pass_as_gpu(
+        &self,
+        numbers: *mut S,
+        program: (&Program, Parity),
+        view: &View,
+        force: [f64; 3],
+    ) {
+        let omega = 1.0 / 3.0_f64.mul_add(self.viscosity, 0.5);
+        let view = self.covered.then_some((view, omega));
+        // SAFETY: forwarded from the caller.
+        unsafe { (self.cells)(numbers, program, view, (self.operator)(force)) };
     }
 }
 
@@ -67,6 +173,18 @@ impl Choice {
             forced: setup.force != Force::None,
             covered: setup.saturation.is_some(),
             level,
+        }
+    }
+
+    /// Without eddies, for any processor.
+    pub(super) fn plain(operator: Operator, forced: bool, covered: bool) -> Self {
+        Self {
+            operator,
+            eddies: None,
+            relaxation_time: 1.0,
+            forced,
+            covered,
+            level: Level::Scalar,
         }
     }
 
@@ -116,6 +234,10 @@ impl Choice {
             operator,
             eddies,
             viscosity: (self.relaxation_time - 0.5) / 3.0,
+            bare: (!T::ACTIVE || !eddies.present()).then_some(L::NAME),
+            covered: P::ACTIVE,
+            #[cfg(test)]
+            cells: cell_by_cell::<L, C, S, Q>,
         })
     }
 }

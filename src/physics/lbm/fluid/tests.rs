@@ -1,7 +1,9 @@
 use super::*;
 use crate::lbm::boundary::{Ramp, Rule, free_slip, outflow, pressure, velocity};
 use crate::lbm::collision::{bgk, cumulant, mrt, suga, trt};
-use crate::lbm::saturation::{SolidOperator, Weighting};
+use crate::lbm::gpu::program::Program;
+use crate::lbm::links::Rigid;
+use crate::lbm::saturation::{DEEP, Solid, SolidOperator, Weighting};
 use crate::lbm::turbulence::smagorinsky::Smagorinsky;
 use crate::lbm::turbulence::wale::Wale;
 
@@ -18,6 +20,7 @@ fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> S
         periodic: [true, false, true],
         patches: Vec::new(),
         saturation: None,
+        device: Device::Cpu,
     }
 }
 
@@ -444,6 +447,218 @@ fn two_steps_in_one_sweep_are_two_steps() {
         }
     }
     assert!(swept > 80, "{swept}");
+}
+
+/// The work of a GPU, done on the host by the functions that the kernels are made of.
+fn step_as_gpu(fluid: &mut Fluid<f64>) {
+    let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
+    let before = fluid.populations.parity();
+    let force = fluid.force.at(fluid.step as f64);
+    let numbers = fluid.populations.base();
+    let view = fluid.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
+    // SAFETY: the slab of the program, and nobody else works on it.
+    unsafe {
+        fluid
+            .pass
+            .pass_as_gpu(numbers, (&program, before), &view, force);
+    }
+    fluid.step += 1;
+    for list in &program.after(before).copies {
+        for copies in list.iter().rev() {
+            let factor = fluid
+                .boundaries
+                .velocity_factor(copies.factor as usize, fluid.step as f64);
+            for n in (0..copies.count()).rev() {
+                // SAFETY: as above.
+                unsafe { copies.copy(n, factor, numbers) };
+            }
+        }
+    }
+    fluid.populations.flip();
+}
+
+/// On any axes, with corners that go round two of them, and for every operator that has kernels.
+#[test]
+fn a_gpu_makes_the_same_steps() {
+    let mrt = |higher| {
+        Operator::Mrt(mrt::Parameters {
+            higher,
+            ..mrt::Parameters::default()
+        })
+    };
+    let operators = [
+        Operator::Bgk(bgk::Parameters {}),
+        Operator::Trt(trt::Parameters { magic: 0.1875 }),
+        mrt(None),
+        mrt(Some(1.0)),
+    ];
+    let mut count = 0;
+    for (set, cells) in [
+        (VelocitySet::D2Q9, [13, 9, 1]),
+        (VelocitySet::D3Q19, [7, 6, 9]),
+        (VelocitySet::D3Q27, [6, 8, 5]),
+        (VelocitySet::D3Q27, [1, 8, 11]),
+    ] {
+        for (operator, forced) in operators.iter().flat_map(|o| [(o, false), (o, true)]) {
+            if operator.model().only_on().is_some_and(|only| only != set) {
+                continue;
+            }
+            for axes in 0..8 {
+                let periodic = [0, 1, 2].map(|a| axes >> a & 1 == 1);
+                for split in 0..set.velocities().dimension {
+                    let start = || {
+                        let mut setup = lid_and_force(set, cells, periodic);
+                        setup.operator = *operator;
+                        if !forced {
+                            setup.force = Force::None;
+                        }
+                        let mut fluid = serial(split, setup);
+                        fluid.initialise(&swirl);
+                        fluid
+                    };
+                    let (mut one, mut other) = (start(), start());
+                    assert!(one.pass.kernel_on_gpu().is_some());
+                    for _ in 0..5 {
+                        one.advance();
+                        step_as_gpu(&mut other);
+                        let same = bits(&one, cells) == bits(&other, cells);
+                        assert!(
+                            same,
+                            "{set:?} {operator:?} {periodic:?} {split} {}",
+                            one.step
+                        );
+                    }
+                    count += 1;
+                }
+            }
+        }
+    }
+    assert_eq!(count, 8 * (4 * 2 + 4 * 3 + 8 * 3 * 2));
+}
+
+/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same populations, and the same
+/// forces on the bodies.
+#[test]
+fn a_gpu_makes_the_same_steps_with_solids() {
+    let mut touched = 0;
+    for (set, cells) in [
+        (VelocitySet::D2Q9, [13, 9, 1]),
+        (VelocitySet::D3Q19, [8, 7, 9]),
+        (VelocitySet::D3Q27, [6, 9, 8]),
+    ] {
+        let trt = Operator::Trt(trt::Parameters { magic: 0.1875 });
+        for operator in [trt, Operator::Mrt(mrt::Parameters::default())] {
+            if operator.model().only_on().is_some_and(|only| only != set) {
+                continue;
+            }
+            for &solid in SolidOperator::ALL {
+                if solid.model().needs_two_rates() && operator != trt {
+                    continue;
+                }
+                let start = || {
+                    let mut setup = lid_and_force(set, cells, [true, false, false]);
+                    setup.operator = operator;
+                    setup.saturation = Some(Method {
+                        operator: solid,
+                        weighting: Weighting::Viscous,
+                    });
+                    let mut fluid = serial(0, setup);
+                    fluid.initialise(&swirl);
+                    put_solids(&mut fluid);
+                    fluid
+                };
+                let (mut one, mut other) = (start(), start());
+                assert!(one.pass.kernel_on_gpu().is_some());
+                for _ in 0..4 {
+                    one.advance();
+                    step_as_gpu(&mut other);
+                    assert!(
+                        bits(&one, cells) == bits(&other, cells),
+                        "{set:?} {solid:?}"
+                    );
+                    let loads = [&mut one, &mut other].map(|fluid| {
+                        let mut loads = [[0_i128; 6]; 3];
+                        let cover = fluid.cover.as_mut().unwrap();
+                        // Each worker has sums of its own.
+                        cover.collect(|slot, load| {
+                            for a in 0..6 {
+                                loads[slot as usize][a] += load[a];
+                            }
+                        });
+                        loads
+                    });
+                    assert_eq!(loads[0], loads[1], "{set:?} {solid:?}");
+                    touched += loads[0].iter().flatten().filter(|&&part| part != 0).count();
+                }
+            }
+        }
+    }
+    assert!(touched > 300, "{touched}");
+}
+
+/// Three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
+fn put_solids(fluid: &mut Fluid<f64>) {
+    let places: Vec<_> = fluid.populations.interior().collect();
+    let cover = fluid.cover.as_mut().unwrap();
+    cover.make_room(3);
+    for slot in 0..3_u32 {
+        let x = f64::from(slot);
+        let motion = Rigid {
+            position: [3.2 + x, 4.1, 3.7],
+            velocity: [0.01 * x, -0.004, 0.002],
+            spin: [0.001, -0.002, 0.003 * x],
+            radius: 3.0,
+        };
+        let solid = Solid {
+            name: (u64::from(slot), [0; 3]).into(),
+            motion,
+            ..Solid::default()
+        };
+        cover.set(slot, solid);
+    }
+    for (n, (_, position)) in (0_u32..).zip(places) {
+        let mixed = n.wrapping_mul(2_654_435_761) >> 16;
+        let fraction = match mixed % 7 {
+            0..=2 => 0.0,
+            3 => 1.0,
+            4 => DEEP,
+            _ => (mixed % 97) as f32 / 97.0,
+        };
+        cover.cover(position, mixed % 3, fraction);
+        if mixed % 5 == 0 && fraction < 1.0 {
+            cover.cover(position, (mixed + 1) % 3, (1.0 - fraction) * 0.5);
+        }
+    }
+}
+
+/// What has no kernel, or acts on cells beside the operator.
+#[test]
+fn a_gpu_refuses_what_it_does_not_run() {
+    let cells = [12, 12, 12];
+    let plain = || lid_and_force(VelocitySet::D3Q27, cells, [false; 3]);
+    let reason = |mut setup: Setup| {
+        setup.device = Device::Gpu;
+        let domain = Domain::serial(decomposition::Axis::X, cells[0], false);
+        Fluid::new(setup, &domain).err().unwrap_or_default()
+    };
+    let mut eddies = plain();
+    eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    assert!(reason(eddies).contains("eddy viscosity"));
+    let open = every_face([false; 3], VelocitySet::D3Q27, cells);
+    assert!(reason(open).contains("openings"));
+    let mut cumulants = plain();
+    cumulants.operator = Operator::Cumulant(cumulant::Parameters::default());
+    assert!(reason(cumulants).contains("collision operator"));
+    // A kernel that nobody has seen run on a GPU.
+    let other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
+    assert!(reason(other).contains("velocity set"));
+    let trt = Operator::Trt(trt::Parameters { magic: 0.1875 });
+    let exists = |set, forced, covered| kernel_exists_on_gpu(set, trt, forced, covered);
+    assert!(exists(VelocitySet::D3Q27, true, false) && !exists(VelocitySet::D3Q27, true, true));
+    let mut auto = plain();
+    auto.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    auto.device = Device::Auto;
+    assert_eq!(serial(0, auto).at_once(), 2);
 }
 
 /// An opening or a body between the two steps is not left out.

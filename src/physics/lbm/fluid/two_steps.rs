@@ -75,6 +75,7 @@ impl<S: Stored> Fluid<S> {
             self.advance();
             return;
         }
+        self.shared_with_gpu = false;
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let moment = |step: u64, parity: Parity| Moment {
             force: self.force.at(step as f64),

@@ -14,6 +14,7 @@ use crate::lbm::lattice::Lattice;
 #[derive(Clone, Copy, Debug)]
 pub struct BounceBackAboutSolid;
 
+#[cfg(not(target_arch = "nvptx64"))]
 impl Model for BounceBackAboutSolid {
     fn documentation(&self) -> &'static str {
         "Bounce-back of the non-equilibrium part relative to the velocity of the solid (Holdych 2003)."

@@ -18,11 +18,11 @@
 //! and no pass acts on it.
 
 use super::Cell;
-use super::cover::{DEEP, NONE, SHARED, STILL, total};
 use super::pass::{Place, View};
+use super::solid::{DEEP, NONE, SHARED, STILL, total};
 use crate::lbm::lanes::{Lanes, Memory, WIDEST};
 use crate::lbm::lattice::Lattice;
-use crate::lbm::links::surface_velocity;
+use crate::lbm::rigid::surface_velocity;
 
 /// Solids fill a cell whose parts, each rounded to f32, add up to this.
 const FULL: f32 = 1.0 - 1e-6;
@@ -95,7 +95,8 @@ impl View {
                 *other |= if owner == NONE { 0 } else { owner ^ slot };
             }
         }
-        others == [0; WIDEST]
+        // No comparison of arrays: on a GPU it is a call.
+        others.iter().fold(0, |all, other| all | other) == 0
     }
 
     /// # Safety
@@ -171,7 +172,7 @@ impl View {
     #[inline(always)]
     unsafe fn same_body(&self, a: u32, b: u32) -> bool {
         // SAFETY: slots were made by `Cover::make_room`.
-        let id = |slot: u32| unsafe { (*self.solids.add(slot as usize)).name.0 };
+        let id = |slot: u32| unsafe { (*self.solids.add(slot as usize)).name.id };
         (a | b) & SHARED == 0 && (a == b || id(a) == id(b))
     }
 

@@ -1,122 +1,19 @@
 //! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
+pub use super::solid::Solid;
+use super::solid::{NONE, SHARED, STILL, Shares};
+use super::solid::{Share, total};
+use super::sums::Sums;
 use super::{CoveredFluid, Method};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::{Stored, WIDEST, prefetch};
-use crate::lbm::links::{Load, Rigid, add_force, add_moment, surface_velocity};
+use crate::lbm::links::{Load, surface_velocity};
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};
-
-/// Fraction of a cell so deep inside a body that no water is beside it.
-pub const DEEP: f32 = 2.0;
-
-/// Between the fraction of a full cell and [`DEEP`].
-pub(super) const BETWEEN: f32 = 1.5;
-
-/// No body.
-pub(super) const NONE: u32 = u32::MAX;
-/// A ghost cell behind a wall at rest.
-pub(super) const STILL: u32 = u32::MAX - 1;
-/// Cells of several bodies are numbered from here.
-pub(super) const SHARED: u32 = 1 << 31;
-/// A body as the cells know it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Solid {
-    /// Id and image: they order the bodies of a cell.
-    pub name: (u64, [i32; 3]),
-    /// Its motion in lattice units; positions in its raw frame.
-    pub motion: Rigid,
-    /// From its raw frame to the cells of the slab: local = raw + frame.
-    pub frame: [i32; 3],
-    /// Known to stand so far from other bodies and from walls that no full cell of it is beside one of theirs.
-    pub alone: bool,
-}
-
-impl Solid {
-    /// A local cell in the raw frame.
-    #[inline(always)]
-    pub(super) fn raw(&self, cell: [i32; 3]) -> [i32; 3] {
-        [
-            cell[0] - self.frame[0],
-            cell[1] - self.frame[1],
-            cell[2] - self.frame[2],
-        ]
-    }
-
-    /// Velocity of the body at the centre of a cell of its raw frame.
-    #[inline(always)]
-    pub(super) fn velocity<const D: usize>(&self, raw: [i32; 3]) -> [f64; 3] {
-        let mut arm = [0.0; 3];
-        for a in 0..D {
-            arm[a] = f64::from(raw[a]) + 0.5 - self.motion.position[a];
-        }
-        surface_velocity::<D>(&self.motion, arm)
-    }
-}
-
-/// A body's part of a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Share {
-    pub(super) slot: u32,
-    pub(super) fraction: f32,
-}
-
-/// Sums of one worker.
-#[derive(Debug, Default)]
-pub(super) struct Sums {
-    loads: Vec<Load>,
-    touched: Vec<u32>,
-    known: Vec<bool>,
-}
-
-impl Sums {
-    fn fit(&mut self, slots: usize) {
-        self.loads.resize(slots, [0; 6]);
-        self.known.resize(slots, false);
-        self.touched
-            .reserve(slots.saturating_sub(self.touched.len()));
-    }
-
-    #[inline(always)]
-    pub(super) fn add<const D: usize>(&mut self, slot: u32, raw: [i32; 3], force: [f64; 3]) {
-        let k = slot as usize;
-        if let (Some(known), Some(load)) = (self.known.get_mut(k), self.loads.get_mut(k)) {
-            if !*known {
-                *known = true;
-                self.touched.push(slot);
-            }
-            let force = [quanta(force[0]), quanta(force[1]), quanta(force[2])];
-            let middle = [2 * raw[0] + 1, 2 * raw[1] + 1, 2 * raw[2] + 1];
-            add_force::<D>(load, force, middle);
-        }
-    }
-
-    /// Adds the forces, in quanta, on cells of a row that one body covers: what [`Self::add`] adds one by one. `raw` is the first cell, `fast`
-    /// the axis of the row, `force` the sum over the cells, `weighted` that of the forces times their place from 0.
-    #[inline(always)]
-    pub(super) fn add_row<const D: usize>(
-        &mut self,
-        slot: u32,
-        raw: [i32; 3],
-        fast: usize,
-        force: [i64; 3],
-        weighted: [i64; 3],
-    ) {
-        let k = slot as usize;
-        if let (Some(known), Some(load)) = (self.known.get_mut(k), self.loads.get_mut(k)) {
-            if !*known {
-                *known = true;
-                self.touched.push(slot);
-            }
-            let middle = [2 * raw[0] + 1, 2 * raw[1] + 1, 2 * raw[2] + 1];
-            add_force::<D>(load, force, middle);
-            // The places of the others, in half cells from the first.
-            let mut along = [0; 3];
-            along[fast] = 2;
-            add_moment::<D>(load, weighted, along);
-        }
-    }
-}
+use crate::thread_pool;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// What covers the cells of a slab.
 #[derive(Debug)]
@@ -127,17 +24,19 @@ pub struct Cover {
     pub(super) order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
     pub(super) fraction: Vec<f32>,
-    /// Slot of its body, or [`SHARED`] and a place in `shared`.
+    /// Slot of its body, or [`SHARED`] and a place in the lists.
     pub(super) owner: Vec<u32>,
-    pub(super) shared: Vec<Vec<Share>>,
-    /// Places in `shared` to use again.
-    unused: Vec<u32>,
+    pub(super) lists: Mutex<Lists>,
+    /// Those of the lists that are in use, for the pass.
+    pub(super) shares: Vec<Shares>,
     pub(super) solids: Vec<Solid>,
     pub(super) sums: Vec<Sums>,
     /// From a cell to its neighbours.
     pub(super) offsets: [isize; 27],
     /// Something changed since this was last asked.
-    changed: bool,
+    changed: AtomicBool,
+    /// How often cells have changed.
+    version: AtomicU64,
 }
 
 impl Cover {
@@ -166,18 +65,57 @@ impl Cover {
             fraction: vec![0.0; positions],
             // A vector of neighbours may reach beyond the last cell.
             owner: vec![NONE; positions + WIDEST],
-            shared: Vec::new(),
-            unused: Vec::new(),
+            lists: Mutex::default(),
+            shares: Vec::new(),
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
             offsets,
-            changed: true,
+            changed: AtomicBool::new(true),
+            version: AtomicU64::new(1),
+        }
+    }
+
+    /// Rises whenever cells change.
+    pub(crate) fn version(&self) -> u64 {
+        self.version.load(Ordering::Relaxed)
+    }
+
+    /// Owner and fraction of all cells, by position.
+    pub(crate) fn cells(&self) -> (&[u32], &[f32]) {
+        (&self.owner, &self.fraction)
+    }
+
+    /// The bodies by slot.
+    pub(crate) fn solids(&self) -> &[Solid] {
+        &self.solids
+    }
+
+    /// The parts of each cell of several bodies.
+    pub(crate) fn shared(&mut self) -> &[Vec<Share>] {
+        &self
+            .lists
+            .get_mut()
+            .unwrap_or_else(PoisonError::into_inner)
+            .shared
+    }
+
+    /// Looks at the bodies of a cell of several bodies, given by its owner.
+    fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
+        let lists = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
+        let shares = lists.shared.get((owner & !SHARED) as usize);
+        look(shares.map_or(&[][..], Vec::as_slice))
+    }
+
+    /// Adds a force that was summed elsewhere to that on a slot.
+    pub(crate) fn receive(&mut self, slot: u32, load: &Load) {
+        if let Some(sums) = self.sums.first_mut() {
+            sums.add_load(slot, load);
         }
     }
 
     /// Whether cells or motions have changed since this was last asked.
     pub fn take_changed(&mut self) -> bool {
-        std::mem::take(&mut self.changed)
+        std::mem::take(self.changed.get_mut())
     }
 
     /// A wall at rest fills these ghost cells.
@@ -202,86 +140,43 @@ impl Cover {
     /// Who is in a slot and how it moves.
     pub fn set(&mut self, slot: u32, solid: Solid) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
-            self.changed |= there.motion != solid.motion || there.frame != solid.frame;
+            *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
             *there = solid;
         }
     }
 
-    /// Fetches what is known of the cell at a position into the cache.
-    #[inline(always)]
-    pub fn ask(&self, position: usize) {
-        prefetch(self.owner.as_ptr().wrapping_add(position));
-        prefetch(self.fraction.as_ptr().wrapping_add(position));
-    }
-
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
-    #[inline]
+    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`](super::DEEP); 0 takes it out. Of a ghost cell give the negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
-        let owner = self.owner[position];
-        if owner == STILL {
-            return;
-        }
-        self.changed = true;
-        let held = self.fraction[position];
-        let sign = if held < 0.0 || fraction < 0.0 {
-            -1.0
-        } else {
-            1.0
-        };
-        let fraction = fraction.abs();
-        if owner == NONE || owner == slot {
-            self.fraction[position] = sign * fraction;
-            self.owner[position] = if fraction > 0.0 { slot } else { NONE };
-        } else {
-            self.share(position, slot, sign, fraction);
+        self.whole().cover(position, slot, fraction);
+    }
+
+    /// All cells, to be covered by one worker.
+    pub fn whole(&mut self) -> Part<'_> {
+        Part {
+            first: 0,
+            fraction: &mut self.fraction,
+            owner: &mut self.owner,
+            lists: &self.lists,
+            solids: &self.solids,
+            all_changed: &self.changed,
+            version: &self.version,
+            changed: false,
         }
     }
 
-    /// The same where another body is too.
-    #[inline(never)]
-    fn share(&mut self, position: usize, slot: u32, sign: f32, fraction: f32) {
-        let (owner, held) = (self.owner[position], self.fraction[position]);
-        let place = if owner & SHARED == 0 {
-            if fraction <= 0.0 {
-                return;
+    /// Cuts the cells at some rising positions and hands a part to each worker: there is one more of them than cuts.
+    pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut Part<'_>) + Sync) {
+        let mut rest = Some(self.whole());
+        let mut parts = Vec::with_capacity(cuts.len() + 1);
+        for &cut in cuts {
+            if let Some(all) = rest.take() {
+                let (part, beyond) = all.cut(cut);
+                parts.push(part);
+                rest = Some(beyond);
             }
-            let first = Share {
-                slot: owner,
-                fraction: held.abs().min(1.0),
-            };
-            let place = self.unused.pop().unwrap_or_else(|| {
-                self.shared.push(Vec::new());
-                number(self.shared.len() - 1)
-            });
-            self.shared[place as usize].push(first);
-            self.owner[position] = SHARED | place;
-            place
-        } else {
-            owner & !SHARED
-        };
-        let solids = &self.solids;
-        let shares = &mut self.shared[place as usize];
-        match shares.iter().position(|share| share.slot == slot) {
-            Some(at) if fraction > 0.0 => shares[at].fraction = fraction.min(1.0),
-            Some(at) => {
-                shares.remove(at);
-            }
-            None if fraction > 0.0 => {
-                let name = |slot: u32| solids.get(slot as usize).map(|solid| solid.name);
-                let at = shares.partition_point(|share| name(share.slot) < name(slot));
-                let fraction = fraction.min(1.0);
-                shares.insert(at, Share { slot, fraction });
-            }
-            None => {}
         }
-        if let [only] = shares[..] {
-            shares.clear();
-            self.unused.push(place);
-            self.owner[position] = only.slot;
-            self.fraction[position] = sign * only.fraction;
-        } else {
-            self.fraction[position] = sign * rounded(total(shares).min(1.0));
-        }
+        parts.extend(rest);
+        thread_pool::each_item(&mut parts, 1, |_, part| work(part));
     }
 
     /// The part of a cell that is solid.
@@ -306,16 +201,17 @@ impl Cover {
         let slot = if owner & SHARED == 0 {
             owner
         } else {
-            let shares = self.shared.get((owner & !SHARED) as usize)?;
-            let mut most = shares.first()?;
-            for share in shares {
-                if share.fraction > most.fraction {
-                    most = share;
+            self.at_shares(owner, |shares| {
+                let mut most = shares.first()?;
+                for share in shares {
+                    if share.fraction > most.fraction {
+                        most = share;
+                    }
                 }
-            }
-            most.slot
+                Some(most.slot)
+            })?
         };
-        self.solids.get(slot as usize).map(|solid| solid.name.0)
+        self.solids.get(slot as usize).map(|solid| solid.name.id)
     }
 
     /// B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
@@ -333,30 +229,28 @@ impl Cover {
     #[must_use]
     pub fn velocity<const D: usize>(&self, position: usize, at: [i32; 3]) -> [f64; 3] {
         let owner = self.owner[position];
-        let single = [Share {
-            slot: owner,
-            fraction: 1.0,
-        }];
-        let shares = if owner == NONE {
-            &[][..]
-        } else if owner & SHARED == 0 {
-            &single[..]
-        } else {
-            self.shared
-                .get((owner & !SHARED) as usize)
-                .map_or(&[][..], Vec::as_slice)
-        };
-        let mut mean = [0.0; 3];
-        for share in shares {
-            if let Some(solid) = self.solids.get(share.slot as usize) {
-                let v = solid.velocity::<D>(solid.raw(at));
-                let part = f64::from(share.fraction) / total(shares);
-                for a in 0..D {
-                    mean[a] += part * v[a];
+        let mean_of = |shares: &[Share]| {
+            let mut mean = [0.0; 3];
+            for share in shares {
+                if let Some(solid) = self.solids.get(share.slot as usize) {
+                    let v = solid.velocity::<D>(solid.raw(at));
+                    let part = f64::from(share.fraction) / total(shares);
+                    for a in 0..D {
+                        mean[a] += part * v[a];
+                    }
                 }
             }
+            mean
+        };
+        let fraction = 1.0;
+        if owner == NONE {
+            [0.0; 3]
+        } else if owner & SHARED == 0 {
+            let slot = owner;
+            mean_of(&[Share { slot, fraction }])
+        } else {
+            self.at_shares(owner, mean_of)
         }
-        mean
     }
 
     /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are its local
@@ -383,18 +277,18 @@ impl Cover {
         if owner & SHARED == 0 {
             return of(owner);
         }
-        let shares = self.shared.get((owner & !SHARED) as usize);
-        let shares = shares.map_or(&[][..], Vec::as_slice);
-        let all = total(shares);
-        let mut mean = [0.0; 3];
-        for share in shares {
-            let v = of(share.slot);
-            let part = f64::from(share.fraction) / all;
-            for a in 0..D {
-                mean[a] += part * v[a];
+        self.at_shares(owner, |shares| {
+            let all = total(shares);
+            let mut mean = [0.0; 3];
+            for share in shares {
+                let v = of(share.slot);
+                let part = f64::from(share.fraction) / all;
+                for a in 0..D {
+                    mean[a] += part * v[a];
+                }
             }
-        }
-        mean
+            mean
+        })
     }
 
     /// The part of a cell or ghost cell that bodies fill; none behind a wall.
@@ -420,6 +314,151 @@ impl Cover {
     }
 }
 
+/// The bodies of the cells of several bodies.
+#[derive(Debug, Default)]
+pub(super) struct Lists {
+    /// With their parts, in the order of their names.
+    pub(super) shared: Vec<Vec<Share>>,
+    /// Places to use again.
+    unused: Vec<u32>,
+}
+
+/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other workers lie beside it.
+#[derive(Debug)]
+#[repr(align(128))]
+pub struct Part<'a> {
+    /// Position of the first.
+    first: usize,
+    fraction: &'a mut [f32],
+    owner: &'a mut [u32],
+    /// Of all workers: few cells have several bodies.
+    lists: &'a Mutex<Lists>,
+    solids: &'a [Solid],
+    /// Something changed: in all parts, told at the end, and in this one.
+    all_changed: &'a AtomicBool,
+    version: &'a AtomicU64,
+    changed: bool,
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        if self.changed {
+            self.all_changed.store(true, Ordering::Relaxed);
+            self.version.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Part<'_> {
+    /// The cells before a position, and those from it on.
+    fn cut(mut self, position: usize) -> (Self, Self) {
+        let count = position.saturating_sub(self.first).min(self.fraction.len());
+        let (fraction, fraction_beyond) = std::mem::take(&mut self.fraction).split_at_mut(count);
+        let (owner, owner_beyond) = std::mem::take(&mut self.owner).split_at_mut(count);
+        let part = |first, fraction, owner| Self {
+            first,
+            fraction,
+            owner,
+            lists: self.lists,
+            solids: self.solids,
+            all_changed: self.all_changed,
+            version: self.version,
+            changed: self.changed,
+        };
+        (
+            part(self.first, fraction, owner),
+            part(self.first + count, fraction_beyond, owner_beyond),
+        )
+    }
+
+    /// Its positions.
+    #[must_use]
+    pub fn positions(&self) -> Range<usize> {
+        self.first..self.first + self.fraction.len()
+    }
+
+    /// Fetches what is known of the cell at a position into the cache.
+    #[inline(always)]
+    pub fn ask(&self, position: usize) {
+        let at = position.wrapping_sub(self.first);
+        prefetch(self.owner.as_ptr().wrapping_add(at));
+        prefetch(self.fraction.as_ptr().wrapping_add(at));
+    }
+
+    /// As [`Cover::cover`], of a cell of this part.
+    #[inline]
+    pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
+        let at = position - self.first;
+        let owner = self.owner[at];
+        if owner == STILL {
+            return;
+        }
+        self.changed = true;
+        let held = self.fraction[at];
+        let sign = if held < 0.0 || fraction < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let fraction = fraction.abs();
+        if owner == NONE || owner == slot {
+            self.fraction[at] = sign * fraction;
+            self.owner[at] = if fraction > 0.0 { slot } else { NONE };
+        } else {
+            self.share(at, slot, sign, fraction);
+        }
+    }
+
+    /// The same where another body is too, at a place from the first position on.
+    #[inline(never)]
+    fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
+        let (owner, held) = (self.owner[at], self.fraction[at]);
+        if owner & SHARED == 0 && fraction <= 0.0 {
+            return;
+        }
+        let mut lists = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
+        let Lists { shared, unused } = &mut *lists;
+        let place = if owner & SHARED == 0 {
+            let first = Share {
+                slot: owner,
+                fraction: held.abs().min(1.0),
+            };
+            let place = unused.pop().unwrap_or_else(|| {
+                shared.push(Vec::new());
+                number(shared.len() - 1)
+            });
+            shared[place as usize].push(first);
+            self.owner[at] = SHARED | place;
+            place
+        } else {
+            owner & !SHARED
+        };
+        let solids = self.solids;
+        let shares = &mut shared[place as usize];
+        match shares.iter().position(|share| share.slot == slot) {
+            Some(at) if fraction > 0.0 => shares[at].fraction = fraction.min(1.0),
+            Some(at) => {
+                shares.remove(at);
+            }
+            None if fraction > 0.0 => {
+                let name = |slot: u32| solids.get(slot as usize).map(|solid| solid.name);
+                let at = shares.partition_point(|share| name(share.slot) < name(slot));
+                let fraction = fraction.min(1.0);
+                shares.insert(at, Share { slot, fraction });
+            }
+            None => {}
+        }
+        if let [only] = shares[..] {
+            shares.clear();
+            unused.push(place);
+            self.owner[at] = only.slot;
+            self.fraction[at] = sign * only.fraction;
+        } else {
+            self.fraction[at] = sign * rounded(total(shares).min(1.0));
+        }
+    }
+}
+
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a cell holds its fraction in f32"
@@ -434,16 +473,6 @@ fn rounded(fraction: f64) -> f32 {
 )]
 fn number(n: usize) -> u32 {
     n as u32
-}
-
-/// ε of a cell: the sum in the order of the bodies.
-#[inline(always)]
-pub(super) fn total(shares: &[Share]) -> f64 {
-    let mut sum = 0.0;
-    for share in shares {
-        sum += f64::from(share.fraction);
-    }
-    sum
 }
 
 /// Sum of quanta of B as a number of cells.

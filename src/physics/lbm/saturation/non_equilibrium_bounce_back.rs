@@ -16,6 +16,7 @@ use crate::lbm::lattice::Lattice;
 #[derive(Clone, Copy, Debug)]
 pub struct NonEquilibriumBounceBack;
 
+#[cfg(not(target_arch = "nvptx64"))]
 impl Model for NonEquilibriumBounceBack {
     fn documentation(&self) -> &'static str {
         "Bounce-back of the non-equilibrium part (Noble and Torczynski 1998)."

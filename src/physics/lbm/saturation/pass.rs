@@ -1,6 +1,9 @@
 //! The collision pass of covered cells.
 
-use super::cover::{BETWEEN, Cover, DEEP, SHARED, Share, Solid, Sums, total};
+#[cfg(not(target_arch = "nvptx64"))]
+use super::cover::Cover;
+use super::solid::{BETWEEN, DEEP, SHARED, Share, Shares, Solid, total};
+use super::sums::Sums;
 use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::lbm::collision::trt::AntisymmetricRate;
 use crate::lbm::lanes::{Lanes, Memory, WIDEST};
@@ -9,11 +12,12 @@ use crate::lbm::quanta::quanta;
 
 /// What a pass sees of a [`Cover`].
 #[derive(Clone, Copy)]
+#[repr(C)]
 pub(crate) struct View {
     pub(super) fraction: *const f32,
     pub(super) owner: *const u32,
     pub(super) solids: *const Solid,
-    pub(super) shared: *const Vec<Share>,
+    pub(super) shared: *const Shares,
     pub(super) sums: *mut Sums,
     pub(super) operator: SolidOperator,
     pub(super) fluid: CoveredFluid,
@@ -116,6 +120,7 @@ macro_rules! covers {
         }
     };
 }
+#[cfg(not(target_arch = "nvptx64"))]
 covers!(f64);
 #[cfg(target_arch = "x86_64")]
 covers!(crate::lbm::lanes::Avx2, "avx2,fma");
@@ -128,11 +133,11 @@ covers!(
 impl View {
     /// Of a fluid without covered cells.
     pub(crate) const NONE: Self = Self {
-        fraction: std::ptr::null(),
-        owner: std::ptr::null(),
-        solids: std::ptr::null(),
-        shared: std::ptr::null(),
-        sums: std::ptr::null_mut(),
+        fraction: core::ptr::null(),
+        owner: core::ptr::null(),
+        solids: core::ptr::null(),
+        shared: core::ptr::null(),
+        sums: core::ptr::null_mut(),
         operator: SolidOperator::NonEquilibriumBounceBack,
         fluid: CoveredFluid {
             weighting: Weighting::Fraction,
@@ -144,18 +149,58 @@ impl View {
     };
 
     /// What the coming pass sees of a cover.
+    #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn of(cover: &mut Cover) -> Self {
+        cover.shares.clear();
+        let lists = cover.lists.get_mut();
+        let lists = lists.unwrap_or_else(std::sync::PoisonError::into_inner);
+        let shares = lists.shared.iter().map(|parts| Shares::of(parts));
+        cover.shares.extend(shares);
         Self {
             fraction: cover.fraction.as_ptr(),
             owner: cover.owner.as_ptr(),
             solids: cover.solids.as_ptr(),
-            shared: cover.shared.as_ptr(),
+            shared: cover.shares.as_ptr(),
             sums: cover.sums.as_mut_ptr(),
             operator: cover.method.operator,
             fluid: cover.fluid,
             order: cover.order,
             offsets: cover.offsets,
         }
+    }
+
+    /// What a pass on a GPU sees of a cover, whose arrays are at these addresses there: fractions, owners, bodies, and lists of parts.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn on_gpu(cover: &Cover, addresses: [u64; 4]) -> Self {
+        // A GPU has addresses of 64 bits, as has any host that it serves.
+        let [fraction, owner, solids, shared] = addresses.map(|at| {
+            let at = usize::try_from(at).unwrap_or(0);
+            core::ptr::without_provenance::<u8>(at)
+        });
+        Self {
+            fraction: fraction.cast(),
+            owner: owner.cast(),
+            solids: solids.cast(),
+            shared: shared.cast(),
+            sums: core::ptr::null_mut(),
+            operator: cover.method.operator,
+            fluid: cover.fluid,
+            order: cover.order,
+            offsets: cover.offsets,
+        }
+    }
+
+    /// The bodies.
+    #[cfg(target_arch = "nvptx64")]
+    pub(crate) fn solids(&self) -> *const Solid {
+        self.solids
+    }
+
+    /// The same with the sums of a thread.
+    #[cfg(target_arch = "nvptx64")]
+    #[inline(always)]
+    pub(crate) fn with_sums(self, sums: &mut Sums) -> Self {
+        Self { sums, ..self }
     }
 
     /// Whether any of `N::WIDTH` cells is covered.
@@ -222,7 +267,7 @@ impl View {
     /// # Safety
     /// As for [`Self::mix`], where [`Self::fills`] holds.
     #[inline(always)]
-    unsafe fn fill<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    pub(crate) unsafe fn fill<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
         before: &[N; Q],
@@ -269,7 +314,7 @@ impl View {
     /// # Safety
     /// As for [`Self::covers`], which must hold; no other thread may have the same worker.
     #[inline(always)]
-    unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
+    pub(crate) unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
         before: &[N; Q],
@@ -416,9 +461,11 @@ impl View {
     )]
     pub(super) fn coordinates(&self, place: Place, lane: usize) -> [i32; 3] {
         let mut cell = [0; 3];
-        cell[self.order[0]] = place.at[0] as i32;
-        cell[self.order[1]] = place.at[1] as i32;
-        cell[self.order[2]] = (place.at[2] + lane) as i32;
+        // An axis is below 3: a check of it could panic, for which a GPU has no function.
+        let [slow, middle, fast] = self.order;
+        cell[slow.min(2)] = place.at[0] as i32;
+        cell[middle.min(2)] = place.at[1] as i32;
+        cell[fast.min(2)] = (place.at[2] + lane) as i32;
         cell
     }
 
@@ -433,7 +480,7 @@ impl View {
         } else {
             // SAFETY: `owner` was made by `Cover::cover`.
             (owner, unsafe {
-                &*self.shared.add((owner & !SHARED) as usize)
+                (*self.shared.add((owner & !SHARED) as usize)).parts()
             })
         }
     }

@@ -14,6 +14,7 @@ use crate::lbm::lattice::Lattice;
 #[derive(Clone, Copy, Debug)]
 pub struct Superposition;
 
+#[cfg(not(target_arch = "nvptx64"))]
 impl Model for Superposition {
     fn documentation(&self) -> &'static str {
         "Equilibrium at the velocity of the solid; the non-equilibrium part relaxes at the rate of the fluid."

@@ -48,6 +48,7 @@ fn setup(
         periodic: [true, true, true],
         patches: Vec::new(),
         saturation: Some(method),
+        device: crate::lbm::gpu::Device::Cpu,
     }
 }
 
@@ -100,7 +101,7 @@ fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
         cover.set(
             slot,
             Solid {
-                name,
+                name: name.into(),
                 motion,
                 frame,
                 alone: false,
@@ -330,7 +331,7 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
             cover.set(
                 slot,
                 Solid {
-                    name,
+                    name: name.into(),
                     motion,
                     frame,
                     alone: false,
@@ -512,7 +513,7 @@ fn shares_do_not_depend_on_the_order() {
             cover.set(
                 slot,
                 Solid {
-                    name,
+                    name: name.into(),
                     ..Solid::default()
                 },
             );

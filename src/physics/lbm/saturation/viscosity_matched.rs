@@ -26,6 +26,7 @@ const DRAG: f64 = 0.75;
 #[derive(Clone, Copy, Debug)]
 pub struct ViscosityMatched;
 
+#[cfg(not(target_arch = "nvptx64"))]
 impl Model for ViscosityMatched {
     fn documentation(&self) -> &'static str {
         "Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend on the viscosity. For BGK and TRT. It uses no weighting."

@@ -1,13 +1,20 @@
 //! The weight of the solid part of a cell as a function of its solid fraction.
 
 use crate::lbm::lanes::Lanes;
+#[cfg(not(target_arch = "nvptx64"))]
 use schemars::JsonSchema;
+#[cfg(not(target_arch = "nvptx64"))]
 use serde::{Deserialize, Serialize};
 
 /// Weighting B of the solid fraction ε.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    not(target_arch = "nvptx64"),
+    derive(Serialize, Deserialize, JsonSchema),
+    serde(rename_all = "snake_case"),
+    schemars(inline)
+)]
+#[repr(u32)]
 pub enum Weighting {
     /// B = ε.
     Fraction,

@@ -1,8 +1,9 @@
 use super::super::bgk::Bgk;
 use super::super::trt::{AntisymmetricRate, Trt, antisymmetric_rate};
 use super::*;
+use crate::lbm::collision::Collision;
 use crate::lbm::initial::equilibrium;
-use crate::lbm::lattice::D3Q27;
+use crate::lbm::lattice::{D3Q27, Lattice};
 
 pub(in super::super) const FORCE: [f64; 3] = [0.011, -0.007, 0.003];
 

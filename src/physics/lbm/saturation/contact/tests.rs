@@ -36,13 +36,14 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
             operator: solid_operator,
             weighting: Weighting::Viscous,
         }),
+        device: crate::lbm::gpu::Device::Cpu,
     };
     Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
 }
 
 fn solid(id: u64, u: f64) -> Solid {
     Solid {
-        name: (id, [0; 3]),
+        name: (id, [0; 3]).into(),
         motion: Rigid {
             velocity: [u, 0.0, 0.0],
             ..Rigid::default()

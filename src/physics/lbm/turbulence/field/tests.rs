@@ -25,6 +25,7 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
             operator: SolidOperator::NonEquilibriumBounceBack,
             weighting: Weighting::Fraction,
         }),
+        device: crate::lbm::gpu::Device::Cpu,
     };
     Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
 }

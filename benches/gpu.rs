@@ -1,0 +1,185 @@
+//! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and whether a thousand steps
+//! leave the bits that the processor leaves.
+//!
+//! `cargo bench --bench gpu -- [cells]`: a cube of that many cells along an edge (default: 320).
+
+#![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
+
+use decomposition::{Axis, Domain};
+use solver::lbm::boundary::{Patch, Ramp, velocity};
+use solver::lbm::collision::{Operator, bgk, mrt, trt};
+use solver::lbm::fluid::{Fluid, Force, Setup};
+use solver::lbm::gpu::{Device, copy_bandwidth};
+use solver::lbm::lanes::Stored;
+use solver::lbm::lattice::VelocitySet;
+use std::time::Instant;
+
+/// A velocity set with an operator.
+struct Row {
+    name: &'static str,
+    set: VelocitySet,
+    operator: Operator,
+    forced: bool,
+}
+
+/// A box with a lid that starts to slide, periodic along some axes.
+fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: Device) -> Setup<S> {
+    let flat = row.set.dimension() == 2;
+    let axis = if flat { 1 } else { 2 };
+    let ramp = Ramp {
+        start: 0.0,
+        end: 1.0,
+        steps: 100.0,
+    };
+    let lid = velocity::Links::new(Box::new(|_| [0.05, 0.0, 0.0]), ramp);
+    Setup {
+        set: row.set,
+        operator: row.operator,
+        relaxation_time: 0.6,
+        turbulence: None,
+        force: if row.forced {
+            Force::Oscillating {
+                mean: [1e-6, 0.0, 0.0],
+                amplitude: [0.0, 1e-6, 0.0],
+                period: 37.0,
+                phase: 0.2,
+            }
+        } else {
+            Force::None
+        },
+        cells: if flat { [cells[0], cells[1], 1] } else { cells },
+        periodic: [periodic[0], periodic[1] && !flat, flat || periodic[2]],
+        patches: vec![Patch {
+            name: "lid".into(),
+            axis,
+            upper: true,
+            range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+            rule: Box::new(lid),
+        }],
+        saturation: None,
+        device,
+    }
+}
+
+fn fluid<S: Stored>(
+    row: &Row,
+    cells: [usize; 3],
+    periodic: [bool; 3],
+    device: Device,
+) -> Result<Fluid<S>, String> {
+    let setup = setup(row, cells, periodic, device);
+    let domain = Domain::serial(Axis::X, setup.cells[0], setup.periodic[0]);
+    let mut fluid = Fluid::new(setup, &domain)?;
+    let numbers = fluid.populations_mut().numbers_mut();
+    for (n, number) in (0_u32..).zip(numbers) {
+        *number = S::from_f64(f64::from(n.wrapping_mul(2_654_435_761)) * 1e-13 - 2e-4);
+    }
+    Ok(fluid)
+}
+
+/// Whether the processor and the GPU leave the same bits in the cells after a thousand steps.
+fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
+    let cells = [70, 50, 45];
+    let end = |device| {
+        let mut fluid = fluid::<S>(row, cells, periodic, device)?;
+        // Passes of either kind come first in a stretch.
+        for steps in [1, 499, 500] {
+            fluid.advance_many(steps)?;
+        }
+        fluid.fetch()?;
+        let populations = fluid.populations();
+        let of_cell = |cell| (0..row.set.count()).map(move |i| populations.incoming(cell, i));
+        let places = populations.interior().flat_map(|(_, cell)| of_cell(cell));
+        let numbers = populations.numbers();
+        Ok::<_, String>(
+            places
+                .map(|place| numbers[place].to_f64().to_bits())
+                .collect::<Vec<u64>>(),
+        )
+    };
+    let (processor, gpu) = (end(Device::Cpu)?, end(Device::Gpu)?);
+    let moves = processor
+        .iter()
+        .any(|&bits| f64::from_bits(bits).abs() > 1e-3);
+    Ok(moves && processor == gpu)
+}
+
+/// Lattice updates per second, median of several stretches of steps.
+fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
+    let cells = if row.set.dimension() == 2 {
+        [edge * 18, edge * 18, 1]
+    } else {
+        [edge; 3]
+    };
+    let mut fluid = fluid::<S>(row, cells, [false; 3], Device::Gpu)?;
+    fluid.advance_many(10)?;
+    let steps = 50;
+    let mut seconds = Vec::new();
+    for _ in 0..5 {
+        let begun = Instant::now();
+        fluid.advance_many(steps)?;
+        seconds.push(begun.elapsed().as_secs_f64());
+    }
+    seconds.sort_by(f64::total_cmp);
+    Ok((cells.iter().product::<usize>() as u64 * steps) as f64 / seconds[2])
+}
+
+fn report<S: Stored>(row: &Row, edge: usize, bandwidth: f64) -> Result<(), String> {
+    let equal = same::<S>(row, [false; 3])?
+        && same::<S>(row, [true, true, false])?
+        && same::<S>(row, [true, false, false])?;
+    let rate = speed::<S>(row, edge)?;
+    let bytes = (2 * row.set.count() * size_of::<S>()) as f64;
+    println!(
+        "{:22} {} {:9.0} MLUPS  {:.3} of the copy bandwidth  bits {}",
+        row.name,
+        S::NAME,
+        rate / 1e6,
+        rate * bytes / bandwidth,
+        if equal { "equal" } else { "DIFFER" }
+    );
+    Ok(())
+}
+
+fn main() -> Result<(), String> {
+    let edge = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(320);
+    let (name, bandwidth) = copy_bandwidth(4 << 30)?;
+    println!(
+        "{name}: copy {:.0} GB/s, cubes of {edge} cells, squares of {}",
+        bandwidth / 1e9,
+        edge * 18
+    );
+    let bgk = Operator::Bgk(bgk::Parameters {});
+    let trt = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+    let suga = Operator::Mrt(mrt::Parameters::default());
+    let second_order = Operator::Mrt(mrt::Parameters {
+        higher: Some(1.0),
+        ..mrt::Parameters::default()
+    });
+    let row = |name, set, operator, forced| Row {
+        name,
+        set,
+        operator,
+        forced,
+    };
+    for row in [
+        row("D3Q27 TRT", VelocitySet::D3Q27, trt, false),
+        row("D3Q27 TRT, force", VelocitySet::D3Q27, trt, true),
+        row(
+            "D3Q27 MRT, rates 1",
+            VelocitySet::D3Q27,
+            second_order,
+            false,
+        ),
+        row("D3Q27 MRT", VelocitySet::D3Q27, suga, false),
+        row("D3Q27 MRT, force", VelocitySet::D3Q27, suga, true),
+        row("D3Q27 BGK", VelocitySet::D3Q27, bgk, false),
+        row("D3Q19 TRT", VelocitySet::D3Q19, trt, false),
+        row("D2Q9 TRT", VelocitySet::D2Q9, trt, false),
+        row("D2Q9 BGK, force", VelocitySet::D2Q9, bgk, true),
+    ] {
+        report::<f64>(&row, edge, bandwidth)?;
+        report::<f32>(&row, edge, bandwidth)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,295 @@
+//! The kernels that run on GPUs: the root of a crate of its own for the target `nvptx64-nvidia-cuda`, made of files of the models.
+//!
+//! Velocity sets, operators and the pass over a cell are the very files that the processor runs; only the functions below, each a
+//! kernel by name, are of the GPU alone. `lbm/gpu/build.sh` compiles this root to PTX, which `lbm/gpu/ptx/` keeps and the host loads
+//! ([`lbm::gpu`]). All operations are rounded as on the processor, none are fused that the source does not fuse, so that the bits are
+//! the same.
+
+#![no_std]
+#![allow(
+    internal_features,
+    reason = "square roots of the core library are not stable yet"
+)]
+#![feature(
+    abi_ptx,
+    stdarch_nvptx,
+    asm_experimental_arch,
+    core_float_math,
+    core_intrinsics
+)]
+#![allow(
+    dead_code,
+    private_interfaces,
+    unused_imports,
+    unused_macros,
+    reason = "the files of the models hold more than a GPU needs"
+)]
+
+mod lbm {
+    pub(crate) mod lanes;
+    pub(crate) mod lattice;
+    pub(crate) mod quanta;
+    pub(crate) mod rigid;
+    pub(crate) mod saturation;
+
+    pub(crate) mod collision {
+        pub(crate) mod kernel;
+        pub(crate) mod products;
+        pub(crate) mod second_order;
+
+        pub(crate) use kernel::{Collision, Site, along};
+
+        pub(crate) mod bgk {
+            pub(crate) mod kernel;
+        }
+        pub(crate) mod mrt {
+            pub(crate) mod kernel;
+        }
+        pub(crate) mod trt {
+            pub(crate) mod kernel;
+            pub(crate) use kernel::AntisymmetricRate;
+        }
+    }
+
+    pub(crate) mod gpu {
+        pub(crate) mod cell;
+        pub(crate) mod copies;
+        pub(crate) mod covered;
+        pub(crate) mod loads;
+        pub(crate) mod moments;
+        pub(crate) mod sums;
+    }
+}
+
+use core::arch::nvptx::{
+    _block_dim_x, _block_idx_x, _block_idx_y, _block_idx_z, _grid_dim_y, _thread_idx_x,
+};
+use lbm::collision::bgk::kernel::Bgk;
+use lbm::collision::kernel::Collision;
+use lbm::collision::mrt::kernel::Mrt;
+use lbm::collision::second_order::SecondOrder;
+use lbm::collision::trt::kernel::Trt;
+use lbm::gpu::cell::{self, Place, Slab};
+use lbm::gpu::copies::Copies;
+use lbm::gpu::covered;
+use lbm::gpu::loads::BodyLoad;
+use lbm::gpu::moments::{self, HalfForce, RowExtremes};
+use lbm::gpu::sums::Sums;
+use lbm::lattice::D3Q27;
+use lbm::saturation::pass::View;
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    loop {}
+}
+
+/// This thread's number along the first axis of the grid.
+#[inline(always)]
+fn thread() -> u32 {
+    // SAFETY: registers of the thread.
+    unsafe { _block_idx_x() * _block_dim_x() + _thread_idx_x() }
+}
+
+/// Kernels of one velocity set, operator and storage: one thread for each cell, rows and planes along the other axes of the grid.
+macro_rules! passes {
+    ($($name:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty, $again:literal;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $name(
+                numbers: *mut $stored,
+                slab: Slab,
+                operator: $operator,
+                rates: <$operator as Collision>::Rates<f64>,
+            ) {
+                let place = thread();
+                if place < slab.cells {
+                    let place = Place {
+                        // SAFETY: registers of the thread.
+                        plane: unsafe { _block_idx_z() },
+                        // SAFETY: registers of the thread.
+                        row: unsafe { _block_idx_y() },
+                        place,
+                    };
+                    // SAFETY: the host starts one thread for each cell.
+                    unsafe {
+                        cell::collide::<$lattice, _, _, $again, $q>(numbers, &slab, place, &operator, &rates);
+                    }
+                }
+            }
+        )*
+    };
+}
+
+#[cfg(kernels = "bgk")]
+passes! {
+    bgk_d3q27_f64: D3Q27, 27, Bgk<false>, f64, true;
+    bgk_d3q27_f32: D3Q27, 27, Bgk<false>, f32, true;
+}
+
+#[cfg(kernels = "trt")]
+passes! {
+    trt_d3q27_f64: D3Q27, 27, Trt<false>, f64, false;
+    trt_d3q27_f32: D3Q27, 27, Trt<false>, f32, false;
+    forced_trt_d3q27_f64: D3Q27, 27, Trt<true>, f64, false;
+    forced_trt_d3q27_f32: D3Q27, 27, Trt<true>, f32, false;
+}
+
+#[cfg(kernels = "mrt")]
+passes! {
+    mrt_d3q27_f64: D3Q27, 27, Mrt<false>, f64, false;
+    mrt_d3q27_f32: D3Q27, 27, Mrt<false>, f32, false;
+    forced_mrt_d3q27_f64: D3Q27, 27, Mrt<true>, f64, false;
+    forced_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32, false;
+    second_order_d3q27_f64: D3Q27, 27, SecondOrder<false>, f64, false;
+    second_order_d3q27_f32: D3Q27, 27, SecondOrder<false>, f32, false;
+}
+
+/// Kernels of one velocity set, operator and storage where solids may cover cells: those of the open cells and those of the covered ones.
+macro_rules! covers {
+    ($($open:ident $covered:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $open(
+                numbers: *mut $stored,
+                slab: Slab,
+                operator: $operator,
+                rates: <$operator as Collision>::Rates<f64>,
+                view: View,
+            ) {
+                let place = thread();
+                if place < slab.cells {
+                    // SAFETY: registers of the thread.
+                    let [plane, row] = unsafe { [_block_idx_z(), _block_idx_y()] };
+                    let at = Place { plane, row, place };
+                    // SAFETY: the host starts one thread for each cell.
+                    unsafe {
+                        covered::collide_open::<$lattice, _, _, $q>(numbers, &slab, at, (&operator, &rates), &view);
+                    }
+                }
+            }
+
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $covered(
+                numbers: *mut $stored,
+                slab: Slab,
+                operator: $operator,
+                rates: <$operator as Collision>::Rates<f64>,
+                view: View,
+                omega: f64,
+                loads: *const BodyLoad,
+            ) {
+                let place = thread();
+                if place < slab.cells {
+                    // SAFETY: registers of the thread.
+                    let [plane, row] = unsafe { [_block_idx_z(), _block_idx_y()] };
+                    let at = Place { plane, row, place };
+                    let mut sums = Sums { loads, solids: view.solids() };
+                    let view = view.with_sums(&mut sums);
+                    // SAFETY: the host starts one thread for each cell, and has a sum for each body.
+                    unsafe {
+                        covered::collide_covered::<$lattice, _, _, $q>(
+                            numbers, &slab, at, (&operator, &rates), (&view, omega),
+                        );
+                    }
+                }
+            }
+        )*
+    };
+}
+
+#[cfg(kernels = "covers_mrt_d3q27")]
+covers! {
+    open_mrt_d3q27_f64 covered_mrt_d3q27_f64: D3Q27, 27, Mrt<true>, f64;
+    open_mrt_d3q27_f32 covered_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32;
+}
+
+/// Kernels of one velocity set and storage: the extreme values of all rows, one thread for each cell, and the moments of one row.
+macro_rules! looks {
+    ($($extremes:ident $row_moments:ident: $lattice:ty, $q:literal, $stored:ty;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $extremes(
+                numbers: *const $stored,
+                slab: Slab,
+                half: HalfForce,
+                rows: *const RowExtremes,
+            ) {
+                let place = thread();
+                if place < slab.cells {
+                    // SAFETY: registers of the thread.
+                    let [plane, row, of_plane] = unsafe { [_block_idx_z(), _block_idx_y(), _grid_dim_y()] };
+                    let at = Place { plane, row, place };
+                    // SAFETY: the host starts one thread for each cell, and has room for each row.
+                    unsafe {
+                        let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
+                        (*rows.add((plane * of_plane + row) as usize)).note(drho, m, half);
+                    }
+                }
+            }
+
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $row_moments(
+                numbers: *const $stored,
+                slab: Slab,
+                plane: u32,
+                row: u32,
+                found: *mut f64,
+            ) {
+                let place = thread();
+                if place < slab.cells {
+                    let at = Place { plane, row, place };
+                    // SAFETY: the host starts one thread for each cell of a row of the slab, and has room for four numbers of each.
+                    unsafe {
+                        let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
+                        found.add(place as usize).write(drho);
+                        found.add((slab.cells + place) as usize).write(m[0]);
+                        found.add((2 * slab.cells + place) as usize).write(m[1]);
+                        found.add((3 * slab.cells + place) as usize).write(m[2]);
+                    }
+                }
+            }
+        )*
+    };
+}
+
+#[cfg(kernels = "looks")]
+looks! {
+    extremes_d3q27_f64 moments_d3q27_f64: D3Q27, 27, f64;
+    extremes_d3q27_f32 moments_d3q27_f32: D3Q27, 27, f32;
+}
+
+/// Kernels of one storage: a block of the grid for each rectangle, and as many beside it along the second axis as share its numbers.
+macro_rules! copies {
+    ($($name:ident: $stored:ty;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $name(
+                numbers: *mut $stored,
+                rectangles: *const Copies,
+                factors: *const f64,
+            ) {
+                // SAFETY: registers of the thread.
+                let [block, beside, blocks, width, thread] = unsafe {
+                    [_block_idx_x(), _block_idx_y(), _grid_dim_y(), _block_dim_x(), _thread_idx_x()]
+                };
+                // SAFETY: the host starts a block for each rectangle, and each names one of the factors.
+                let (copies, factor) = unsafe {
+                    let copies = rectangles.add(block as usize).read();
+                    (copies, factors.add(copies.factor as usize).read())
+                };
+                let mut n = beside * width + thread;
+                while n < copies.count() {
+                    // SAFETY: one thread has this number.
+                    unsafe { copies.copy(n, factor, numbers) };
+                    n += blocks * width;
+                }
+            }
+        )*
+    };
+}
+
+#[cfg(kernels = "copies")]
+copies! {
+    copies_f64: f64;
+    copies_f32: f32;
+}

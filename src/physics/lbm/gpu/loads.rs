@@ -1,0 +1,94 @@
+//! Forces on bodies, summed by all threads of a GPU at once: integers, so that the order is of no account.
+//!
+//! A load is a sum of forces in quanta and of their moments, which need more than 64 bits ([`crate::lbm::links::Load`]). A GPU adds 64 bits at a
+//! time. Upper and lower halves of each force are therefore summed apart, and moments are taken about a cell inside the body, whose
+//! arms are short: no sum over fewer than 2^18 cells of a body 2^11 cells across can overflow.
+
+use crate::lbm::saturation::solid::Solid;
+use core::sync::atomic::{AtomicU64, Ordering};
+
+/// The load on a body. The same bytes on the host and on the GPU.
+#[derive(Debug, Default)]
+#[repr(C)]
+pub struct BodyLoad {
+    /// Forces: lower halves, then upper halves; moments likewise.
+    parts: [AtomicU64; 12],
+}
+
+/// The cell of the body's raw frame about which moments are taken.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "cells are far below 2^31")]
+fn origin(solid: &Solid) -> [i32; 3] {
+    let p = solid.motion.position;
+    [p[0] as i32, p[1] as i32, p[2] as i32]
+}
+
+/// Moments of a force at an arm.
+#[inline(always)]
+fn moments(at: [i64; 3], f: [i64; 3]) -> [i64; 3] {
+    [
+        at[1] * f[2] - at[2] * f[1],
+        at[2] * f[0] - at[0] * f[2],
+        at[0] * f[1] - at[1] * f[0],
+    ]
+}
+
+impl BodyLoad {
+    /// From its parts as they lie in memory; what is missing is zero.
+    #[must_use]
+    pub fn of(parts: &[u64]) -> Self {
+        let load = Self::default();
+        for (to, from) in load.parts.iter().zip(parts) {
+            to.store(*from, Ordering::Relaxed);
+        }
+        load
+    }
+
+    /// Adds a force in quanta at the middle of a cell of the raw frame of the body.
+    #[inline(always)]
+    pub fn add<const D: usize>(&self, solid: &Solid, raw: [i32; 3], force: [i64; 3]) {
+        let origin = origin(solid);
+        let mut arm = [0; 3];
+        let (mut lower, mut upper) = ([0; 3], [0; 3]);
+        for a in 0..D {
+            arm[a] = i64::from(2 * (raw[a] - origin[a]) + 1);
+            lower[a] = force[a] & 0xffff_ffff;
+            upper[a] = force[a] >> 32;
+        }
+        let turns = [moments(arm, lower), moments(arm, upper)];
+        let add = |part: usize, value: i64| {
+            self.parts[part].fetch_add(value.cast_unsigned(), Ordering::Relaxed);
+        };
+        for a in 0..D {
+            add(a, lower[a]);
+            add(3 + a, upper[a]);
+        }
+        for a in (if D == 2 { 2 } else { 0 })..3 {
+            add(6 + a, turns[0][a]);
+            add(9 + a, turns[1][a]);
+        }
+    }
+
+    /// Force, and twice the moment about the origin of the raw frame, in quanta.
+    #[must_use]
+    pub fn total(&self, solid: &Solid) -> [i128; 6] {
+        let whole = |lower: usize| {
+            let part = |n: usize| {
+                let bits = self.parts[n].load(Ordering::Relaxed);
+                i128::from(bits.cast_signed())
+            };
+            part(lower) + (part(lower + 3) << 32)
+        };
+        let force = [whole(0), whole(1), whole(2)];
+        let about = origin(solid).map(|x| 2 * i128::from(x));
+        let turn = |a: usize, b: usize| about[a] * force[b] - about[b] * force[a];
+        [
+            force[0],
+            force[1],
+            force[2],
+            whole(6) + turn(1, 2),
+            whole(7) + turn(2, 0),
+            whole(8) + turn(0, 1),
+        ]
+    }
+}

@@ -1,0 +1,81 @@
+//! The velocity sets as values, for code outside the cell loop.
+
+use super::{D2Q9, D3Q19, D3Q27, Lattice};
+
+/// The velocity sets, as a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VelocitySet {
+    /// Two dimensions, nine velocities.
+    D2Q9,
+    /// Three dimensions, nineteen velocities.
+    D3Q19,
+    /// Three dimensions, twenty-seven velocities.
+    D3Q27,
+}
+
+impl VelocitySet {
+    /// Number of velocities.
+    #[must_use]
+    pub fn count(self) -> usize {
+        match self {
+            Self::D2Q9 => 9,
+            Self::D3Q19 => 19,
+            Self::D3Q27 => 27,
+        }
+    }
+
+    /// Number of space dimensions.
+    #[must_use]
+    pub fn dimension(self) -> usize {
+        match self {
+            Self::D2Q9 => 2,
+            Self::D3Q19 | Self::D3Q27 => 3,
+        }
+    }
+
+    /// Its velocities.
+    #[must_use]
+    pub fn velocities(self) -> Velocities {
+        match self {
+            Self::D2Q9 => Velocities::of::<D2Q9, 9>(),
+            Self::D3Q19 => Velocities::of::<D3Q19, 19>(),
+            Self::D3Q27 => Velocities::of::<D3Q27, 27>(),
+        }
+    }
+}
+
+/// The same tables at run time, for code outside the cell loop (boundaries, coupling, output).
+#[derive(Clone, Debug)]
+pub struct Velocities {
+    /// Name of the set.
+    pub name: &'static str,
+    /// Number of space dimensions.
+    pub dimension: usize,
+    /// Velocity of each population.
+    pub c: Vec<[i8; 3]>,
+    /// Weight of each population.
+    pub w: Vec<f64>,
+    /// Opposite of each population.
+    pub opposite: Vec<usize>,
+}
+
+impl Velocities {
+    /// The tables of `L`.
+    #[must_use]
+    pub fn of<L: Lattice<Q>, const Q: usize>() -> Self {
+        Self {
+            name: L::NAME,
+            dimension: L::DIMENSION,
+            c: L::C.to_vec(),
+            w: L::W.to_vec(),
+            opposite: L::OPPOSITE.to_vec(),
+        }
+    }
+
+    /// Number of populations.
+    #[must_use]
+    pub fn q(&self) -> usize {
+        self.c.len()
+    }
+}

@@ -1,0 +1,123 @@
+//! What stands between a scene and a GPU.
+//!
+//! A GPU runs a lattice of 27 velocities between walls and periodic axes, with bodies in partially saturated cells ([`crate::lbm::gpu`]).
+//! Whether there is a GPU is known when the run starts.
+
+use crate::case::coupling::Coupling;
+use crate::case::fluid::Device;
+use crate::error::Remedy;
+use crate::lbm::boundary::Surface;
+use crate::lbm::fluid::kernel_exists_on_gpu;
+use crate::scene::Scene;
+use crate::scene::findings::Findings;
+use crate::scene::flow::{BodyForce, PATH};
+
+/// What of a scene a GPU does not run yet.
+fn obstacles(scene: &Scene) -> Vec<String> {
+    let Some(flow) = &scene.flow else {
+        return Vec::new();
+    };
+    let mut all = Vec::new();
+    if flow.turbulence.is_some() {
+        all.push("an eddy viscosity".into());
+    }
+    let covered = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
+    let forced = flow.body_force != BodyForce::Constant([0.0; 3])
+        || (0..3).any(|a| flow.gravity_acts[a] && scene.gravity[a] != 0.0);
+    if !kernel_exists_on_gpu(flow.lattice, flow.collision, forced, covered) {
+        all.push(format!(
+            "the collision {} on {:?}{}{}",
+            flow.collision.name(),
+            flow.lattice,
+            if forced { " with a body force" } else { "" },
+            if covered { " with saturated cells" } else { "" },
+        ));
+    }
+    let open = flow.patches().find(|patch| {
+        let surface = patch.condition.model().nature().surface;
+        !matches!(surface, Surface::Wall | Surface::MovingWall)
+    });
+    if let Some(patch) = open {
+        all.push(format!(
+            "a boundary of {} ({})",
+            patch.condition.name(),
+            patch.name
+        ));
+    }
+    if !scene.structures.is_empty() {
+        all.push("structures".into());
+    }
+    if matches!(scene.coupling, Some(Coupling::BounceBack(_))) {
+        all.push("bounce_back coupling".into());
+    }
+    all
+}
+
+/// What the fluid of a scene runs on: not on a GPU where something stands against it.
+#[must_use]
+pub fn device(scene: &Scene) -> Device {
+    let wish = scene.flow.as_ref().map_or(Device::Cpu, |flow| flow.device);
+    if obstacles(scene).is_empty() {
+        wish
+    } else {
+        Device::Cpu
+    }
+}
+
+/// Refuses a GPU that is asked for where something stands against it.
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    let asked = |flow: &crate::scene::flow::Flow| flow.device == Device::Gpu;
+    let against = obstacles(scene);
+    if scene.flow.as_ref().is_some_and(asked) && !against.is_empty() {
+        let path = format!("{PATH}.device");
+        findings.error(
+            &path,
+            format!("a GPU does not run {} yet", against.join(", ")),
+            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, and with mrt bodies in saturated cells")
+                .set(&path, "cpu"),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::{Document, examples};
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    fn of(example: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
+        let set: Vec<String> = set.iter().map(|&text| text.into()).collect();
+        let text = examples::find(example).unwrap().text;
+        Plan::prepare(Document::read(text, &set, Path::new("."))?)
+    }
+
+    #[test]
+    fn a_gpu_is_refused_with_every_reason() {
+        let gpu = "fluid.lattice_boltzmann.device=gpu";
+        // In 3-D with the velocities that have kernels.
+        let cavity = [
+            "domain={\"size\": [0.01, 0.01, 0.01], \"spacing\": 5e-4}",
+            "fluid.lattice_boltzmann.lattice=d3q27",
+            "fluid.lattice_boltzmann.boundaries[0].condition.moving_wall.velocity=[0.01, 0, 0]",
+            "probes=[]",
+            "output={}",
+        ];
+        let with = |device| [&cavity[..], &[device]].concat();
+        let ok = of("cavity", &with(gpu));
+        assert!(ok.is_ok(), "{ok:?}");
+        assert!(of("cavity", &[gpu]).is_err());
+        let Err(problems) = of("piping", &[gpu]) else {
+            panic!("the openings and links of piping were accepted");
+        };
+        let problem = problems
+            .iter()
+            .find(|p| p.path == "fluid.lattice_boltzmann.device")
+            .unwrap();
+        assert!(problem.reason.contains("pressure"), "{}", problem.reason);
+        assert!(problem.reason.contains("bounce_back"), "{}", problem.reason);
+        let auto = of("piping", &["fluid.lattice_boltzmann.device=auto"]).unwrap();
+        assert_eq!(super::device(&auto.scene), super::Device::Cpu);
+        let auto = of("cavity", &with("fluid.lattice_boltzmann.device=auto")).unwrap();
+        assert_eq!(super::device(&auto.scene), super::Device::Auto);
+    }
+}
