@@ -19,7 +19,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// What a restart may change.
-pub const CHANGEABLE: [Changeable; 32] = [
+pub const CHANGEABLE: [Changeable; 33] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
     may(
@@ -51,6 +51,7 @@ pub const CHANGEABLE: [Changeable; 32] = [
         "fluid.lattice_boltzmann.body_force",
         "takes effect at once; phases count from the start of the run",
     ),
+    may("fluid.lattice_boltzmann.device", "affects the cost only"),
     may(
         "fluid.lattice_boltzmann.boundaries[*].name",
         "changes a name only",

@@ -1,7 +1,7 @@
 //! The same bits on any number of ranks and threads, for any split, and across restarts on other numbers of ranks: the
 //! hash of the state, every table byte for byte, every number of every field.
 
-use crate::ranks::{Study, beside_others};
+use crate::ranks::{Study, beside_others, run};
 
 #[test]
 fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
@@ -636,4 +636,50 @@ fn slabs_of_equal_cost_change_in_the_run() {
         done.stdout
     );
     study.same("straight", "listed");
+}
+
+/// Whatever the fluid runs on: where there is no GPU `auto` is the processor, and `gpu` ends with a sentence.
+#[test]
+fn a_cavity_on_a_gpu_if_there_is_one() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "cavity",
+        &[
+            ("domain.size", "[0.003, 0.0022, 0.0026]"),
+            ("fluid.lattice_boltzmann.collision", r#"{"mrt": {}}"#),
+            (
+                "fluid.lattice_boltzmann.boundaries",
+                r#"[{"name": "lid", "face": "y_max", "condition": {"moving_wall": {"velocity": [0.1, 0, 0.02]}}}]"#,
+            ),
+            ("fluid.lattice_boltzmann.reference_velocity", "0.1"),
+            ("probes", "[]"),
+            ("output", "{}"),
+            ("guards", r#"{"check_every_steps": 7}"#),
+            ("checkpoint.every", "0.0037"),
+            ("time.end", "0.0121"),
+        ],
+    );
+    let on = |device: &str| format!("fluid.lattice_boltzmann.device={device}");
+    study.run("cpu", 1, 1, &[]);
+    study.run("auto", 1, 2, &[&on("auto")]);
+    study.same("cpu", "auto");
+    let gpu = run(1, &study.arguments("gpu", 1, &[&on("gpu")]));
+    if gpu.code == Some(0) {
+        study.same("cpu", "gpu");
+    } else {
+        let gpu = gpu.expect(2);
+        assert!(
+            gpu.stderr.contains("device = gpu: ") && gpu.stderr.contains("device=cpu"),
+            "{}",
+            gpu.stderr
+        );
+    }
+    // A run may go on on the other.
+    study.run("parts", 1, 1, &["time.end=0.006"]);
+    let set = [&on("auto")[..], "time.end=0.0121"];
+    study.restart("parts", 1, &set).expect(0);
+    study.same("cpu", "parts");
+    // Several ranks share no GPU.
+    let two = run(2, &study.arguments("two", 1, &[&on("gpu")])).expect(2);
+    assert!(two.stderr.contains("several ranks"), "{}", two.stderr);
 }

@@ -58,9 +58,7 @@ impl Mapped {
             Form::Ball { centre, radius }
         }
     }
-}
 
-impl Mapped {
     /// The planes of the slab that it may cover, cut for some threads. Of a ball all cells share tables, so that it stays whole.
     fn cut(&self, rows: &Rows, frame: [i32; 3], threads: usize) -> Vec<Range<i32>> {
         /// Fewer planes are not worth a piece.

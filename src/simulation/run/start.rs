@@ -21,6 +21,7 @@ use super::super::{Present, Simulation};
 use super::Start;
 use super::runner::Runner;
 use super::warm_up::warm_up;
+use crate::case::fluid::Device;
 use crate::checkpoint::{self, Saved, State};
 use crate::coupling::Flow;
 use crate::coupling::lattice::LatticeFlow;
@@ -172,8 +173,18 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             Domain::new(communicator.clone(), slabs).map_err(|e| Error::Internal(e.to_string()))?;
         let mut flow = match (&plan.scene.flow, units) {
             (Some(scene), Some(units)) => {
-                let made = setup::fluid(&plan, scene, &units)
-                    .and_then(|setup| Fluid::<S>::new(setup, &domain).map_err(Error::Internal));
+                let made = setup::fluid(&plan, scene, &units).and_then(|setup| {
+                    let gpu = setup.device == Device::Gpu;
+                    Fluid::<S>::new(setup, &domain).map_err(|error| {
+                        if gpu {
+                            let path = "fluid.lattice_boltzmann.device = gpu";
+                            let remedy = "--set fluid.lattice_boltzmann.device=cpu, or auto";
+                            Error::Usage(format!("{path}: {error}; use {remedy}"))
+                        } else {
+                            Error::Internal(error)
+                        }
+                    })
+                });
                 let mut fluid = made?;
                 if !flowed {
                     match setup::initial::formula(&plan, scene, &units) {

@@ -37,7 +37,7 @@ pub(super) fn start<S: Stored>(
     cover: Option<&Cover>,
     domain: &Domain,
 ) -> Result<Gpu, String> {
-    let refuse = |what: &str| Err(format!("a GPU does not run {what} yet; use the device cpu"));
+    let refuse = |what: &str| Err(format!("a GPU does not run {what} yet"));
     if domain.communicator().size() > 1 {
         return refuse("a fluid on several ranks");
     }
