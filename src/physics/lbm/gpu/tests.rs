@@ -1,8 +1,9 @@
 use super::loads::BodyLoad;
 use crate::lbm::links::{Rigid, add_force};
 use crate::lbm::saturation::solid::Solid;
+use std::io::Write;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The kernels are those of the sources: `build.sh` was run after the last change.
 #[test]
@@ -18,12 +19,11 @@ fn the_ptx_is_made_from_these_sources() {
         for source in named("// Sources in src/physics:").split(' ') {
             all.extend(std::fs::read(here.join(source)).unwrap());
         }
-        let file = here
-            .join("../../target")
-            .join(format!("sources-{}", std::process::id()));
-        std::fs::write(&file, &all).unwrap();
-        let hash = Command::new("sha256sum").arg(&file).output().unwrap();
-        std::fs::remove_file(&file).unwrap();
+        let mut command = Command::new("sha256sum");
+        let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = pipes.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(&all).unwrap();
+        let hash = child.wait_with_output().unwrap();
         let hash = String::from_utf8(hash.stdout).unwrap();
         assert_eq!(
             hash.split(' ').next(),
