@@ -183,6 +183,32 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
+/// Runs of consecutive items for [`each_item_in_turn`]: for each thread about as many as there can be, or one in all where there are fewer
+/// than `2 least` items.
+#[must_use]
+pub fn runs(items: usize, least: usize) -> usize {
+    match threads().min(items / least.max(1)) {
+        0 | 1 => 1,
+        threads => MOST / threads * threads,
+    }
+}
+
+/// As [`each_item`], for items of uneven work: the threads take runs of items in turn. As many items are always cut the same way, so that each
+/// thread meets what it wrote before.
+pub fn each_item_in_turn<T: Send>(
+    items: &mut [T],
+    least: usize,
+    work: impl Fn(usize, &mut T) + Sync,
+) {
+    let count = items.len();
+    let runs = runs(count, least);
+    each_of(runs, evenly(items, runs), |run, share| {
+        for (n, item) in (count * run / runs..).zip(share) {
+            work(n, item);
+        }
+    });
+}
+
 impl Pool {
     fn new() -> Self {
         Self {
@@ -197,7 +223,7 @@ impl Pool {
     }
 
     fn run(&mut self, pieces: usize, work: &Work<'_>) {
-        while self.helpers.len() + 1 < pieces {
+        while self.helpers.len() + 1 < pieces.min(threads()) {
             let Some(helper) = Helper::start(&self.board, self.helpers.len() + 1) else {
                 break;
             };
@@ -347,6 +373,12 @@ mod tests {
             let mut items = vec![0; 1000];
             each_item(&mut items, 10, |n, item| *item += n);
             assert!(items.iter().enumerate().all(|(n, item)| n == *item));
+            for count in [0, 1, 19, 20, 100, 1000] {
+                each_item_in_turn(&mut items[..count], 10, |n, item| *item -= n);
+                assert!(items[..count].iter().all(|item| *item == 0));
+                each_item_in_turn(&mut items[..count], 10, |n, item| *item += n);
+            }
+            assert_eq!([runs(19, 10), runs(20, 10), runs(1000, 10)], [1, 64, 63]);
         });
     }
 

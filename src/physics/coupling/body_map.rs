@@ -8,19 +8,29 @@
 //! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same bits.
 
 mod links;
+mod look;
 mod owners;
+mod rows;
+mod slab;
 
 use super::solid_fraction::faces;
-use crate::dem::particles::Particles;
+use crate::dem::particles::{Motion, Particles};
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::{BodyLink, Load, Plane, Rigid, add_force};
+use crate::lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load, Plane, Rigid, add_force};
 use crate::lbm::populations::Populations;
 use crate::thread_pool;
+use links::Direction;
+use look::Found;
+use rows::Rows;
+use slab::Slab;
 use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A cell outside the domain or in a structure: the business of the faces and of the structures.
 const OUTSIDE: u32 = u32::MAX;
+/// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
+const MOST_IDS: u64 = OUTSIDE as u64 - 2;
 /// A cell of fluid.
 const FLUID: u32 = 0;
 
@@ -70,8 +80,12 @@ struct Mapped {
     slack: f64,
     /// It shares cells with another body: mapped again whenever anything is.
     shares: bool,
-    /// Its cells: local coordinates.
-    cells: Vec<[i32; 3]>,
+    /// It is to be mapped again in this update.
+    again: bool,
+    /// Its cells in local coordinates, with those that a body of lower id or a structure holds.
+    rows: Rows,
+    /// Room for the next look; after one that found other cells those before.
+    other: Rows,
 }
 
 /// How a polyhedron stands.
@@ -83,11 +97,8 @@ struct Turned {
 
 /// The map of one slab.
 pub struct BodyMap {
-    grid: Grid,
+    slab: Slab,
     rules: Rules,
-    /// Cells of the slab.
-    local: [i32; 3],
-    dimension: usize,
     /// Owner of each cell of the slab and of [`GHOSTS`] layers round it, x fastest.
     owner: Vec<u32>,
     stamp: Vec<u32>,
@@ -95,46 +106,48 @@ pub struct BodyMap {
     bodies: Vec<Mapped>,
     entries: HashMap<u32, Vec<u32>>,
     links: Vec<Vec<BodyLink>>,
+    directions: Vec<Direction>,
     motion: Vec<Rigid>,
     /// How polyhedra stand now, by entry; without faces for the others, and empty where there is none.
     blocks: Vec<Turned>,
-    changes: Vec<([i32; 3], u32)>,
-    again: Vec<u32>,
-    relink: Vec<bool>,
-    /// Cells found by the last look at a body, of each thread.
-    found: Vec<Vec<[i32; 3]>>,
-    /// Bodies that moved since they were mapped.
-    looks: Vec<Look>,
+    changes: Vec<Change>,
+    again: Vec<Again>,
+    relink: Vec<AtomicBool>,
+    /// What looks at the bodies that moved have found, for each run of bodies.
+    found: Vec<Found>,
     /// Links between two cells of water that sheets cut: place of the cell and direction.
     sheets: HashSet<(usize, u8)>,
 }
 
-/// A look at a body that moved.
+/// A body that is mapped again.
 #[derive(Clone, Copy, Debug)]
-struct Look {
+struct Again {
     body: usize,
-    slack: f64,
-    /// It holds the same cells as before, alone.
-    stays: bool,
+    /// Its cells are others than before.
+    moved: bool,
+    /// It shared cells before.
+    shared: bool,
 }
 
-impl Look {
-    fn at(body: usize) -> Self {
-        Self {
-            body,
-            slack: 0.0,
-            stays: false,
-        }
-    }
+/// A cell that changed its owner, or was given back to the one it had.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    cell: [i32; 3],
+    before: u32,
+    /// What a body gains or loses by it.
+    impulse: Option<Impulse>,
 }
 
-/// Bodies from which a thread pays.
-const PER_THREAD: usize = 16;
-
-/// Threads for work on so many bodies.
-fn threads(bodies: usize) -> usize {
-    thread_pool::threads().min(bodies / PER_THREAD).max(1)
+/// Momentum in quanta that goes to a body at a point given in half cells.
+#[derive(Clone, Copy, Debug)]
+struct Impulse {
+    entry: usize,
+    momentum: [i64; 3],
+    at: [i32; 3],
 }
+
+/// Changed cells from which a thread pays.
+const CHANGES_PER_THREAD: usize = 16;
 
 #[expect(
     clippy::cast_possible_truncation,
@@ -147,22 +160,14 @@ fn tag(id: u64) -> u32 {
 impl BodyMap {
     /// A map without bodies for the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, rules: Rules) -> Self {
-        let dimension = populations.velocities().dimension;
-        let local = populations
-            .cells()
-            .map(|n| i32::try_from(n).unwrap_or(i32::MAX));
-        let ghosts = |a: usize| if a < dimension { GHOSTS } else { 0 };
-        let count: usize = (0..3)
-            .map(|a| usize::try_from(local[a] + 2 * ghosts(a)).unwrap_or(0))
-            .product();
-        let mut map = Self {
-            owner: vec![OUTSIDE; count],
-            stamp: vec![0; count],
+        let slab = Slab::new(populations, grid);
+        Self {
+            owner: slab.layout(FLUID, OUTSIDE),
+            stamp: slab.layout(0, 0),
             now: 0,
-            grid,
+            directions: links::directions(&slab, populations),
+            slab,
             rules,
-            local,
-            dimension,
             bodies: Vec::new(),
             entries: HashMap::new(),
             links: Vec::new(),
@@ -172,21 +177,8 @@ impl BodyMap {
             again: Vec::new(),
             relink: Vec::new(),
             found: Vec::new(),
-            looks: Vec::new(),
             sheets: HashSet::new(),
-        };
-        let range = |a: usize| -ghosts(a)..local[a] + ghosts(a);
-        for z in range(2) {
-            for y in range(1) {
-                for x in range(0) {
-                    if map.inside_domain([x, y, z]) {
-                        let position = map.at([x, y, z]);
-                        map.owner[position] = FLUID;
-                    }
-                }
-            }
         }
-        map
     }
 
     /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction), before any body is
@@ -197,7 +189,7 @@ impl BodyMap {
         sheets: &HashSet<(usize, u8)>,
     ) {
         for cell in cells {
-            let position = self.at(cell);
+            let position = self.slab.at(cell);
             self.owner[position] = OUTSIDE;
         }
         self.sheets.clone_from(sheets);
@@ -207,41 +199,6 @@ impl BodyMap {
     #[must_use]
     pub fn is_water(&self, place: u32) -> bool {
         self.owner[place as usize] == FLUID
-    }
-
-    /// The polyhedron that an entry is, if it is one.
-    fn block(&self, k: usize) -> Option<&Turned> {
-        self.blocks.get(k).filter(|block| !block.planes.is_empty())
-    }
-
-    fn ghosts(&self, axis: usize) -> i32 {
-        if axis < self.dimension { GHOSTS } else { 0 }
-    }
-
-    /// Position of a cell in `owner`.
-    fn at(&self, cell: [i32; 3]) -> usize {
-        let size = |a: usize| self.local[a] + 2 * self.ghosts(a);
-        let k = |a: usize| cell[a] + self.ghosts(a);
-        usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
-    }
-
-    fn inside_domain(&self, local: [i32; 3]) -> bool {
-        (0..self.dimension).all(|a| {
-            let global = i64::from(local[a]) + self.grid.start[a].cast_signed() as i64;
-            self.grid.periodic[a] || (0..self.grid.cells[a].cast_signed() as i64).contains(&global)
-        })
-    }
-
-    /// Within the slab and its ghosts.
-    fn held(&self, local: [i32; 3]) -> bool {
-        (0..3).all(|a| {
-            let ghosts = self.ghosts(a);
-            (-ghosts..self.local[a] + ghosts).contains(&local[a])
-        })
-    }
-
-    fn interior(&self, local: [i32; 3]) -> bool {
-        (0..3).all(|a| (0..self.local[a]).contains(&local[a]))
     }
 
     /// The links of each entry of the particles.
@@ -278,7 +235,7 @@ impl BodyMap {
     #[must_use]
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-        match self.owner[self.at(cell)] {
+        match self.owner[self.slab.at(cell)] {
             FLUID | OUTSIDE => None,
             tag => Some(u64::from(tag) - 1),
         }
@@ -291,52 +248,52 @@ impl BodyMap {
         velocity: f64,
         spin: f64,
     ) -> Result<(), String> {
-        self.motion.clear();
-        if particles.has_blocks() {
-            self.blocks.resize_with(particles.len(), Turned::default);
+        if let Some(body) = particles.body.iter().find(|body| body.id >= MOST_IDS) {
+            return Err(format!("id {} is too large for the map of bodies", body.id));
         }
-        for (k, (body, motion)) in particles.body.iter().zip(&particles.motion).enumerate() {
-            if body.id >= u64::from(u32::MAX) - 2 {
-                return Err(format!("id {} is too large for the map of bodies", body.id));
-            }
-            let factor = if body.id < self.rules.first_grain {
-                1.0
-            } else {
-                self.rules.hydraulic_radius_factor
-            };
-            let mut rigid = Rigid {
-                radius: body.radius * factor / self.grid.spacing,
-                ..Rigid::default()
-            };
-            for a in 0..Sp::DIMENSION {
-                rigid.position[a] =
-                    (motion.position.get(a) - self.grid.origin[a]) / self.grid.spacing;
-                rigid.velocity[a] = motion.velocity.get(a) * velocity;
-            }
-            if Sp::DIMENSION == 2 {
-                rigid.spin[2] = motion.spin.get(0) * spin;
-            } else {
-                for a in 0..3 {
-                    rigid.spin[a] = motion.spin.get(a) * spin;
+        let count = particles.len();
+        self.motion.resize(count, Rigid::default());
+        if particles.has_blocks() {
+            self.blocks.resize_with(count, Turned::default);
+        }
+        let (grid, rules) = (&self.slab.grid, &self.rules);
+        let runs = thread_pool::runs(count, PER_THREAD);
+        let blocks = self.blocks.len().min(count);
+        let shared = (
+            thread_pool::evenly(&mut self.motion, runs),
+            thread_pool::cut(&mut self.blocks, runs, |run| blocks * run / runs),
+        );
+        let particles = particles.view();
+        thread_pool::each_of(runs, shared, |run, (motion, blocks)| {
+            let mut blocks = blocks.iter_mut();
+            for (k, rigid) in (count * run / runs..).zip(motion) {
+                let body = &particles.body[k];
+                let factor = if body.id < rules.first_grain {
+                    1.0
+                } else {
+                    rules.hydraulic_radius_factor
+                };
+                *rigid = in_cells::<Sp>(&particles.motion[k], grid, velocity, spin);
+                rigid.radius = body.radius * factor / grid.spacing;
+                let turned = blocks.next();
+                if let Some((shape, state)) = particles.polyhedron(k) {
+                    rigid.radius = body.radius / grid.spacing;
+                    if let Some(turned) = turned {
+                        turned.quaternion = state.orientation.coords.into();
+                        let rotation = state.matrix();
+                        faces(
+                            shape,
+                            &rotation,
+                            rigid.position,
+                            grid.spacing,
+                            &mut turned.planes,
+                        );
+                    }
+                } else if let Some(turned) = turned {
+                    turned.planes.clear();
                 }
             }
-            if let Some((shape, state)) = particles.polyhedron(k) {
-                rigid.radius = body.radius / self.grid.spacing;
-                let turned = &mut self.blocks[k];
-                turned.quaternion = state.orientation.coords.into();
-                let (rotation, spacing) = (state.matrix(), self.grid.spacing);
-                faces(
-                    shape,
-                    &rotation,
-                    rigid.position,
-                    spacing,
-                    &mut turned.planes,
-                );
-            } else if let Some(turned) = self.blocks.get_mut(k) {
-                turned.planes.clear();
-            }
-            self.motion.push(rigid);
-        }
+        });
         Ok(())
     }
 
@@ -350,7 +307,7 @@ impl BodyMap {
         populations: &Populations<S>,
         loads: Option<&mut [Load]>,
     ) {
-        if self.local.contains(&0) {
+        if self.slab.cells.contains(&0) {
             // An empty slab holds no cells; entries still have a place in the lists.
             self.links.resize_with(particles.len(), Vec::new);
             return;
@@ -372,20 +329,16 @@ impl BodyMap {
             return;
         }
         // Bodies that share cells settle anew who has them.
-        for k in 0..self.bodies.len() {
-            let n = u32::try_from(k).unwrap_or(u32::MAX);
-            if self.bodies[k].shares && !self.again.contains(&n) {
-                self.again.push(n);
+        for (k, body) in self.bodies.iter_mut().enumerate() {
+            if body.shares && !body.again {
+                self.again.push(Again {
+                    body: k,
+                    moved: false,
+                    shared: true,
+                });
             }
         }
-        let again = std::mem::take(&mut self.again);
-        for &k in &again {
-            self.clear(k as usize);
-        }
-        for &k in &again {
-            self.set(k as usize);
-        }
-        self.again = again;
+        self.settle();
         self.apply_changes(populations, loads);
     }
 
@@ -396,67 +349,103 @@ impl BodyMap {
         loads: Option<&mut [Load]>,
     ) {
         self.relink.clear();
-        self.relink.resize(self.bodies.len(), false);
+        self.relink
+            .resize_with(self.bodies.len(), AtomicBool::default);
         let far = self.rules.isolated.is_some() || self.rules.interpolated;
         let reach = if far { 2 } else { 1 };
-        let changes = std::mem::take(&mut self.changes);
-        let mut loads = loads;
-        for &(cell, before) in &changes {
-            let position = self.at(cell);
-            let after = self.owner[position];
-            if before == after {
-                continue;
-            }
-            if let Some(loads) = &mut loads
-                && self.interior(cell)
-                && (before == FLUID || after == FLUID)
-            {
-                let (_, momentum) = populations.moments(populations.cell(cell.map(|v| v as isize)));
-                let (body, sign) = if after == FLUID {
-                    (before, -1.0)
-                } else {
-                    (after, 1.0)
-                };
-                if let Some((entry, frame)) = self.nearest(body, cell) {
-                    let force = momentum.map(|m| crate::lbm::boundary::quanta(sign * m));
-                    let middle = std::array::from_fn(|a| {
-                        if a < self.dimension {
-                            2 * (cell[a] - frame[a]) + 1
-                        } else {
-                            0
-                        }
-                    });
-                    if self.dimension == 2 {
-                        add_force::<2>(&mut loads[entry], force, middle);
-                    } else {
-                        add_force::<3>(&mut loads[entry], force, middle);
-                    }
+        let mut changes = std::mem::take(&mut self.changes);
+        thread_pool::each_item(&mut changes, CHANGES_PER_THREAD, |_, change| {
+            let &mut Change { cell, before, .. } = change;
+            let after = self.owner[self.slab.at(cell)];
+            if before != after {
+                if loads.is_some() {
+                    change.impulse = self.impulse(cell, before, after, populations);
                 }
+                self.relink_around(cell, before, reach);
             }
-            self.flag(before);
-            self.flag(after);
-            let deep = if self.dimension == 3 { reach } else { 0 };
-            for dz in -deep..=deep {
-                for dy in -reach..=reach {
-                    for dx in -reach..=reach {
-                        let near = [cell[0] + dx, cell[1] + dy, cell[2] + dz];
-                        if self.held(near) {
-                            self.flag(self.owner[self.at(near)]);
-                        }
-                    }
+        });
+        if let Some(loads) = loads {
+            for Impulse {
+                entry,
+                momentum,
+                at,
+            } in changes.iter().filter_map(|change| change.impulse)
+            {
+                if self.slab.dimension == 2 {
+                    add_force::<2>(&mut loads[entry], momentum, at);
+                } else {
+                    add_force::<3>(&mut loads[entry], momentum, at);
                 }
             }
         }
         self.changes = changes;
         let mut links = std::mem::take(&mut self.links);
-        let again = self.relink.iter().filter(|again| **again).count();
-        // Pieces in which about as many bodies are linked again as pay for a thread.
-        let least = links.len() * PER_THREAD / again.max(1);
-        thread_pool::each_item(&mut links, least, |k, links| {
-            if self.relink[k] {
+        let flagged = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        let again = self.relink.iter().filter(|flag| flagged(flag)).count();
+        let link = |k: usize, links: &mut Vec<BodyLink>| {
+            if flagged(&self.relink[k]) {
                 self.link(k, populations, links);
             }
-        });
+        };
+        if again < 2 * PER_THREAD {
+            links
+                .iter_mut()
+                .enumerate()
+                .for_each(|(k, links)| link(k, links));
+        } else {
+            thread_pool::each_item_in_turn(&mut links, PER_THREAD, link);
+        }
         self.links = links;
     }
+
+    /// What covering or uncovering a cell of the slab gives to the body that does it.
+    fn impulse<S: Stored>(
+        &self,
+        cell: [i32; 3],
+        before: u32,
+        after: u32,
+        populations: &Populations<S>,
+    ) -> Option<Impulse> {
+        let (body, sign) = match (before, after) {
+            (FLUID, body) => (body, 1.0),
+            (body, FLUID) => (body, -1.0),
+            _ => return None,
+        };
+        if !self.slab.interior(cell) {
+            return None;
+        }
+        let (_, momentum) = populations.moments(populations.cell(cell.map(|v| v as isize)));
+        let (entry, frame) = self.nearest(body, cell)?;
+        Some(Impulse {
+            entry,
+            momentum: momentum.map(|m| crate::lbm::boundary::quanta(sign * m)),
+            at: std::array::from_fn(|a| {
+                if a < self.slab.dimension {
+                    2 * (cell[a] - frame[a]) + 1
+                } else {
+                    0
+                }
+            }),
+        })
+    }
 }
+
+/// Motion of a grain in lattice units, without its radius.
+fn in_cells<Sp: Space>(motion: &Motion<Sp>, grid: &Grid, velocity: f64, spin: f64) -> Rigid {
+    let mut rigid = Rigid::default();
+    for a in 0..Sp::DIMENSION {
+        rigid.position[a] = (motion.position.get(a) - grid.origin[a]) / grid.spacing;
+        rigid.velocity[a] = motion.velocity.get(a) * velocity;
+    }
+    if Sp::DIMENSION == 2 {
+        rigid.spin[2] = motion.spin.get(0) * spin;
+    } else {
+        for a in 0..3 {
+            rigid.spin[a] = motion.spin.get(a) * spin;
+        }
+    }
+    rigid
+}
+
+#[cfg(test)]
+mod tests;

@@ -19,9 +19,10 @@ use crate::error::Error;
 use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
-use crate::lbm::links::{Load, Rigid, Scheme, bounce};
+use crate::lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
 use crate::number::real;
 use crate::structure::Images;
+use crate::thread_pool;
 use crate::units::LatticeUnits;
 use decomposition::Domain;
 use std::marker::PhantomData;
@@ -151,9 +152,46 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
+    /// Averages the loads of two half steps, with what cells that changed sides gave.
+    fn load_grains(&self, particles: &mut Particles<Sp>) {
+        let mut extra = std::mem::take(&mut particles.extra);
+        let mut fluid = std::mem::take(&mut particles.fluid);
+        let grains = particles.view();
+        let (loads, motion) = (&self.loads, self.map.motion());
+        let (settings, units) = (self.settings, &self.units);
+        // As often as for the links, so that a thread finds the loads that it made.
+        let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
+        let first = |run: usize| (loads.len() * run / runs).min(grains.owned);
+        let shared = (
+            thread_pool::cut(&mut extra, runs, first),
+            thread_pool::cut(&mut fluid, runs, first),
+        );
+        thread_pool::each_of(runs, shared, |run, (extra, fluid)| {
+            for ((k, extra), fluid) in (first(run)..).zip(extra).zip(fluid) {
+                let half = about_centre(motion[k].position, &loads[k]);
+                let mut load = [0.0; 6];
+                for a in 0..6 {
+                    let now = half[a] + extra[6 + a];
+                    load[a] = if settings.average {
+                        0.5 * (now + extra[a])
+                    } else {
+                        now
+                    };
+                    extra[a] = now;
+                    extra[6 + a] = 0.0;
+                }
+                *fluid = to_grain(units, &load, settings.buoyancy, grains.volume(k));
+            }
+        });
+        particles.extra = extra;
+        particles.fluid = fluid;
+    }
+
     fn clear_loads(&mut self, n: usize) {
-        self.loads.clear();
         self.loads.resize(n, [0; 6]);
+        thread_pool::each_item_in_turn(&mut self.loads, BODIES_PER_THREAD, |_, load| {
+            *load = [0; 6]
+        });
     }
 }
 
@@ -169,7 +207,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         }
         // The links bounce here.
         self.fluid.fetch().map_err(Error::Internal)?;
-        self.clear_loads(particles.len());
+        self.loads.resize(particles.len(), [0; 6]);
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);
         let populations = self.fluid.populations_mut();
@@ -194,23 +232,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         }
         particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
-        for k in 0..particles.owned() {
-            let half = about_centre(self.map.motion()[k].position, &self.loads[k]);
-            let extra = &mut particles.extra[k];
-            let mut load = [0.0; 6];
-            for a in 0..6 {
-                let now = half[a] + extra[6 + a];
-                load[a] = if self.settings.average {
-                    0.5 * (now + extra[a])
-                } else {
-                    now
-                };
-                extra[a] = now;
-                extra[6 + a] = 0.0;
-            }
-            let volume = particles.volume(k);
-            particles.fluid[k] = to_grain(&self.units, &load, self.settings.buoyancy, volume);
-        }
+        self.load_grains(particles);
         Ok(())
     }
 
@@ -256,14 +278,21 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let reduced = particles.reduce_to_owners(&mut loads, domain);
         self.loads = loads;
         reduced?;
-        for k in 0..particles.owned() {
-            if self.loads[k] != [0; 6] {
-                let impulse = about_centre(self.map.motion()[k].position, &self.loads[k]);
-                for a in 0..6 {
-                    particles.extra[k][6 + a] += impulse[a];
+        let (loads, motion) = (&self.loads, self.map.motion());
+        let owned = particles.owned();
+        let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
+        let first = |run: usize| (loads.len() * run / runs).min(owned);
+        let shared = thread_pool::cut(&mut particles.extra, runs, first);
+        thread_pool::each_of(runs, shared, |run, extra| {
+            for (k, extra) in (first(run)..).zip(extra) {
+                if loads[k] != [0; 6] {
+                    let impulse = about_centre(motion[k].position, &loads[k]);
+                    for a in 0..6 {
+                        extra[6 + a] += impulse[a];
+                    }
                 }
             }
-        }
+        });
         Ok(())
     }
 }

@@ -173,10 +173,7 @@ impl<S: Space> Particles<S> {
     /// Volume of entry `k` [m³; m² per m of depth in two dimensions].
     #[must_use]
     pub fn volume(&self, k: usize) -> f64 {
-        self.polyhedron(k).map_or_else(
-            || S::measure(self.body[k].radius),
-            |(shape, _)| shape.volume(),
-        )
+        self.view().volume(k)
     }
 
     /// An error that names the first owned entry whose shape is not in the table.
@@ -210,6 +207,16 @@ impl<'a, S: Space> View<'a, S> {
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a RotationState)> {
         shape_of(self.shapes, self.shape, self.rotation, k)
+    }
+
+    /// As [`Particles::volume`].
+    #[must_use]
+    #[inline]
+    pub fn volume(&self, k: usize) -> f64 {
+        self.polyhedron(k).map_or_else(
+            || S::measure(self.body[k].radius),
+            |(shape, _)| shape.volume(),
+        )
     }
 }
 

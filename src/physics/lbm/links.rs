@@ -121,6 +121,9 @@ struct Numbers<S>(*mut S);
 // lists never touch the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
 unsafe impl<S> Sync for Numbers<S> {}
 
+/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the links that it made.
+pub const BODIES_PER_THREAD: usize = 16;
+
 /// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
 const AHEAD: usize = 16;
 
@@ -137,7 +140,7 @@ fn prefetch<S>(numbers: *const S, at: usize) {
     let _ = (numbers, at);
 }
 
-/// Bounces the populations on every link of every body and adds the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
+/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
 /// body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
 ///
 /// # Panics
@@ -154,10 +157,10 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     let table = Table::new(populations);
     let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
     let numbers = &numbers;
-    thread_pool::each_item(loads, 32, |k, load| {
+    thread_pool::each_item_in_turn(loads, BODIES_PER_THREAD, |k, load| {
         let (links, motion, faces) = (&links[k], &motion[k], faces(k));
         // Kept in registers while the links pass.
-        let mut sum = *load;
+        let mut sum = [0; 6];
         let all = Along {
             numbers: numbers.0,
             parity,

@@ -1,0 +1,115 @@
+//! The cells of one slab and of the layers round it.
+
+use super::{GHOSTS, Grid};
+use crate::lbm::lanes::Stored;
+use crate::lbm::populations::Populations;
+
+/// Where the cells of a slab lie; all coordinates are local.
+#[derive(Clone, Debug)]
+pub(super) struct Slab {
+    pub(super) grid: Grid,
+    /// Cells of the slab.
+    pub(super) cells: [i32; 3],
+    pub(super) dimension: usize,
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates are far below 2^31"
+)]
+pub(super) fn floor(x: f64) -> i32 {
+    x.floor() as i32
+}
+
+impl Slab {
+    pub(super) fn new<S: Stored>(populations: &Populations<S>, grid: Grid) -> Self {
+        let cells = populations.cells();
+        Self {
+            grid,
+            cells: cells.map(|n| i32::try_from(n).unwrap_or(i32::MAX)),
+            dimension: populations.velocities().dimension,
+        }
+    }
+
+    fn ghosts(&self, axis: usize) -> i32 {
+        if axis < self.dimension { GHOSTS } else { 0 }
+    }
+
+    /// One value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain, one outside.
+    pub(super) fn layout(&self, inside: u32, outside: u32) -> Vec<u32> {
+        let range = |a: usize| -self.ghosts(a)..self.cells[a] + self.ghosts(a);
+        let mut values = Vec::with_capacity((0..3).map(|a| range(a).len()).product());
+        for z in range(2) {
+            for y in range(1) {
+                values.extend(range(0).map(|x| {
+                    if self.in_domain([x, y, z]) {
+                        inside
+                    } else {
+                        outside
+                    }
+                }));
+            }
+        }
+        values
+    }
+
+    /// Place of a cell in a [`Self::layout`].
+    pub(super) fn at(&self, cell: [i32; 3]) -> usize {
+        let size = |a: usize| self.cells[a] + 2 * self.ghosts(a);
+        let k = |a: usize| cell[a] + self.ghosts(a);
+        usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
+    }
+
+    /// Distance between the places of a cell and of its neighbour along a direction.
+    pub(super) fn step(&self, c: [i8; 3]) -> isize {
+        let size = |a: usize| (self.cells[a] + 2 * self.ghosts(a)) as isize;
+        (isize::from(c[2]) * size(1) + isize::from(c[1])) * size(0) + isize::from(c[0])
+    }
+
+    fn in_domain(&self, local: [i32; 3]) -> bool {
+        (0..self.dimension).all(|a| {
+            let global = i64::from(local[a]) + self.grid.start[a].cast_signed() as i64;
+            self.grid.periodic[a] || (0..self.grid.cells[a].cast_signed() as i64).contains(&global)
+        })
+    }
+
+    /// Within the slab and its ghosts.
+    pub(super) fn held(&self, local: [i32; 3]) -> bool {
+        (0..3).all(|a| {
+            let ghosts = self.ghosts(a);
+            (-ghosts..self.cells[a] + ghosts).contains(&local[a])
+        })
+    }
+
+    pub(super) fn interior(&self, local: [i32; 3]) -> bool {
+        (0..3).all(|a| (0..self.cells[a]).contains(&local[a]))
+    }
+
+    /// At least two cells from the edge of the slab.
+    pub(super) fn deep(&self, local: [i32; 3]) -> bool {
+        (0..self.dimension).all(|a| (2..self.cells[a] - 2).contains(&local[a]))
+    }
+
+    /// Distance in cells from the raw frame of a body to the local cells of this slab, for its image.
+    pub(super) fn frame(&self, shift: [i32; 3]) -> [i32; 3] {
+        std::array::from_fn(|a| {
+            let cells = i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX);
+            let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+            if a < self.dimension {
+                shift[a] * cells - start
+            } else {
+                0
+            }
+        })
+    }
+
+    /// The cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
+    pub(super) fn window(&self, position: [f64; 3], frame: [i32; 3], reach: f64) -> [[i32; 3]; 2] {
+        let (mut low, mut high) = ([0; 3], [0; 3]);
+        for a in 0..self.dimension {
+            low[a] = floor(position[a] - reach).max(-GHOSTS - frame[a]);
+            high[a] = floor(position[a] + reach).min(self.cells[a] + GHOSTS - 1 - frame[a]);
+        }
+        [low, high]
+    }
+}
