@@ -29,7 +29,7 @@ use crate::dem::deepest::{Deepest, With};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
-use crate::lbm::boundary::{from_quanta, quanta};
+use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::plan::Plan;
 use crate::plan::envelope::USUAL_LATTICE_VELOCITY;
@@ -94,8 +94,6 @@ pub struct Guards {
     fast: bool,
     news: Vec<String>,
     look: Look,
-    /// Moments of one row of cells: room that is kept.
-    row: [Vec<f64>; 4],
 }
 
 impl Guards {
@@ -383,7 +381,7 @@ impl Guards {
         if let Some(flow) = flow
             && Self::balances(step)
         {
-            self.before = Some(totals(flow, domain.communicator(), &mut self.row));
+            self.before = Some(totals(flow, domain.communicator()));
         }
     }
 
@@ -397,10 +395,11 @@ impl Guards {
             return;
         };
         let communicator = domain.communicator();
-        let after = totals(flow, communicator, &mut self.row);
+        let after = totals(flow, communicator);
         // What is inside a body is not the water's, at a face neither.
-        let all = flow.all_count();
-        let mut crossed = flow.fluid().left(|at| all || flow.counts(at));
+        let water = flow.balanced();
+        let all = water.holds_all();
+        let mut crossed = flow.fluid().left(|at| all || water.holds(at));
         let through = crossed;
         let mut scale = 0.0_f64;
         let fixed = flow.structures().map_or(&[][..], StructureMap::loads);
@@ -666,28 +665,14 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
 fn totals<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     communicator: &Communicator,
-    row: &mut [Vec<f64>; 4],
 ) -> [i128; 4] {
+    let water = flow.balanced();
     let populations = flow.fluid().populations();
-    if flow.all_count() {
-        return populations.totals().map(|s| sum(communicator, s));
-    }
-    let mut sums = [0_i128; 4];
-    let fast = populations.order()[2];
-    let length = populations.cells()[fast];
-    for (mut at, first) in populations.rows() {
-        populations.row_moments(first, length, row);
-        let [drho, momentum @ ..] = &*row;
-        sums[0] += populations.in_quanta(drho);
-        for k in 0..length {
-            at[fast] = k;
-            if flow.counts(at) {
-                for (sum, m) in sums[1..].iter_mut().zip(momentum) {
-                    *sum += i128::from(quanta(m[k]));
-                }
-            }
-        }
-    }
+    let sums = if water.holds_all() {
+        populations.totals()
+    } else {
+        populations.totals_within(|at| water.holds(at))
+    };
     sums.map(|s| sum(communicator, s))
 }
 

@@ -9,7 +9,7 @@
 //! cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, Grid, Rules};
-use super::lattice::{LatticeFlow, view_of_lattice};
+use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
@@ -310,7 +310,7 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     }
 
     fn solid_at(&self, cell: [usize; 3]) -> bool {
-        !self.counts(cell)
+        !self.balanced().holds(cell)
     }
 }
 
@@ -332,13 +332,11 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
     }
 
     /// What is inside the shells is not the water's.
-    fn counts(&self, cell: [usize; 3]) -> bool {
-        let structures = self.structures.as_ref();
-        self.map.body_at(cell).is_none() && structures.is_none_or(|map| !map.holds(cell))
-    }
-
-    fn all_count(&self) -> bool {
-        self.map.is_empty() && self.structures.is_none()
+    fn balanced(&self) -> Balanced<'_> {
+        Balanced {
+            bodies: Some(&self.map),
+            structures: self.structures.as_deref(),
+        }
     }
 
     fn structures(&self) -> Option<&StructureMap> {
@@ -350,13 +348,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
     }
 
     fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
-        let [nx, ny, nz] = self.fluid.populations().cells();
-        let mut cells = (nx * ny * nz) as u64;
-        if !self.all_count() {
-            let interior = self.fluid.populations().interior();
-            let open = interior.filter(|(at, _)| self.counts(*at));
-            cells = open.count() as u64;
-        }
+        let cells = self.balanced().count(self.fluid.populations()) as u64;
         let cells = real(communicator.all_reduce_sum_u64(cells));
         self.fluid.last_force().map(|f| f * cells)
     }

@@ -1,12 +1,56 @@
 //! The interface between a run and a lattice with bodies, common to all couplings.
 
+use super::body_map::BodyMap;
 use super::structure_map::StructureMap;
 use super::{Flow, FluidView};
 use crate::dem::space::Space;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
+use crate::lbm::populations::Populations;
 use decomposition::Communicator;
+
+/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
+/// of their own.
+#[derive(Clone, Copy)]
+pub struct Balanced<'a> {
+    /// Bodies that keep water of their own.
+    pub(super) bodies: Option<&'a BodyMap>,
+    pub(super) structures: Option<&'a StructureMap>,
+}
+
+impl Balanced<'_> {
+    /// Whether a cell of the slab is one of them.
+    #[must_use]
+    pub fn holds(&self, cell: [usize; 3]) -> bool {
+        self.bodies.is_none_or(|map| map.body_at(cell).is_none())
+            && self.structures.is_none_or(|map| !map.holds(cell))
+    }
+
+    /// Whether all cells of the slab are.
+    #[must_use]
+    pub fn holds_all(&self) -> bool {
+        self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
+    }
+
+    /// How many cells of the slab are; counted by threads.
+    pub(super) fn count<S: Stored>(&self, populations: &Populations<S>) -> usize {
+        if self.holds_all() {
+            return populations.cells().iter().product();
+        }
+        let [.., fast] = populations.order();
+        let length = populations.cells()[fast];
+        let counts = populations.by_rows(|mut at, count: &mut usize| {
+            *count += (0..length)
+                .filter(|&k| {
+                    at[fast] = k;
+                    self.holds(at)
+                })
+                .count();
+        });
+        counts.into_iter().sum()
+    }
+}
 
 /// A fluid on a lattice with its coupling.
 pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
@@ -23,11 +67,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// balances. Entries of ghosts are left out, their loads stand at the owners.
     fn last_loads(&self) -> &[Load];
 
-    /// Whether the momentum of a cell belongs to the water in its balance with the bodies.
-    fn counts(&self, cell: [usize; 3]) -> bool;
-
-    /// Whether all cells of the slab count, so that no test per cell is needed.
-    fn all_count(&self) -> bool;
+    /// The cells whose momentum belongs to the water in its balance with the bodies.
+    fn balanced(&self) -> Balanced<'_>;
 
     /// The structures in the water, if there are any.
     fn structures(&self) -> Option<&StructureMap>;

@@ -16,7 +16,7 @@
 
 use super::body_map::Grid;
 use super::cover_map::{CoverMap, rigid};
-use super::lattice::{LatticeFlow, view_of_lattice};
+use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::structure_map::StructureMap;
@@ -261,7 +261,7 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
     }
 
     fn solid_at(&self, cell: [usize; 3]) -> bool {
-        self.body_at(cell).is_some() || !self.counts(cell)
+        self.body_at(cell).is_some() || !self.balanced().holds(cell)
     }
 }
 
@@ -283,13 +283,11 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
     }
 
     /// The bodies received what all cells lost; what is inside structures is not the water's.
-    fn counts(&self, cell: [usize; 3]) -> bool {
-        let structures = self.structures.as_ref();
-        structures.is_none_or(|map| !map.holds(cell))
-    }
-
-    fn all_count(&self) -> bool {
-        self.structures.is_none()
+    fn balanced(&self) -> Balanced<'_> {
+        Balanced {
+            bodies: None,
+            structures: self.structures.as_deref(),
+        }
     }
 
     fn structures(&self) -> Option<&StructureMap> {
@@ -304,8 +302,9 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
     /// A covered cell feels the force by 1 - B.
     fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
         let populations = self.fluid.populations();
+        let water = self.balanced();
         let (mut all, mut covered) = (0_i128, 0_i128);
-        for (_, position) in populations.interior().filter(|(at, _)| self.counts(*at)) {
+        for (_, position) in populations.interior().filter(|(at, _)| water.holds(*at)) {
             all += i128::from(crate::lbm::boundary::quanta(1.0));
             if let Some(cover) = self.fluid.cover() {
                 covered += i128::from(cover.weight(position));

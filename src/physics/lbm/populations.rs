@@ -28,7 +28,7 @@ use super::lanes::{Avx2, Avx512};
 use super::lanes::{Lanes, Level, Memory, Stored, WIDEST, prefetch};
 use super::lattice::Velocities;
 use super::pages::Pages;
-use super::quanta::sum_of_quanta;
+use super::quanta::{quanta, sum_of_quanta};
 use crate::number::real;
 use crate::thread_pool;
 
@@ -439,28 +439,64 @@ impl<S: Stored> Populations<S> {
     /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
     #[must_use]
     pub fn totals(&self) -> [i128; 4] {
-        let [slow, middle, fast] = self.order;
-        let rows = self.cells[slow] * self.cells[middle];
-        let pieces = thread_pool::threads().min(rows).max(1);
-        let mut sums = vec![[0_i128; 4]; pieces];
-        thread_pool::each_item(&mut sums, 1, |piece, sums| {
-            let mut moments = <[Vec<f64>; 4]>::default();
-            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
-                let mut at = [0; 3];
-                (at[slow], at[middle]) = (row / self.cells[middle], row % self.cells[middle]);
-                self.row_moments(self.interior_cell(at), self.cells[fast], &mut moments);
-                for (sum, values) in sums.iter_mut().zip(&moments) {
-                    *sum += self.in_quanta(values);
+        self.sum_rows(|_, moments, sums| {
+            for (sum, values) in sums.iter_mut().zip(moments) {
+                *sum += self.in_quanta(values);
+            }
+        })
+    }
+
+    /// The same with the momenta of some cells only; the density is that of all.
+    #[must_use]
+    pub fn totals_within(&self, within: impl Fn([usize; 3]) -> bool + Sync) -> [i128; 4] {
+        let [.., fast] = self.order;
+        self.sum_rows(|mut at, [drho, momentum @ ..], sums| {
+            sums[0] += self.in_quanta(drho);
+            for k in 0..drho.len() {
+                at[fast] = k;
+                if within(at) {
+                    for (sum, m) in sums[1..].iter_mut().zip(momentum) {
+                        *sum += i128::from(quanta(m[k]));
+                    }
                 }
             }
+        })
+    }
+
+    /// Sums over the moments of all rows, by all threads.
+    fn sum_rows(
+        &self,
+        add: impl Fn([usize; 3], &[Vec<f64>; 4], &mut [i128; 4]) + Sync,
+    ) -> [i128; 4] {
+        let length = self.cells[self.order[2]];
+        let parts = self.by_rows(|at, (sums, moments): &mut ([i128; 4], [Vec<f64>; 4])| {
+            self.row_moments(self.interior_cell(at), length, moments);
+            add(at, moments, sums);
         });
         let mut totals = [0; 4];
-        for sums in sums {
+        for (sums, _) in parts {
             for (total, sum) in totals.iter_mut().zip(sums) {
                 *total += sum;
             }
         }
         totals
+    }
+
+    /// Calls `each` with the first cell of every row, by threads, and with what the thread gathers: one for each thread.
+    pub fn by_rows<T: Default + Send>(&self, each: impl Fn([usize; 3], &mut T) + Sync) -> Vec<T> {
+        let [slow, middle, _] = self.order;
+        let rows = self.cells[slow] * self.cells[middle];
+        let pieces = thread_pool::threads().min(rows).max(1);
+        let mut gathered = Vec::new();
+        gathered.resize_with(pieces, T::default);
+        thread_pool::each_item(&mut gathered, 1, |piece, gathered| {
+            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (row / self.cells[middle], row % self.cells[middle]);
+                each(at, gathered);
+            }
+        });
+        gathered
     }
 
     /// Local coordinates of the interior or ghost cell at a position within an array.

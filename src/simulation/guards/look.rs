@@ -140,7 +140,8 @@ fn go_through<Sp: Space, S: Stored>(
     (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
     let first = populations.interior_cell(at);
     fluid.row_moments([at[slow], at[middle]], moments);
-    let (half, all_count) = (fluid.half_force(), flow.all_count());
+    let (half, water) = (fluid.half_force(), flow.balanced());
+    let all = water.holds_all();
     let (order, start) = (Order::of(flow), fluid.start());
     for k in 0..cells[fast] {
         at[fast] = k;
@@ -153,7 +154,7 @@ fn go_through<Sp: Space, S: Stored>(
         }
         // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
         let covered = fluid.cover().is_some_and(|c| c.fraction(first + k) >= 0.5);
-        if !covered && (all_count || flow.counts(at)) {
+        if !covered && (all || water.holds(at)) {
             seen.fastest.raise(squared, place);
             if drho.abs() >= seen.squeezed.value.abs() && !flow.enclosed(at) {
                 seen.squeezed.raise(drho, place);

@@ -121,8 +121,9 @@ impl Openings {
         }
         self.prepare(every, flow);
         let fluid = flow.fluid();
-        let all = flow.all_count();
-        fluid.mass_through(|at| all || flow.counts(at), &mut self.masses);
+        let water = flow.balanced();
+        let all = water.holds_all();
+        fluid.mass_through(|at| all || water.holds(at), &mut self.masses);
         self.sums.clear();
         self.sums
             .extend(self.masses.iter().map(|mass| mass.cast_unsigned()));

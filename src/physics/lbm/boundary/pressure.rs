@@ -25,6 +25,7 @@ use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::number::real;
+use crate::thread_pool;
 use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -150,6 +151,9 @@ fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
     })
 }
 
+/// Cells from which a thread pays.
+const CELLS_PER_THREAD: usize = 128;
+
 /// A cell at the face with its links.
 #[derive(Clone, Copy, Debug)]
 struct PressureCell {
@@ -175,6 +179,8 @@ pub struct Links {
     links: Vec<FaceLink>,
     /// For each link.
     returned: Vec<Returned>,
+    /// What enters through each link: room for a step.
+    entering: Vec<f64>,
     /// What lets sound out, with the velocity that is foreseen.
     sound: Option<(PlaneWave, Option<Forecast>)>,
 }
@@ -189,6 +195,7 @@ impl Links {
             cells: Vec::new(),
             links: Vec::new(),
             returned: Vec::new(),
+            entering: Vec::new(),
             sound: None,
         }
     }
@@ -232,6 +239,7 @@ impl<S: Stored> Rule<S> for Links {
             mirror: Mirror::new(crossing),
             weight: crossing.weight(),
         });
+        self.entering.push(0.0);
         Giver::Rule
     }
 
@@ -278,17 +286,33 @@ impl<S: Stored> Rule<S> for Links {
         let parity = populations.parity();
         let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
         let wanted = self.density.at(moment.step) + excess;
-        for cell in &self.cells {
-            let normal = self.normal(cell, populations, moment);
-            let links = cell.first..cell.first + cell.count;
-            for (link, returned) in self.links[links.clone()].iter().zip(&self.returned[links]) {
+        // The numbers that are read go out, those that are written come in: none is both.
+        let mut entering = std::mem::take(&mut self.entering);
+        let (rule, water) = (&*self, &*populations);
+        let count = rule.cells.len();
+        let pieces = thread_pool::threads().min(count / CELLS_PER_THREAD).max(1);
+        let first = |piece: usize| {
+            let cell = rule.cells.get(count * piece / pieces);
+            cell.map_or(rule.links.len(), |cell| cell.first)
+        };
+        let shared = thread_pool::cut(&mut entering, pieces, first);
+        thread_pool::each_of(pieces, shared, |piece, entering| {
+            let mut entering = entering.iter_mut();
+            for cell in &rule.cells[count * piece / pieces..count * (piece + 1) / pieces] {
+                let normal = rule.normal(cell, water, moment);
                 let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
-                let (from, _) = returned.mirror.ends(parity);
-                let numbers = populations.numbers_mut();
-                let value = 2.0 * returned.weight * even - numbers[from].to_f64();
-                numbers[link.link.incoming(parity)] = S::from_f64(value);
+                let links = rule.returned[cell.first..][..cell.count].iter();
+                for (returned, entering) in links.zip(&mut entering) {
+                    let (from, _) = returned.mirror.ends(parity);
+                    *entering = 2.0 * returned.weight * even - water.numbers()[from].to_f64();
+                }
             }
+        });
+        let numbers = populations.numbers_mut();
+        for (link, value) in self.links.iter().zip(&entering) {
+            numbers[link.link.incoming(parity)] = S::from_f64(*value);
         }
+        self.entering = entering;
     }
 
     fn links(&self) -> &[FaceLink] {
