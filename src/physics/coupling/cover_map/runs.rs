@@ -278,6 +278,10 @@ impl Work for Walk<'_, '_> {
             if ball {
                 scratch.ball.layer(whole(i - low[slow]));
             }
+            // Room for all cells of the layer.
+            let mut end = found.parts.len();
+            let room = whole(high[middle] - low[middle]) * whole(high[fast] - low[fast]);
+            found.parts.resize(end + room, 0.0);
             for j in low[middle]..high[middle] {
                 raw[middle] = j - frame[middle];
                 raw[fast] = -frame[fast];
@@ -294,40 +298,44 @@ impl Work for Walk<'_, '_> {
                 if first >= last {
                     continue;
                 }
-                let start = found.parts.len();
                 let (full, deep) = inside(&row, &(first..last), frame[fast]);
-                let mut surface = |cells: Range<i32>, parts: &mut Vec<f32>| {
-                    if ball {
-                        let fractions = scratch.ball.row(whole(j - low[middle]));
-                        let range = whole(cells.start - low[fast])..whole(cells.end - low[fast]);
-                        parts.extend(fractions[range].iter().map(|&x| single(x)));
-                    } else {
-                        for k in cells {
+                let within =
+                    |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
+                let length = whole(last - first);
+                let parts = &mut found.parts[end..end + length];
+                end += length;
+                if ball {
+                    // The whole row, then what has no surface.
+                    let start = whole(first - low[fast]);
+                    let fractions = &scratch.ball.row(whole(j - low[middle]))[start..];
+                    for (part, fraction) in parts.iter_mut().zip(fractions) {
+                        *part = single(*fraction);
+                    }
+                } else {
+                    for cells in [first..full.start, full.end..last] {
+                        let surface = &mut parts[within(&cells)];
+                        for (k, part) in cells.zip(surface) {
                             raw[fast] = k - frame[fast];
-                            let fraction = form.fraction(method, corner(raw), scratch);
-                            parts.push(single(fraction));
+                            *part = single(form.fraction(method, corner(raw), scratch));
                         }
                     }
-                };
-                surface(first..full.start, &mut found.parts);
-                let mut filled = |to: i32, part: f32| {
-                    found.parts.resize(start + whole(to - first), part);
-                };
-                filled(deep.start, 1.0);
-                filled(deep.end, DEEP);
-                filled(full.end, 1.0);
-                surface(full.end..last, &mut found.parts);
+                }
+                parts[within(&full)].fill(1.0);
+                parts[within(&deep)].fill(DEEP);
                 let ghosts =
                     !(0..rows.cells[slow]).contains(&i) || !(0..rows.cells[middle]).contains(&j);
-                let parts = &mut found.parts[start..];
-                if ghosts {
-                    parts.iter_mut().for_each(turn);
+                // The ghost cells: all of the row, or those at its ends.
+                let before = if ghosts {
+                    length
                 } else {
-                    // The ghost cells at the ends of the row.
-                    let before = whole(-first).min(parts.len());
-                    parts[..before].iter_mut().for_each(turn);
-                    let own = whole(rows.cells[fast] - first).clamp(before, parts.len());
-                    parts[own..].iter_mut().for_each(turn);
+                    whole(-first).min(length)
+                };
+                let own = whole(rows.cells[fast] - first).clamp(before, length);
+                for part in &mut parts[..before] {
+                    turn(part);
+                }
+                for part in &mut parts[own..] {
+                    turn(part);
                 }
                 let position = rows
                     .origin
@@ -336,9 +344,10 @@ impl Work for Walk<'_, '_> {
                 found.runs.push(Run {
                     row: to_u32(position),
                     first,
-                    end: to_u32(found.parts.len()),
+                    end: to_u32(end),
                 });
             }
+            found.parts.truncate(end);
         }
     }
 }

@@ -216,7 +216,17 @@ impl BallTable {
         let (next, last) = ((FAST + 1) % 3, (FAST + 2) % 3);
         let others = self.coordinates[last].size.len();
         let own = &self.coordinates[FAST];
+        // From the centre to the nearer of the cells on both sides of a corner, squared.
+        let near = |axis: usize, corner: usize| {
+            let away = (real(corner) - self.centre[axis]).abs();
+            (away - 1.0).max(0.0).powi(2)
+        };
+        let (out, all) = (near(slow, plane), self.radius * self.radius);
         for (j, parts) in parts.chunks_exact_mut(along).enumerate() {
+            // The ball reaches no cell beside these corners.
+            if out + near(middle, j) >= all * (1.0 + 1e-9) {
+                continue;
+            }
             at[middle] = j;
             let row = |axis: usize, k: usize| &self.edges[axis][k * along..][..along];
             let (of_next, of_last) = (row(FAST, at[next]), row(last, at[last]));
