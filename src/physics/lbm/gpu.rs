@@ -201,14 +201,6 @@ fn context() -> Result<Arc<CudaContext>, String> {
     CudaContext::new(0).map_err(failed)
 }
 
-/// Whether there is a GPU that runs the kernels; the reason where there is none.
-///
-/// # Errors
-/// A sentence that says what is missing.
-pub fn present() -> Result<(), String> {
-    context().map(|_| ())
-}
-
 /// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is measured by. `bytes` are
 /// copied at a time.
 ///
@@ -317,12 +309,6 @@ impl Gpu {
             program,
             held,
         })
-    }
-
-    /// Name of the GPU.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
     }
 
     /// Sends the numbers of the slab to the GPU.

@@ -9,7 +9,10 @@ use crate::lbm::saturation::Cover;
 use crate::lbm::saturation::pass::View;
 use crate::lbm::saturation::solid::{Share, Shares, Solid};
 use crate::number::to_u32;
-use cudarc::driver::{CudaFunction, CudaSlice, CudaStream, DevicePtr, DriverError};
+use cudarc::driver::{
+    CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, DriverError, ValidAsZeroBits,
+};
+use std::mem::MaybeUninit;
 use std::sync::Arc;
 
 /// The cover on the GPU.
@@ -41,7 +44,17 @@ struct Work {
 }
 
 /// An array on the GPU that grows.
-struct Room(CudaSlice<u8>);
+struct Room(CudaSlice<Byte>);
+
+/// A byte of a number, or of what lies between those of a struct.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+struct Byte(MaybeUninit<u8>);
+
+// SAFETY: a byte, and any.
+unsafe impl DeviceRepr for Byte {}
+// SAFETY: as above.
+unsafe impl ValidAsZeroBits for Byte {}
 
 impl Room {
     fn new(stream: &Arc<CudaStream>) -> Result<Self, DriverError> {
@@ -49,10 +62,10 @@ impl Room {
     }
 
     /// Sends a list; its address.
-    fn send<T>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
-        // SAFETY: the bytes of numbers with `repr(C)`, read by kernels of the same layout; what lies between numbers is not looked at.
-        let bytes =
-            unsafe { std::slice::from_raw_parts(list.as_ptr().cast::<u8>(), size_of_val(list)) };
+    fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
+        // SAFETY: the bytes of the list, which may hold anything; kernels read numbers of the same layout (`repr(C)`).
+        let bytes: &[Byte] =
+            unsafe { std::slice::from_raw_parts(list.as_ptr().cast(), size_of_val(list)) };
         if bytes.len() > self.0.len() {
             self.0 = stream.alloc_zeros(bytes.len().next_power_of_two())?;
         }
