@@ -171,6 +171,7 @@ impl Scene {
         let bodies = bodies::bodies(case, &grid, &names, &mut findings);
         let grains = grains::grains(case, &grid, &names, &mut findings);
         let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
+        contact::warn_of_friction(case, &mut findings);
         let blocks = blocks::blocks(case, &grid, &names, &mut findings);
         let still = bodies
             .iter()

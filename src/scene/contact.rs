@@ -64,6 +64,23 @@ impl ContactTable {
     }
 }
 
+/// Warns of a law that leaves the friction out where solids may touch.
+pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
+    let solids = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    if solids
+        && case
+            .contact
+            .as_ref()
+            .is_some_and(|law| !law.states_friction())
+    {
+        findings.warn(
+            "contact",
+            "the law states no friction angle: contacts have no friction, although friction is a property of the solids",
+            "state friction_angle_degrees as measured, or 0 if there is to be none",
+        );
+    }
+}
+
 impl Scene {
     /// The contact law of a scene; one without forces where nothing can touch.
     #[must_use]

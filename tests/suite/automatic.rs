@@ -179,6 +179,34 @@ fn a_linear_law_needs_no_stiffness() {
     let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
     assert!((stiffness(&stated, 0.002) - 12345.0).abs() < 1e-9);
     assert!(stated.scene.chosen.why("contact law").is_none());
+    // Friction that was left out is said, once; friction that is stated is not, be it none.
+    let silent = |law: &str| {
+        let plan = case(&format!(r#""contact": {{{law}}},"#));
+        let said = plan.warnings.iter();
+        said.filter(|w| w.reason.contains("states no friction angle"))
+            .count()
+    };
+    assert_eq!(silent(r#""linear": {}"#), 1);
+    assert_eq!(silent(r#""linear": {"friction_angle_degrees": 0}"#), 0);
+    let laws = [
+        (
+            "cohesive_frictional",
+            r#""normal_stiffness": {"absolute": 1e5}, "#,
+        ),
+        (
+            "contact_bond",
+            r#""normal_stiffness": {"absolute": 1e5}, "tensile_strength": 1, "shear_strength": 1, "#,
+        ),
+    ];
+    for (law, needed) in laws {
+        let with = |angle: &str| {
+            silent(&format!(
+                r#""{law}": {{{needed}"shear_to_normal_stiffness": 0.4{angle}}}"#
+            ))
+        };
+        assert_eq!(with(""), 1, "{law}");
+        assert_eq!(with(r#", "friction_angle_degrees": 20"#), 0, "{law}");
+    }
 }
 
 #[test]

@@ -1526,7 +1526,7 @@ fn one_wrong_grain_among_many_is_named() {
         serde_json::json!({
             "domain": {"size": [0.2, 0.2], "spacing": 0.01},
             "materials": {"glass": {"density": 2500}},
-            "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 30}},
             "grains": {"material": "glass", "initial": {"list": grains}},
             "time": {"end": 0.001}
         })

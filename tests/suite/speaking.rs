@@ -28,7 +28,7 @@ fn sinking() -> Value {
         "grains": {"material": "stone", "initial": {"list": [
             {"position": [0.003, 0.004], "radius": 8e-4}
         ]}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 30}},
         "coupling": {"bounce_back": {}},
         "box_walls": ["x_min", "x_max", "y_min", "y_max"],
         "probes": [{"name": "middle", "every": 0.002, "at": {"point": {"position": [0.001, 0.002]}}}],

@@ -142,7 +142,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
         |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
     if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
         let law = Contact::HertzMindlin(hertz_mindlin::Input {
-            friction_angle_degrees: FRICTION_DEGREES,
+            friction_angle_degrees: Some(FRICTION_DEGREES),
             restitution: RESTITUTION,
             attraction: false,
             impact_speed: None,
@@ -155,7 +155,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
         let law = Contact::Linear(linear::Input {
             normal_stiffness: Some(Scaled::Absolute(stiffness)),
             shear_to_normal_stiffness: 0.4,
-            friction_angle_degrees: FRICTION_DEGREES,
+            friction_angle_degrees: Some(FRICTION_DEGREES),
             normal_damping_ratio: DAMPING,
             shear_damping_ratio: DAMPING,
             attraction: false,

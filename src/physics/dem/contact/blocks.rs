@@ -26,7 +26,7 @@ use super::super::blocks::{in_space, out_of_space};
 use super::super::polyhedron::{self, History, Model, Polyhedron, Stiffness};
 use super::super::space::{Components, Space};
 use super::super::{Body, Kind};
-use super::input::{coefficient, default_ratio, pair_table};
+use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, PairProperties,
     PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to, linear,
@@ -44,10 +44,10 @@ pub struct Input {
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ [degrees].
-    #[serde(default)]
+    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
-    pub friction_angle_degrees: f64,
+    pub friction_angle_degrees: Option<f64>,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
@@ -133,7 +133,7 @@ impl Input {
         Self {
             normal_stiffness: NormalStiffness::PerArea(1.0),
             shear_to_normal_stiffness: 0.0,
-            friction_angle_degrees: 0.0,
+            friction_angle_degrees: None,
             normal_damping_ratio: 0.0,
             shear_damping_ratio: 0.0,
             mass_damping: 0.0,
@@ -156,7 +156,7 @@ impl Input {
                 .with(pair.and_then(|p| p.normal_stiffness), ratio),
             friction: coefficient(own(
                 |p| p.friction_angle_degrees,
-                self.friction_angle_degrees,
+                self.friction_angle_degrees.unwrap_or(0.0),
             )),
             normal_damping: own(|p| p.normal_damping_ratio, self.normal_damping_ratio),
             shear_damping: own(|p| p.shear_damping_ratio, self.shear_damping_ratio),
@@ -188,6 +188,13 @@ impl Input {
 }
 
 impl<F: From<Blocks>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
     fn of_polyhedra(&self) -> bool {
         true
     }

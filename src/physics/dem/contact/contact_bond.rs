@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::input::{coefficient, default_ratio, pair_table};
+use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::rolling::{self, Rolling};
 use super::{
     BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
@@ -49,10 +49,10 @@ pub struct Input {
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ of contacts without a bond [degrees].
-    #[serde(default)]
+    /// Friction angle Φ of contacts without a bond [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
-    pub friction_angle_degrees: f64,
+    pub friction_angle_degrees: Option<f64>,
     /// Tensile strength of a bond [N]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub tensile_strength: f64,
@@ -88,13 +88,20 @@ pub struct Input {
 }
 
 impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.contact_bond";
         let base = Parameters {
             linear: linear::Parameters {
                 normal_stiffness: self.normal_stiffness,
                 stiffness_ratio: self.shear_to_normal_stiffness,
-                friction: coefficient(self.friction_angle_degrees),
+                friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
                 normal_damping: self.normal_damping_ratio,
                 shear_damping: self.shear_damping_ratio,
                 attraction: false,

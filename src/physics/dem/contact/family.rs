@@ -48,6 +48,16 @@ macro_rules! contact_laws {
                 }
             }
 
+            /// Whether the case states the friction, be it none, and does not just leave it out.
+            #[must_use]
+            $vis fn states_friction(&self) -> bool {
+                match self {
+                    $( Self::$Name(parameters) => {
+                        $crate::dem::contact::ContactParameters::<$Law>::states_friction(parameters)
+                    } )+
+                }
+            }
+
             /// Whether polyhedra can have the law.
             #[must_use]
             $vis fn of_polyhedra(&self) -> bool {

@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::input::{coefficient, pair_table};
+use super::input::{coefficient, pair_table, states_friction};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Depth,
     PairProperties, PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
@@ -52,10 +52,10 @@ use crate::error::{Remedy, Report};
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "HertzMindlin")]
 pub struct Input {
-    /// Friction angle Φ [degrees].
-    #[serde(default)]
+    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
-    pub friction_angle_degrees: f64,
+    pub friction_angle_degrees: Option<f64>,
     /// Coefficient of restitution [1]: speed after a head-on collision over the speed before; 1 is elastic.
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
@@ -149,6 +149,13 @@ impl Input {
 }
 
 impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         if scene.dimension == 2 {
             report.error(
@@ -171,7 +178,8 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
             attraction: self.attraction,
             impact_speed,
         };
-        let (friction, restitution) = (self.friction_angle_degrees, self.restitution);
+        let friction = self.friction_angle_degrees.unwrap_or(0.0);
+        let restitution = self.restitution;
         let n = scene.material_count();
         let mut base = PairTable::uniform(n, numbers(0, 0, friction, restitution));
         for a in 0..n {

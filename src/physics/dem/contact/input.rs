@@ -28,6 +28,19 @@ pub trait ContactParameters<F> {
     fn of_polyhedra(&self) -> bool {
         false
     }
+
+    /// Whether the case states the friction, be it none, and does not just leave it out.
+    fn states_friction(&self) -> bool {
+        true
+    }
+}
+
+/// Whether a friction angle is stated, for all materials or for each of the pairs that are listed.
+pub(super) fn states_friction(
+    angle: Option<f64>,
+    mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
+) -> bool {
+    angle.is_some() || (pairs.len() > 0 && pairs.all(|angle| angle.is_some()))
 }
 
 /// The facts of a scene that contact laws are resolved against.

@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::input::{coefficient, default_ratio, pair_table};
+use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::rolling::{self, Rolling};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Pair,
@@ -45,10 +45,10 @@ pub struct Input {
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ [degrees].
-    #[serde(default)]
+    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
-    pub friction_angle_degrees: f64,
+    pub friction_angle_degrees: Option<f64>,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
@@ -74,13 +74,20 @@ pub struct Input {
 }
 
 impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.linear";
         let base = Parameters {
             // Without one, the scene chooses it and resolves the law again.
             normal_stiffness: self.normal_stiffness.unwrap_or(Scaled::Absolute(1.0)),
             stiffness_ratio: self.shear_to_normal_stiffness,
-            friction: coefficient(self.friction_angle_degrees),
+            friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
             normal_damping: self.normal_damping_ratio,
             shear_damping: self.shear_damping_ratio,
             attraction: self.attraction,

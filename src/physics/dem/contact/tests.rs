@@ -60,7 +60,7 @@ fn resolved(contact: serde_json::Value) -> Law {
     let mut report = Paths::default();
     let law = contact.resolve(&facts(&glass(), false), &mut report);
     assert_eq!(report.0, Vec::<String>::new());
-    assert!(contact.local_damping() <= 0.0 && !contact.of_polyhedra());
+    assert!(contact.local_damping() <= 0.0 && !contact.of_polyhedra() && contact.states_friction());
     law.unwrap()
 }
 
