@@ -15,7 +15,7 @@ fn case(parts: &Value) -> Value {
         "gravity": [0, 0, -9.81],
         "materials": {"granite": {"density": 2600}, "slate": {"density": 2700}},
         "box_walls": ["z_min"],
-        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}},
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}},
         "time": {"end": 0.1}
     });
     for (key, part) in parts.as_object().expect("parts of a case") {
