@@ -19,6 +19,7 @@ use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load, Plane, Rigid, add_force};
 use crate::lbm::populations::Populations;
+use crate::number::to_i32;
 use crate::thread_pool;
 use links::Direction;
 use look::Found;
@@ -47,6 +48,19 @@ pub struct Grid {
     pub origin: [f64; 3],
     /// Edge of a cell \[m\].
     pub spacing: f64,
+}
+
+impl Grid {
+    /// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+    pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
+        std::array::from_fn(|a| {
+            if a < dimension {
+                shift[a] * to_i32(self.cells[a]) - to_i32(self.start[a])
+            } else {
+                0
+            }
+        })
+    }
 }
 
 /// Layers of cells known beyond the slab: a link may end in the first, and what is solid round its end is in the
@@ -273,7 +287,7 @@ impl BodyMap {
                 } else {
                     rules.hydraulic_radius_factor
                 };
-                *rigid = in_cells::<Sp>(&particles.motion[k], grid, velocity, spin);
+                *rigid = in_cells(&particles.motion[k], grid, velocity, spin);
                 rigid.radius = body.radius * factor / grid.spacing;
                 let turned = blocks.next();
                 if let Some((shape, state)) = particles.polyhedron(k) {
@@ -430,8 +444,13 @@ impl BodyMap {
     }
 }
 
-/// Motion of a grain in lattice units, without its radius.
-fn in_cells<Sp: Space>(motion: &Motion<Sp>, grid: &Grid, velocity: f64, spin: f64) -> Rigid {
+/// Motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
+pub(super) fn in_cells<Sp: Space>(
+    motion: &Motion<Sp>,
+    grid: &Grid,
+    velocity: f64,
+    spin: f64,
+) -> Rigid {
     let mut rigid = Rigid::default();
     for a in 0..Sp::DIMENSION {
         rigid.position[a] = (motion.position.get(a) - grid.origin[a]) / grid.spacing;

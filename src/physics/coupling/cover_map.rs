@@ -11,7 +11,7 @@ mod runs;
 
 use self::alone::{Alone, Sphere};
 use self::runs::{Rows, Runs, Walk};
-use super::body_map::Grid;
+use super::body_map::{Grid, in_cells};
 use super::solid_fraction::{Form, Method, Scratch, faces};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
@@ -210,7 +210,7 @@ impl CoverMap {
                 let spacing = self.grid.spacing;
                 faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
             }
-            let frame = frame(&self.grid, self.dimension, body.name.1);
+            let frame = self.grid.frame(self.dimension, body.name.1);
             cover.set(
                 body.slot,
                 Solid {
@@ -229,7 +229,7 @@ impl CoverMap {
                 rows.level.run(Walk {
                     rows: &rows,
                     form: &form,
-                    frame: frame(grid, dimension, body.name.1),
+                    frame: grid.frame(dimension, body.name.1),
                     planes,
                     method,
                     scratch,
@@ -268,7 +268,7 @@ impl CoverMap {
                 let mut pieces = std::mem::take(&mut self.pieces);
                 let mut count = 0;
                 for (k, body) in self.bodies.iter().enumerate().filter(|(_, b)| b.moved) {
-                    for planes in body.cut(&rows, frame(grid, dimension, body.name.1), threads) {
+                    for planes in body.cut(&rows, grid.frame(dimension, body.name.1), threads) {
                         if count == pieces.len() {
                             pieces.push(Piece::default());
                         }
@@ -311,7 +311,7 @@ impl CoverMap {
         let moved = self.bodies.iter().filter(|body| body.moved);
         for (body, pose) in moved.filter_map(|body| Some((body, body.at?))) {
             // From the raw frame to the planes with their ghosts.
-            let to = frame(&self.grid, self.dimension, body.name.1)[slow] + 1;
+            let to = self.grid.frame(self.dimension, body.name.1)[slow] + 1;
             let plane = |x: f64| (floor_i32(x) + to).clamp(0, planes - 1);
             let (low, high) = (
                 pose.centre[slow] - pose.radius,
@@ -397,34 +397,10 @@ pub fn rigid<Sp: Space>(
     velocity: f64,
     spin: f64,
 ) -> Rigid {
-    let motion = &particles.motion[k];
-    let mut rigid = Rigid {
+    Rigid {
         radius: particles.body[k].radius / grid.spacing,
-        ..Rigid::default()
-    };
-    for a in 0..Sp::DIMENSION {
-        rigid.position[a] = (motion.position.get(a) - grid.origin[a]) / grid.spacing;
-        rigid.velocity[a] = motion.velocity.get(a) * velocity;
+        ..in_cells(&particles.motion[k], grid, velocity, spin)
     }
-    if Sp::DIMENSION == 2 {
-        rigid.spin[2] = motion.spin.get(0) * spin;
-    } else {
-        for a in 0..3 {
-            rigid.spin[a] = motion.spin.get(a) * spin;
-        }
-    }
-    rigid
-}
-
-/// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
-fn frame(grid: &Grid, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
-    std::array::from_fn(|a| {
-        if a < dimension {
-            shift[a] * to_i32(grid.cells[a]) - to_i32(grid.start[a])
-        } else {
-            0
-        }
-    })
 }
 
 #[cfg(test)]

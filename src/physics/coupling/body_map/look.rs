@@ -1,10 +1,11 @@
 //! The cells of each body by geometry alone, found again where a body has moved.
 
 use super::rows::{Row, Rows};
-use super::slab::{Slab, floor};
+use super::slab::Slab;
 use super::{Again, BodyMap, Mapped, PER_THREAD, Turned};
 use crate::coupling::solid_fraction::Form;
 use crate::lbm::links::{Plane, Rigid};
+use crate::number::floor_i32;
 use crate::thread_pool;
 
 /// What looks at a run of bodies have found.
@@ -149,20 +150,20 @@ fn look_in<const D: usize>(slab: &Slab, rigid: &Rigid, frame: [i32; 3], found: &
             // Falls towards the cell that holds the centre and rises from there, rounding included.
             let beyond = |x: i32| square(x, 0) + beside - radius2;
             let mut near = |x: i32| slack2 = slack2.min(beyond(x.clamp(low[0], high[0])).abs());
-            let middle = floor(centre);
+            let middle = floor_i32(centre);
             if beyond(middle) >= 0.0 {
                 near(middle);
                 return [0; 2];
             }
             let half = (radius2 - beside).max(0.0).sqrt();
-            let mut first = (floor(centre - half - 0.5) + 1).min(middle);
+            let mut first = (floor_i32(centre - half - 0.5) + 1).min(middle);
             while beyond(first - 1) < 0.0 {
                 first -= 1;
             }
             while beyond(first) >= 0.0 {
                 first += 1;
             }
-            let mut last = floor(centre + half - 0.5).max(middle);
+            let mut last = floor_i32(centre + half - 0.5).max(middle);
             while beyond(last + 1) < 0.0 {
                 last += 1;
             }

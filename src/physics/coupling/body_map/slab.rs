@@ -3,6 +3,7 @@
 use super::{GHOSTS, Grid};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
+use crate::number::{floor_i32, to_i32};
 
 /// Where the cells of a slab lie; all coordinates are local.
 #[derive(Clone, Debug)]
@@ -13,20 +14,12 @@ pub(super) struct Slab {
     pub(super) dimension: usize,
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "coordinates are far below 2^31"
-)]
-pub(super) fn floor(x: f64) -> i32 {
-    x.floor() as i32
-}
-
 impl Slab {
     pub(super) fn new<S: Stored>(populations: &Populations<S>, grid: Grid) -> Self {
         let cells = populations.cells();
         Self {
             grid,
-            cells: cells.map(|n| i32::try_from(n).unwrap_or(i32::MAX)),
+            cells: cells.map(to_i32),
             dimension: populations.velocities().dimension,
         }
     }
@@ -90,25 +83,17 @@ impl Slab {
         (0..self.dimension).all(|a| (2..self.cells[a] - 2).contains(&local[a]))
     }
 
-    /// Distance in cells from the raw frame of a body to the local cells of this slab, for its image.
+    /// As [`Grid::frame`].
     pub(super) fn frame(&self, shift: [i32; 3]) -> [i32; 3] {
-        std::array::from_fn(|a| {
-            let cells = i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX);
-            let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
-            if a < self.dimension {
-                shift[a] * cells - start
-            } else {
-                0
-            }
-        })
+        self.grid.frame(self.dimension, shift)
     }
 
     /// The cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
     pub(super) fn window(&self, position: [f64; 3], frame: [i32; 3], reach: f64) -> [[i32; 3]; 2] {
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for a in 0..self.dimension {
-            low[a] = floor(position[a] - reach).max(-GHOSTS - frame[a]);
-            high[a] = floor(position[a] + reach).min(self.cells[a] + GHOSTS - 1 - frame[a]);
+            low[a] = floor_i32(position[a] - reach).max(-GHOSTS - frame[a]);
+            high[a] = floor_i32(position[a] + reach).min(self.cells[a] + GHOSTS - 1 - frame[a]);
         }
         [low, high]
     }
