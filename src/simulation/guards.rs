@@ -31,6 +31,7 @@ use crate::dem::space::{Components, Space};
 use crate::error::Error;
 use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
+use crate::lbm::populations::RowSums;
 use crate::plan::Plan;
 use crate::plan::envelope::USUAL_LATTICE_VELOCITY;
 use decomposition::{Communicator, Domain};
@@ -94,6 +95,8 @@ pub struct Guards {
     fast: bool,
     news: Vec<String>,
     look: Look,
+    /// Sums over rows: room that is kept.
+    rows: Vec<RowSums>,
 }
 
 impl Guards {
@@ -381,7 +384,7 @@ impl Guards {
         if let Some(flow) = flow
             && Self::balances(step)
         {
-            self.before = Some(totals(flow, domain.communicator()));
+            self.before = Some(totals(flow, domain.communicator(), &mut self.rows));
         }
     }
 
@@ -395,7 +398,7 @@ impl Guards {
             return;
         };
         let communicator = domain.communicator();
-        let after = totals(flow, communicator);
+        let after = totals(flow, communicator, &mut self.rows);
         // What is inside a body is not the water's, at a face neither.
         let water = flow.balanced();
         let all = water.holds_all();
@@ -665,13 +668,14 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
 fn totals<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     communicator: &Communicator,
+    room: &mut Vec<RowSums>,
 ) -> [i128; 4] {
     let water = flow.balanced();
     let populations = flow.fluid().populations();
     let sums = if water.holds_all() {
-        populations.totals()
+        populations.totals(room)
     } else {
-        populations.totals_within(|at| water.holds(at))
+        populations.totals_within(room, |at| water.holds(at))
     };
     sums.map(|s| sum(communicator, s))
 }

@@ -8,6 +8,7 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
 use crate::lbm::populations::Populations;
+use crate::thread_pool;
 use decomposition::Communicator;
 
 /// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
@@ -40,7 +41,8 @@ impl Balanced<'_> {
         }
         let [.., fast] = populations.order();
         let length = populations.cells()[fast];
-        let counts = populations.by_rows(|mut at, count: &mut usize| {
+        let mut counts = [0; thread_pool::MOST];
+        populations.by_rows(&mut counts, |mut at, count| {
             *count += (0..length)
                 .filter(|&k| {
                     at[fast] = k;
@@ -48,7 +50,7 @@ impl Balanced<'_> {
                 })
                 .count();
         });
-        counts.into_iter().sum()
+        counts.iter().sum()
     }
 }
 

@@ -60,6 +60,13 @@ fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
         .unwrap_or(0)
 }
 
+/// Sums of a thread over rows and the moments of one row: room that is kept.
+#[derive(Clone, Debug, Default)]
+pub struct RowSums {
+    sums: [i128; 4],
+    moments: [Vec<f64>; 4],
+}
+
 /// Populations that a cell has at most.
 const MOST_VELOCITIES: usize = 27;
 
@@ -438,8 +445,8 @@ impl<S: Stored> Populations<S> {
 
     /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
     #[must_use]
-    pub fn totals(&self) -> [i128; 4] {
-        self.sum_rows(|_, moments, sums| {
+    pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
+        self.sum_rows(room, |_, moments, sums| {
             for (sum, values) in sums.iter_mut().zip(moments) {
                 *sum += self.in_quanta(values);
             }
@@ -448,9 +455,13 @@ impl<S: Stored> Populations<S> {
 
     /// The same with the momenta of some cells only; the density is that of all.
     #[must_use]
-    pub fn totals_within(&self, within: impl Fn([usize; 3]) -> bool + Sync) -> [i128; 4] {
+    pub fn totals_within(
+        &self,
+        room: &mut Vec<RowSums>,
+        within: impl Fn([usize; 3]) -> bool + Sync,
+    ) -> [i128; 4] {
         let [.., fast] = self.order;
-        self.sum_rows(|mut at, [drho, momentum @ ..], sums| {
+        self.sum_rows(room, |mut at, [drho, momentum @ ..], sums| {
             sums[0] += self.in_quanta(drho);
             for k in 0..drho.len() {
                 at[fast] = k;
@@ -466,37 +477,39 @@ impl<S: Stored> Populations<S> {
     /// Sums over the moments of all rows, by all threads.
     fn sum_rows(
         &self,
+        room: &mut Vec<RowSums>,
         add: impl Fn([usize; 3], &[Vec<f64>; 4], &mut [i128; 4]) + Sync,
     ) -> [i128; 4] {
+        room.resize_with(thread_pool::threads(), RowSums::default);
+        for part in &mut *room {
+            part.sums = [0; 4];
+        }
         let length = self.cells[self.order[2]];
-        let parts = self.by_rows(|at, (sums, moments): &mut ([i128; 4], [Vec<f64>; 4])| {
-            self.row_moments(self.interior_cell(at), length, moments);
-            add(at, moments, sums);
+        self.by_rows(room, |at, part| {
+            self.row_moments(self.interior_cell(at), length, &mut part.moments);
+            add(at, &part.moments, &mut part.sums);
         });
         let mut totals = [0; 4];
-        for (sums, _) in parts {
-            for (total, sum) in totals.iter_mut().zip(sums) {
+        for part in room {
+            for (total, sum) in totals.iter_mut().zip(part.sums) {
                 *total += sum;
             }
         }
         totals
     }
 
-    /// Calls `each` with the first cell of every row, by threads, and with what the thread gathers: one for each thread.
-    pub fn by_rows<T: Default + Send>(&self, each: impl Fn([usize; 3], &mut T) + Sync) -> Vec<T> {
+    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a place of its own.
+    pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
         let [slow, middle, _] = self.order;
         let rows = self.cells[slow] * self.cells[middle];
-        let pieces = thread_pool::threads().min(rows).max(1);
-        let mut gathered = Vec::new();
-        gathered.resize_with(pieces, T::default);
-        thread_pool::each_item(&mut gathered, 1, |piece, gathered| {
+        let pieces = thread_pool::threads().min(rows).min(gathered.len());
+        thread_pool::each_item(&mut gathered[..pieces], 1, |piece, gathered| {
             for row in rows * piece / pieces..rows * (piece + 1) / pieces {
                 let mut at = [0; 3];
                 (at[slow], at[middle]) = (row / self.cells[middle], row % self.cells[middle]);
                 each(at, gathered);
             }
         });
-        gathered
     }
 
     /// Local coordinates of the interior or ghost cell at a position within an array.
