@@ -105,6 +105,7 @@ pub struct CoverMap {
     closed: Vec<bool>,
     /// Room that is used again.
     pieces: Vec<Piece>,
+    scratch: Scratch,
 }
 
 /// Up to this many bodies are shared out to threads by their planes, more of them whole.
@@ -146,6 +147,7 @@ impl CoverMap {
             alone: Alone::default(),
             closed: Vec::new(),
             pieces: Vec::new(),
+            scratch: Scratch::default(),
         }
     }
 
@@ -248,7 +250,7 @@ impl CoverMap {
         };
         let threads = rayon::current_num_threads();
         if threads == 1 {
-            let mut scratch = Scratch::default();
+            let mut scratch = std::mem::take(&mut self.scratch);
             let mut part = cover.whole();
             for body in &mut self.bodies {
                 look_at_all(&mut scratch, body);
@@ -257,6 +259,7 @@ impl CoverMap {
                     body.next.tell(&mut part, body.slot, &body.cells);
                 }
             }
+            self.scratch = scratch;
         } else {
             if self.bodies.len() > FEW {
                 self.bodies

@@ -14,8 +14,10 @@
 //! All lengths are in cells, in the raw frame of the body.
 
 mod ball;
+mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
+pub(crate) use round_rows::{RoundRows, RowCells};
 
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
@@ -117,6 +119,8 @@ pub struct Scratch {
     clipped: Vec<Vector3<f64>>,
     /// Of the ball that is mapped.
     pub(crate) ball: BallTable,
+    /// Of the ball or disc that is mapped.
+    pub(crate) round: RoundRows,
 }
 
 impl Form<'_> {

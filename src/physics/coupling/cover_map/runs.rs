@@ -1,6 +1,6 @@
 //! The cells that a body covers, as runs along the rows of the lattice.
 
-use super::super::solid_fraction::{BallInCells, Beside, Form, Method, Row, Scratch, round_row};
+use super::super::solid_fraction::{BallInCells, Beside, Form, Method, RowCells, Scratch};
 use crate::lbm::lanes::{Level, Work};
 use crate::lbm::saturation::DEEP;
 use crate::lbm::saturation::cover::Part;
@@ -271,34 +271,42 @@ impl Work for Walk<'_, '_> {
                     Beside::of(centre[axis], f64::from(raw))
                 })
         };
+        let count = whole(high[middle] - low[middle]);
+        if round.is_some() {
+            scratch.round.fill(count, |row| {
+                beside(middle, low[middle] - frame[middle] + to_i32(row))
+            });
+        }
         let mut raw = [0; 3];
         for i in low[slow]..high[slow] {
             raw[slow] = i - frame[slow];
-            let of_layer = beside(slow, raw[slow]);
+            if let Some((centre, radius)) = round {
+                let layer = beside(slow, raw[slow]);
+                scratch
+                    .round
+                    .layer(layer, centre[fast], radius, frame[fast]);
+            }
             if ball {
                 scratch.ball.layer(whole(i - low[slow]));
             }
             // Room for all cells of the layer.
             let mut end = found.parts.len();
-            let room = whole(high[middle] - low[middle]) * whole(high[fast] - low[fast]);
+            let room = count * whole(high[fast] - low[fast]);
             found.parts.resize(end + room, 0.0);
             for j in low[middle]..high[middle] {
                 raw[middle] = j - frame[middle];
                 raw[fast] = -frame[fast];
-                let row = if let Some((centre, radius)) = round {
-                    round_row(centre[fast], radius, of_layer + beside(middle, raw[middle]))
+                let row = if round.is_some() {
+                    scratch.round.row(whole(j - low[middle]))
                 } else {
-                    form.row(fast, corner(raw))
+                    RowCells::of(&form.row(fast, corner(raw)), frame[fast])
                 };
-                if row.misses() {
-                    continue;
-                }
-                let first = (floor_i32(row.outer[0]) + frame[fast]).max(low[fast]);
-                let last = (floor_i32(row.outer[1]) + 1 + frame[fast]).min(high[fast]);
+                let (first, last) = (row.outer[0].max(low[fast]), row.outer[1].min(high[fast]));
                 if first >= last {
                     continue;
                 }
-                let (full, deep) = inside(&row, &(first..last), frame[fast]);
+                let full = clamped(row.full, &(first..last));
+                let deep = clamped(row.deep, &full);
                 let within =
                     |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
                 let length = whole(last - first);
@@ -359,19 +367,9 @@ fn turn(part: &mut f32) {
     *part = 0.0 - *part;
 }
 
-/// Of the cells of a row those that the body fills, and of these the ones deep inside.
+/// What of the cells lies in a range; what is empty stays in it too.
 #[inline(always)]
-fn inside(row: &Row, range: &Range<i32>, frame: i32) -> (Range<i32>, Range<i32>) {
-    let full = within(range, row.inner, 0, frame);
-    let deep = within(&full, row.deep, 1, frame);
-    (full, deep)
-}
-
-/// Cells of `range` that lie, with this many cells on each side, within an interval in the raw frame; empty ranges stay in `range` too.
-#[inline(always)]
-fn within(range: &Range<i32>, [low, high]: [f64; 2], beside: i32, frame: i32) -> Range<i32> {
-    let start = floor_i32(low.ceil()) + beside + frame;
-    let end = floor_i32(high) - beside + frame;
+fn clamped([start, end]: [i32; 2], range: &Range<i32>) -> Range<i32> {
     let start = start.clamp(range.start, range.end);
     start..end.clamp(start, range.end)
 }
