@@ -1,14 +1,15 @@
 //! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and whether a thousand steps
 //! leave the bits that the processor leaves.
 //!
-//! `cargo bench --bench gpu -- [cells]`: a cube of that many cells along an edge (default: 320).
+//! `cargo bench --bench gpu -- [cells] [words]`: a cube of that many cells along an edge (default: 320); only the rows whose name, with the storage
+//! behind, has all of the words. `--speed` leaves out the bits.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
 use decomposition::{Axis, Domain};
 use solver::lbm::boundary::{Patch, Ramp, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
-use solver::lbm::fluid::{Fluid, Force, Setup};
+use solver::lbm::fluid::{Fluid, Force, Setup, kernel_exists_on_gpu};
 use solver::lbm::gpu::{Device, copy_bandwidth};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
@@ -124,25 +125,60 @@ fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
     Ok((cells.iter().product::<usize>() as u64 * steps) as f64 / seconds[2])
 }
 
-fn report<S: Stored>(row: &Row, edge: usize, bandwidth: f64) -> Result<(), String> {
-    let equal = same::<S>(row, [false; 3])?
-        && same::<S>(row, [true, true, false])?
-        && same::<S>(row, [true, false, false])?;
+/// What the command line says.
+struct Wanted {
+    edge: usize,
+    words: Vec<String>,
+    bits: bool,
+}
+
+impl Wanted {
+    fn of_command_line() -> Self {
+        let (numbers, words): (Vec<String>, _) = std::env::args()
+            .skip(1)
+            .partition(|argument| argument.parse::<usize>().is_ok());
+        let (flags, words): (Vec<String>, _) =
+            words.into_iter().partition(|word| word.starts_with("--"));
+        Self {
+            edge: numbers.iter().find_map(|n| n.parse().ok()).unwrap_or(320),
+            words,
+            bits: !flags.iter().any(|flag| flag == "--speed"),
+        }
+    }
+}
+
+fn report<S: Stored>(row: &Row, wanted: &Wanted, bandwidth: f64) -> Result<(), String> {
+    let name = format!("{} {}", row.name, S::NAME);
+    if !wanted.words.iter().all(|word| name.contains(word)) {
+        return Ok(());
+    }
+    if !kernel_exists_on_gpu(row.set, row.operator, S::NAME, [row.forced, false]) {
+        println!("{name:30} no kernel");
+        return Ok(());
+    }
+    let edge = wanted.edge;
+    let equal = !wanted.bits
+        || same::<S>(row, [false; 3])?
+            && same::<S>(row, [true, true, false])?
+            && same::<S>(row, [true, false, false])?;
     let rate = speed::<S>(row, edge)?;
     let bytes = (2 * row.set.count() * size_of::<S>()) as f64;
     println!(
-        "{:22} {} {:9.0} MLUPS  {:.3} of the copy bandwidth  bits {}",
-        row.name,
-        S::NAME,
+        "{name:30} {:9.0} MLUPS  {:.3} of the copy bandwidth  bits {}",
         rate / 1e6,
         rate * bytes / bandwidth,
-        if equal { "equal" } else { "DIFFER" }
+        match (wanted.bits, equal) {
+            (false, _) => "not looked at",
+            (true, true) => "equal",
+            (true, false) => "DIFFER",
+        }
     );
     Ok(())
 }
 
 fn main() -> Result<(), String> {
-    let edge = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(320);
+    let wanted = Wanted::of_command_line();
+    let edge = wanted.edge;
     let (name, bandwidth) = copy_bandwidth(4 << 30)?;
     println!(
         "{name}: copy {:.0} GB/s, cubes of {edge} cells, squares of {}",
@@ -173,13 +209,21 @@ fn main() -> Result<(), String> {
         ),
         row("D3Q27 MRT", VelocitySet::D3Q27, suga, false),
         row("D3Q27 MRT, force", VelocitySet::D3Q27, suga, true),
+        row(
+            "D3Q27 MRT, rates 1, force",
+            VelocitySet::D3Q27,
+            second_order,
+            true,
+        ),
         row("D3Q27 BGK", VelocitySet::D3Q27, bgk, false),
+        row("D3Q27 BGK, force", VelocitySet::D3Q27, bgk, true),
         row("D3Q19 TRT", VelocitySet::D3Q19, trt, false),
-        row("D2Q9 TRT", VelocitySet::D2Q9, trt, false),
-        row("D2Q9 BGK, force", VelocitySet::D2Q9, bgk, true),
+        row("D3Q19 TRT, force", VelocitySet::D3Q19, trt, true),
+        row("D3Q19 BGK", VelocitySet::D3Q19, bgk, false),
+        row("D2Q9 BGK", VelocitySet::D2Q9, bgk, false),
     ] {
-        report::<f64>(&row, edge, bandwidth)?;
-        report::<f32>(&row, edge, bandwidth)?;
+        report::<f64>(&row, &wanted, bandwidth)?;
+        report::<f32>(&row, &wanted, bandwidth)?;
     }
     Ok(())
 }

@@ -63,8 +63,8 @@ pub struct LatticeBoltzmann {
     /// with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
-    /// What the fluid runs on. A GPU runs d3q27 with bgk, trt or mrt between walls and periodic axes on one rank, and with mrt also bodies in
-    /// partially saturated cells. The state is the same on both.
+    /// What the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk, trt or mrt, with trt and mrt also
+    /// bodies in partially saturated cells; d3q19 with trt; in f64 without a force d3q19 and d2q9 with bgk. The state is the same on both.
     #[serde(default)]
     pub device: Device,
     /// Body force that drives the fluid [N/m3], in addition to gravity.

@@ -25,6 +25,9 @@
     reason = "the files of the models hold more than a GPU needs"
 )]
 
+mod ball;
+mod number;
+
 mod lbm {
     pub(crate) mod lanes;
     pub(crate) mod lattice;
@@ -52,12 +55,15 @@ mod lbm {
     }
 
     pub(crate) mod gpu {
+        pub(crate) mod balls;
         pub(crate) mod cell;
         pub(crate) mod copies;
         pub(crate) mod covered;
+        pub(crate) mod lists;
         pub(crate) mod loads;
         pub(crate) mod moments;
         pub(crate) mod sums;
+        pub(crate) mod warp;
     }
 }
 
@@ -69,13 +75,15 @@ use lbm::collision::kernel::Collision;
 use lbm::collision::mrt::kernel::Mrt;
 use lbm::collision::second_order::SecondOrder;
 use lbm::collision::trt::kernel::Trt;
+use lbm::gpu::balls::{Balls, WARP};
 use lbm::gpu::cell::{self, Place, Slab};
 use lbm::gpu::copies::Copies;
 use lbm::gpu::covered;
+use lbm::gpu::lists::CoveredCells;
 use lbm::gpu::loads::BodyLoad;
 use lbm::gpu::moments::{self, HalfForce, RowExtremes};
 use lbm::gpu::sums::Sums;
-use lbm::lattice::D3Q27;
+use lbm::lattice::{D2Q9, D3Q19, D3Q27, Lattice};
 use lbm::saturation::pass::View;
 
 #[panic_handler]
@@ -123,7 +131,11 @@ macro_rules! passes {
 #[cfg(kernels = "bgk")]
 passes! {
     bgk_d3q27_f64: D3Q27, 27, Bgk<false>, f64, true;
-    bgk_d3q27_f32: D3Q27, 27, Bgk<false>, f32, true;
+    bgk_d3q27_f32: D3Q27, 27, Bgk<false>, f32, false;
+    forced_bgk_d3q27_f64: D3Q27, 27, Bgk<true>, f64, true;
+    forced_bgk_d3q27_f32: D3Q27, 27, Bgk<true>, f32, true;
+    bgk_d3q19_f64: D3Q19, 19, Bgk<false>, f64, true;
+    bgk_d2q9_f64: D2Q9, 9, Bgk<false>, f64, true;
 }
 
 #[cfg(kernels = "trt")]
@@ -132,6 +144,10 @@ passes! {
     trt_d3q27_f32: D3Q27, 27, Trt<false>, f32, false;
     forced_trt_d3q27_f64: D3Q27, 27, Trt<true>, f64, false;
     forced_trt_d3q27_f32: D3Q27, 27, Trt<true>, f32, false;
+    trt_d3q19_f64: D3Q19, 19, Trt<false>, f64, false;
+    trt_d3q19_f32: D3Q19, 19, Trt<false>, f32, false;
+    forced_trt_d3q19_f64: D3Q19, 19, Trt<true>, f64, false;
+    forced_trt_d3q19_f32: D3Q19, 19, Trt<true>, f32, false;
 }
 
 #[cfg(kernels = "mrt")]
@@ -142,11 +158,26 @@ passes! {
     forced_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32, false;
     second_order_d3q27_f64: D3Q27, 27, SecondOrder<false>, f64, false;
     second_order_d3q27_f32: D3Q27, 27, SecondOrder<false>, f32, false;
+    forced_second_order_d3q27_f64: D3Q27, 27, SecondOrder<true>, f64, false;
+    forced_second_order_d3q27_f32: D3Q27, 27, SecondOrder<true>, f32, false;
 }
 
-/// Kernels of one velocity set, operator and storage where solids may cover cells: those of the open cells and those of the covered ones.
+/// Cell of a number in a list of covered cells.
+#[inline(always)]
+fn place_of(number: u32, slab: &Slab, cells: &CoveredCells) -> Place {
+    // Never zero: without this the divisions could panic, for which a GPU has no function.
+    let (length, rows) = (slab.cells.max(1), cells.rows.max(1));
+    Place {
+        plane: number / length / rows,
+        row: number / length % rows,
+        place: number % length,
+    }
+}
+
+/// Kernels of one velocity set, operator and storage where solids may cover cells: a thread for each open cell, for each that is deep inside
+/// bodies, and for each other one.
 macro_rules! covers {
-    ($($open:ident $covered:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty;)*) => {
+    ($($open:ident $deep:ident $mixed:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty;)*) => {
         $(
             #[unsafe(no_mangle)]
             pub unsafe extern "ptx-kernel" fn $open(
@@ -169,28 +200,47 @@ macro_rules! covers {
             }
 
             #[unsafe(no_mangle)]
-            pub unsafe extern "ptx-kernel" fn $covered(
+            pub unsafe extern "ptx-kernel" fn $deep(
+                numbers: *mut $stored,
+                slab: Slab,
+                view: View,
+                cells: CoveredCells,
+                loads: *const BodyLoad,
+                bodies: u32,
+            ) {
+                let mut sums = Sums::new(loads, view.solids(), bodies, thread() / WARP);
+                // SAFETY: the host starts one thread for each cell, and has a sum for each body. No thread returns before the others.
+                unsafe {
+                    if let Some(number) = cells.get(thread(), true) {
+                        let at = place_of(number, &slab, &cells);
+                        covered::fill::<$lattice, _, $q>(numbers, &slab, at, (&view, &raw mut sums));
+                    }
+                    sums.finish::<{ <$lattice>::DIMENSION }>();
+                }
+            }
+
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $mixed(
                 numbers: *mut $stored,
                 slab: Slab,
                 operator: $operator,
                 rates: <$operator as Collision>::Rates<f64>,
                 view: View,
                 omega: f64,
+                cells: CoveredCells,
                 loads: *const BodyLoad,
+                bodies: u32,
             ) {
-                let place = thread();
-                if place < slab.cells {
-                    // SAFETY: registers of the thread.
-                    let [plane, row] = unsafe { [_block_idx_z(), _block_idx_y()] };
-                    let at = Place { plane, row, place };
-                    let mut sums = Sums { loads, solids: view.solids() };
-                    let view = view.with_sums(&mut sums);
-                    // SAFETY: the host starts one thread for each cell, and has a sum for each body.
-                    unsafe {
-                        covered::collide_covered::<$lattice, _, _, $q>(
-                            numbers, &slab, at, (&operator, &rates), (&view, omega),
+                let mut sums = Sums::new(loads, view.solids(), bodies, thread() / WARP);
+                // SAFETY: as above.
+                unsafe {
+                    if let Some(number) = cells.get(thread(), false) {
+                        let at = place_of(number, &slab, &cells);
+                        covered::mix::<$lattice, _, _, $q>(
+                            numbers, &slab, at, (&operator, &rates), (&view, &raw mut sums, omega),
                         );
                     }
+                    sums.finish::<{ <$lattice>::DIMENSION }>();
                 }
             }
         )*
@@ -199,8 +249,63 @@ macro_rules! covers {
 
 #[cfg(kernels = "covers_mrt_d3q27")]
 covers! {
-    open_mrt_d3q27_f64 covered_mrt_d3q27_f64: D3Q27, 27, Mrt<true>, f64;
-    open_mrt_d3q27_f32 covered_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32;
+    open_mrt_d3q27_f64 deep_mrt_d3q27_f64 mixed_mrt_d3q27_f64: D3Q27, 27, Mrt<true>, f64;
+    open_mrt_d3q27_f32 deep_mrt_d3q27_f32 mixed_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32;
+}
+
+/// The covered cells in lists: one warp for each row.
+#[cfg(kernels = "balls")]
+#[unsafe(no_mangle)]
+pub unsafe extern "ptx-kernel" fn list_covered(slab: Slab, view: View, cells: CoveredCells) {
+    // The same for all threads of a warp.
+    let row = thread() / WARP;
+    if row < cells.rows * cells.planes {
+        let kind = |place: u32| {
+            let at = Place {
+                plane: row / cells.rows.max(1),
+                row: row % cells.rows.max(1),
+                place,
+            };
+            // SAFETY: a cell of the slab.
+            unsafe { covered::kind(&slab, at, &view) }
+        };
+        // SAFETY: the host starts whole warps, one for each row.
+        unsafe { cells.add_row(row * slab.cells, slab.cells, kind) };
+    }
+}
+
+#[cfg(kernels = "covers_trt_d3q27")]
+covers! {
+    open_trt_d3q27_f64 deep_trt_d3q27_f64 mixed_trt_d3q27_f64: D3Q27, 27, Trt<true>, f64;
+    open_trt_d3q27_f32 deep_trt_d3q27_f32 mixed_trt_d3q27_f32: D3Q27, 27, Trt<true>, f32;
+}
+
+/// Kernels of the cover by balls.
+macro_rules! balls {
+    ($($name:ident: $work:ident;)*) => {
+        $(
+            #[cfg(kernels = "balls")]
+            #[unsafe(no_mangle)]
+            pub unsafe extern "ptx-kernel" fn $name(balls: Balls) {
+                // SAFETY: the host starts as many threads as there is work, with the arrays as described.
+                unsafe { balls.$work(thread()) };
+            }
+        )*
+    };
+}
+
+/// A block for each box.
+#[cfg(kernels = "balls")]
+#[unsafe(no_mangle)]
+pub unsafe extern "ptx-kernel" fn ball_edges(balls: Balls) {
+    // SAFETY: as above.
+    unsafe { balls.edge(_block_idx_x(), _thread_idx_x()) };
+}
+
+balls! {
+    ball_clear: clear;
+    ball_cover: cover;
+    ball_settle: settle;
 }
 
 /// Kernels of one velocity set and storage: the extreme values of all rows, one thread for each cell, and the moments of one row.
@@ -212,6 +317,7 @@ macro_rules! looks {
                 numbers: *const $stored,
                 slab: Slab,
                 half: HalfForce,
+                fraction: *const f32,
                 rows: *const RowExtremes,
             ) {
                 let place = thread();
@@ -222,7 +328,8 @@ macro_rules! looks {
                     // SAFETY: the host starts one thread for each cell, and has room for each row.
                     unsafe {
                         let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
-                        (*rows.add((plane * of_plane + row) as usize)).note(drho, m, half);
+                        let water = fraction.is_null() || fraction.add(covered::position(&slab, at)).read() < 0.5;
+                        (*rows.add((plane * of_plane + row) as usize)).note(drho, m, half, water);
                     }
                 }
             }
@@ -256,9 +363,12 @@ macro_rules! looks {
 looks! {
     extremes_d3q27_f64 moments_d3q27_f64: D3Q27, 27, f64;
     extremes_d3q27_f32 moments_d3q27_f32: D3Q27, 27, f32;
+    extremes_d3q19_f64 moments_d3q19_f64: D3Q19, 19, f64;
+    extremes_d3q19_f32 moments_d3q19_f32: D3Q19, 19, f32;
+    extremes_d2q9_f64 moments_d2q9_f64: D2Q9, 9, f64;
 }
 
-/// Kernels of one storage: a block of the grid for each rectangle, and as many beside it along the second axis as share its numbers.
+/// Kernels of one storage: a block of the grid for each rectangle, a thread for each of its copies.
 macro_rules! copies {
     ($($name:ident: $stored:ty;)*) => {
         $(
@@ -269,19 +379,14 @@ macro_rules! copies {
                 factors: *const f64,
             ) {
                 // SAFETY: registers of the thread.
-                let [block, beside, blocks, width, thread] = unsafe {
-                    [_block_idx_x(), _block_idx_y(), _grid_dim_y(), _block_dim_x(), _thread_idx_x()]
-                };
-                // SAFETY: the host starts a block for each rectangle, and each names one of the factors.
-                let (copies, factor) = unsafe {
+                let [block, n] = unsafe { [_block_idx_x(), _thread_idx_x()] };
+                // SAFETY: the host starts a block for each rectangle, and each names one of the factors; one thread has this number.
+                unsafe {
                     let copies = rectangles.add(block as usize).read();
-                    (copies, factors.add(copies.factor as usize).read())
-                };
-                let mut n = beside * width + thread;
-                while n < copies.count() {
-                    // SAFETY: one thread has this number.
-                    unsafe { copies.copy(n, factor, numbers) };
-                    n += blocks * width;
+                    let factor = factors.add(copies.factor as usize).read();
+                    if n < copies.count() {
+                        copies.copy(n, factor, numbers);
+                    }
                 }
             }
         )*

@@ -20,6 +20,7 @@
 )]
 
 pub mod allocator;
+pub(crate) mod ball;
 pub mod coupling;
 pub mod darcy;
 pub mod dem;

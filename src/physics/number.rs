@@ -9,6 +9,34 @@
     reason = "each function says in which range it is exact and what it gives beyond"
 )]
 
+/// Functions of one number that the standard library has and the core library, which GPUs have, does not yet.
+#[cfg(target_arch = "nvptx64")]
+pub(crate) use core::{
+    f64::math::{ceil, floor, mul_add},
+    intrinsics::sqrtf64 as sqrt,
+};
+#[cfg(not(target_arch = "nvptx64"))]
+pub(crate) use here::{ceil, floor, mul_add, sqrt};
+#[cfg(not(target_arch = "nvptx64"))]
+mod here {
+    #[inline(always)]
+    pub(crate) fn ceil(x: f64) -> f64 {
+        x.ceil()
+    }
+    #[inline(always)]
+    pub(crate) fn floor(x: f64) -> f64 {
+        x.floor()
+    }
+    #[inline(always)]
+    pub(crate) fn mul_add(x: f64, a: f64, b: f64) -> f64 {
+        x.mul_add(a, b)
+    }
+    #[inline(always)]
+    pub(crate) fn sqrt(x: f64) -> f64 {
+        x.sqrt()
+    }
+}
+
 /// Integers that become floating-point numbers.
 pub trait Integer: Copy {
     /// See [`real`].
@@ -43,13 +71,13 @@ pub fn whole(x: f64) -> usize {
 /// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
 #[inline]
 pub(crate) fn floor_i32(x: f64) -> i32 {
-    x.clamp(-2e9, 2e9).floor() as i32
+    floor(x.clamp(-2e9, 2e9)) as i32
 }
 
 /// The largest integer not above a number: 0 for NaN, the ends of the type beyond its range.
 #[inline]
 pub fn floor_i64(x: f64) -> i64 {
-    x.floor() as i64
+    floor(x) as i64
 }
 
 /// A number in single precision: the nearest one.

@@ -1,10 +1,10 @@
 //! What stands between a scene and a GPU.
 //!
-//! A GPU runs a lattice of 27 velocities between walls and periodic axes, with bodies in partially saturated cells ([`crate::lbm::gpu`]).
+//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells ([`crate::lbm::gpu`]).
 //! Whether there is a GPU is known when the run starts.
 
 use crate::case::coupling::Coupling;
-use crate::case::fluid::Device;
+use crate::case::fluid::{Device, Precision};
 use crate::error::Remedy;
 use crate::lbm::boundary::Surface;
 use crate::lbm::fluid::kernel_exists_on_gpu;
@@ -24,9 +24,13 @@ fn obstacles(scene: &Scene) -> Vec<String> {
     let covered = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
     let forced = flow.body_force != BodyForce::Constant([0.0; 3])
         || (0..3).any(|a| flow.gravity_acts[a] && scene.gravity[a] != 0.0);
-    if !kernel_exists_on_gpu(flow.lattice, flow.collision, forced, covered) {
+    let stored = match flow.storage {
+        Precision::F64 => "f64",
+        Precision::F32 => "f32",
+    };
+    if !kernel_exists_on_gpu(flow.lattice, flow.collision, stored, [forced, covered]) {
         all.push(format!(
-            "the collision {} on {:?}{}{}",
+            "the collision {} on {:?} in {stored}{}{}",
             flow.collision.name(),
             flow.lattice,
             if forced { " with a body force" } else { "" },
@@ -73,7 +77,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.error(
             &path,
             format!("a GPU does not run {} yet", against.join(", ")),
-            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, and with mrt bodies in saturated cells")
+            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, with trt and mrt also bodies in saturated cells, d3q19 with trt, and in f64 without a force d3q19 and d2q9 with bgk")
                 .set(&path, "cpu"),
         );
     }

@@ -116,7 +116,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         &[],
     ),
     // The kernels of GPUs: the root of a crate of its own, made of files of the lattice.
-    ("gpu", &["lbm"], &[]),
+    ("gpu", &["ball", "lbm"], &[]),
     // The parameters of a model stand beside its formula.
     (
         "case",
@@ -133,19 +133,39 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "coupling",
-        &["thread_pool", "darcy", "dem", "lbm", "structure", "units"],
+        &[
+            "ball",
+            "thread_pool",
+            "darcy",
+            "dem",
+            "lbm",
+            "structure",
+            "units",
+        ],
         &["decomposition"],
     ),
     // Boundaries and fluctuations convert their own parameters.
     (
         "lbm",
-        &["allocator", "thread_pool", "geometry", "random", "units"],
+        &[
+            "allocator",
+            "ball",
+            "thread_pool",
+            "geometry",
+            "random",
+            "units",
+        ],
         &["decomposition"],
     ),
     ("dem", &["thread_pool", "random"], &["decomposition"]),
-    ("darcy", &["random", "structure"], &["decomposition"]),
+    (
+        "darcy",
+        &["ball", "random", "structure"],
+        &["decomposition"],
+    ),
     // A shape holds its own parameters.
     ("structure", &["geometry", "random"], &[]),
+    ("ball", &[], &[]),
     ("geometry", &[], &[]),
     ("provenance", &[], &[]),
     ("units", &[], &[]),

@@ -40,6 +40,7 @@ struct Mapped {
     next: Runs,
     /// Faces of a polyhedron; none of a disc or sphere.
     planes: Vec<Plane>,
+    /// Since its cells were covered.
     moved: bool,
 }
 
@@ -103,6 +104,8 @@ pub struct CoverMap {
     alone: Alone,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
+    /// Bodies have moved since their cells were covered.
+    behind: bool,
     /// Room that is used again.
     pieces: Vec<Piece>,
     scratch: Scratch,
@@ -146,6 +149,7 @@ impl CoverMap {
             entries: Vec::new(),
             alone: Alone::default(),
             closed: Vec::new(),
+            behind: false,
             pieces: Vec::new(),
             scratch: Scratch::default(),
         }
@@ -177,8 +181,9 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units.
-    pub fn update_bodies<Sp: Space>(
+    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells follow with
+    /// [`Self::cover_cells`].
+    pub fn place_bodies<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
         cover: &mut Cover,
@@ -197,6 +202,8 @@ impl CoverMap {
         let spheres = (0..self.bodies.len()).map(|k| sphere(particles, k, &self.grid));
         self.alone
             .update(spheres, &self.grid, self.method, self.dimension);
+        let mut balls =
+            self.dimension == 3 && self.method == Method::Exact && self.closed.is_empty();
         for (k, body) in self.bodies.iter_mut().enumerate() {
             let motion = rigid(particles, k, &self.grid, velocity, spin);
             let block = particles.polyhedron(k);
@@ -205,7 +212,9 @@ impl CoverMap {
                 radius: motion.radius,
                 orientation: block.map_or([0.0; 4], |(_, state)| state.orientation.coords.into()),
             };
-            body.moved = body.at != Some(pose);
+            balls &= block.is_none();
+            body.moved |= body.at != Some(pose);
+            self.behind |= body.moved;
             body.at = Some(pose);
             if let (true, Some((shape, state))) = (body.moved, block) {
                 let rotation = state.matrix();
@@ -222,6 +231,27 @@ impl CoverMap {
                     alone: self.alone.is(k),
                 },
             );
+        }
+        cover.set_balls(balls);
+    }
+
+    /// Places the bodies and covers the cells.
+    #[cfg(test)]
+    fn update_bodies<Sp: Space>(
+        &mut self,
+        particles: &Particles<Sp>,
+        cover: &mut Cover,
+        velocity: f64,
+        spin: f64,
+    ) {
+        self.place_bodies(particles, cover, velocity, spin);
+        self.cover_cells(cover);
+    }
+
+    /// Covers the cells where the bodies are, if they have moved since this was last done.
+    pub fn cover_cells(&mut self, cover: &mut Cover) {
+        if !std::mem::take(&mut self.behind) {
+            return;
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);
         let closed = &self.closed;
@@ -303,6 +333,7 @@ impl CoverMap {
         }
         for body in self.bodies.iter_mut().filter(|body| body.moved) {
             std::mem::swap(&mut body.cells, &mut body.next);
+            body.moved = false;
         }
     }
 
@@ -363,6 +394,9 @@ impl CoverMap {
             Runs::default().tell(&mut part, gone.slot, &gone.cells);
         }
         drop(part);
+        for gone in &gone {
+            cover.set(gone.slot, Solid::default());
+        }
         self.unused.extend(gone.iter().map(|gone| gone.slot));
         for k in fresh {
             self.bodies[k].slot = self.unused.pop().unwrap_or_else(|| {

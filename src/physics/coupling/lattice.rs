@@ -4,6 +4,7 @@ use super::body_map::BodyMap;
 use super::structure_map::StructureMap;
 use super::{Flow, FluidView};
 use crate::dem::space::Space;
+use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
@@ -61,6 +62,14 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
 
     /// The fluid, to set its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
+
+    /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.fluid_mut().fetch().map_err(Error::Internal)
+    }
 
     /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::update_bodies`].
     fn restart(&mut self);

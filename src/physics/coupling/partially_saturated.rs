@@ -110,6 +110,13 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         )
     }
 
+    /// Covers the cells where the bodies are.
+    fn cover_cells(&mut self) {
+        if let Some(cover) = self.fluid.cover_mut() {
+            self.map.cover_cells(cover);
+        }
+    }
+
     /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started with.
     fn begin(&mut self) {
         let Some(cover) = self.fluid.cover() else {
@@ -222,8 +229,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         particles.keep_extra();
         let (velocity, spin) = self.scales();
         if let Some(cover) = self.fluid.cover_mut() {
-            self.map.update_bodies(particles, cover, velocity, spin);
+            self.map.place_bodies(particles, cover, velocity, spin);
         }
+        if !self.fluid.covers_on_gpu() {
+            self.cover_cells();
+        }
+        self.fluid.give_cover().map_err(Error::Internal)?;
         let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
         if changed && self.fluid.velocities().is_some() {
             let surfaces = self.map.surface_cells();
@@ -276,6 +287,12 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
 
     fn restart(&mut self) {
         self.fresh = false;
+    }
+
+    /// A GPU may have found the cells of the bodies by itself.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.cover_cells();
+        self.fluid.fetch().map_err(Error::Internal)
     }
 
     fn last_loads(&self) -> &[Load] {

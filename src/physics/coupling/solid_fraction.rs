@@ -19,11 +19,11 @@ mod round_rows;
 pub use ball::{BallInCells, BallTable};
 pub(crate) use round_rows::{RoundRows, RowCells};
 
+use crate::ball::{Beside, EMPTY, chord};
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
 use crate::lbm::links::Plane;
 use nalgebra::{Matrix3, Vector3};
-use std::ops::Add;
 
 /// How fractions are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +95,6 @@ pub struct Row {
 }
 
 impl Row {
-    const EMPTY: [f64; 2] = [0.0, -1.0];
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
     /// The row does not meet the body.
@@ -227,54 +226,10 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// How far the cells of a layer or row lie beside the centre of a ball or disc: squares of lengths in cells.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Beside {
-    nearest: f64,
-    farthest: f64,
-    /// The farthest point of the cells on each side of them.
-    beyond: f64,
-}
-
-impl Beside {
-    /// Along one axis, of the cells from `lower` to `lower` + 1.
-    #[inline(always)]
-    pub(crate) fn of(centre: f64, lower: f64) -> Self {
-        let (low, high) = (lower - centre, lower + 1.0 - centre);
-        let near = low.max(-high).max(0.0);
-        let far = high.max(-low);
-        Self {
-            nearest: near * near,
-            farthest: far * far,
-            beyond: (far + 1.0) * (far + 1.0),
-        }
-    }
-}
-
-impl Add for Beside {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self {
-            nearest: self.nearest + other.nearest,
-            farthest: self.farthest + other.farthest,
-            beyond: self.beyond + other.beyond,
-        }
-    }
-}
-
 /// The row of a ball or disc; `centre` along the row.
 #[inline(always)]
 pub(crate) fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
-    let reach = |squared: f64| {
-        let left = radius * radius - squared;
-        if left > 0.0 {
-            let half = left.sqrt();
-            [centre - half, centre + half]
-        } else {
-            Row::EMPTY
-        }
-    };
+    let reach = |squared: f64| chord(centre, radius, squared);
     Row {
         outer: reach(beside.nearest),
         inner: reach(beside.farthest),
@@ -315,7 +270,7 @@ fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
     } else if slope < -LEVEL {
         interval[0] = interval[0].max(room / slope);
     } else if room < 0.0 {
-        *interval = Row::EMPTY;
+        *interval = EMPTY;
     }
 }
 

@@ -67,14 +67,14 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Brings the populations back from a GPU, if they are there ([`crate::lbm::fluid::Fluid::fetch`]).
+    /// Brings the state of the water back from a GPU, if it is there ([`LatticeFlow::fetch`]).
     ///
     /// # Errors
     /// When the GPU fails.
     #[inline(never)]
     pub fn fetch(&mut self) -> Result<(), Error> {
         match self.lattice_mut() {
-            Some(flow) => flow.fluid_mut().fetch().map_err(Error::Internal),
+            Some(flow) => flow.fetch(),
             None => Ok(()),
         }
     }

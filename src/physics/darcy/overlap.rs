@@ -15,52 +15,8 @@
 //! `E` follows from integrating circular segments by parts; compare the wedges of S. Strobl, A. Formella and T. Pöschel,
 //! J. Comput. Phys. 311 (2016) 158.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
-
-/// The angle of the point (x, y) above the x axis, for coordinates of 0 or more; 0 at the origin.
-///
-/// Within two units in the last place. It has neither branches nor calls, so that loops of it are vectorised, and its bits depend on no
-/// library of the system. The angle is reduced to that of the nearest of 0, pi/8 and pi/4: atan(p) - atan(q) = atan((p - q)/(1 + pq)).
-/// The rest is below pi/16, where eleven terms of the series are exact to rounding.
-#[inline(always)]
-fn angle(y: f64, x: f64) -> f64 {
-    const TAN_1_16: f64 = 0.198_912_367_379_658;
-    const TAN_2_16: f64 = 0.414_213_562_373_095_03;
-    const TAN_3_16: f64 = 0.668_178_637_919_298_9;
-    let (small, large) = if y < x { (y, x) } else { (x, y) };
-    let (tangent, start) = if small > TAN_3_16 * large {
-        (1.0, FRAC_PI_4)
-    } else if small > TAN_1_16 * large {
-        (TAN_2_16, FRAC_PI_8)
-    } else {
-        (0.0, 0.0)
-    };
-    let below = large + tangent * small;
-    let t = (small - tangent * large) / if below > 0.0 { below } else { 1.0 };
-    let z = t * t;
-    // Pairs of terms, and pairs of pairs, so that few wait for others.
-    let (z2, z4) = (z * z, z * z * (z * z));
-    let low = (1.0 / 3.0 - z * (1.0 / 5.0)) + z2 * (1.0 / 7.0 - z * (1.0 / 9.0));
-    let middle = (1.0 / 11.0 - z * (1.0 / 13.0)) + z2 * (1.0 / 15.0 - z * (1.0 / 17.0));
-    let series = low + z4 * (middle + z4 * (1.0 / 19.0 - z * (1.0 / 21.0)));
-    let near = start + (t - t * z * series);
-    if y > x { FRAC_PI_2 - near } else { near }
-}
-
-/// The ball beyond two planes at right angles, on one side of a third through its centre.
-#[inline(always)]
-pub(crate) fn edge(a: f64, b: f64) -> f64 {
-    let squared = 1.0 - a * a - b * b;
-    let s = if squared > 0.0 { squared } else { 0.0 }.sqrt();
-    let p = |a: f64| a - a * a * a / 3.0;
-    ((angle(s, a * b) + a * b * s) * (2.0 / 3.0) - p(a) * angle(s, b) - p(b) * angle(s, a)) * 0.5
-}
-
-/// Quarter of the cap of a unit ball beyond a plane at a distance a.
-#[inline(always)]
-pub(crate) fn cap(a: f64) -> f64 {
-    PI / 12.0 * (1.0 - a) * (1.0 - a) * (2.0 + a)
-}
+use crate::ball::{cap, edge, octant_of};
+use std::f64::consts::PI;
 
 /// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
 fn octant(a: f64, b: f64, c: f64) -> f64 {
@@ -80,15 +36,6 @@ fn octant(a: f64, b: f64, c: f64) -> f64 {
         [cap(a), cap(b), cap(c)],
         [edge(a, b), edge(b, c), edge(c, a)],
     )
-}
-
-/// The same from its parts: caps at a, b, c, edges of (a, b), (b, c), (c, a).
-#[inline(always)]
-pub(crate) fn octant_of([a, b, c]: [f64; 3], caps: [f64; 3], edges: [f64; 3]) -> f64 {
-    if a * a + b * b + c * c <= 1.0 {
-        return a * b * c;
-    }
-    PI / 6.0 - caps[0] - caps[1] - caps[2] + edges[0] + edges[1] + edges[2]
 }
 
 /// Unit disc over [0, a] x [0, b], arguments in 0 … 1.
@@ -160,37 +107,6 @@ mod tests {
         assert!(ball([1.5, -1.0, -1.0], [2.0; 3]) < 1e-15);
         // Half a ball cut by a plane through the centre, quarter by two.
         assert!((ball([0.0, 0.0, -2.0], [2.0; 3]) - FULL / 4.0).abs() < 1e-15);
-    }
-
-    #[test]
-    fn angles_to_two_units_in_the_last_place() {
-        let mut draws = SplitMix::new(5);
-        let mut worst = 0.0_f64;
-        for k in 0..100_000 {
-            let (x, y) = (draws.uniform(), draws.uniform());
-            let (x, y) = match k % 4 {
-                0 => (x, y),
-                1 => (x * x * x * x * x * x * x * x, y),
-                2 => (x, y * y * y * y * y * y * y * y),
-                _ => (x, x + (y - 0.5) * 1e-3 * x),
-            };
-            let exact = y.atan2(x);
-            worst = worst.max((angle(y, x) - exact).abs() / (f64::EPSILON * exact));
-        }
-        assert!(worst < 2.0, "{worst}");
-        for (y, x) in [
-            (0.0, 0.0),
-            (0.0, 1.0),
-            (1.0, 0.0),
-            (1.0, 1.0),
-            (1e-300, 1.0),
-            (1.0, 1e-300),
-        ] {
-            assert!(
-                (angle(y, x) - f64::atan2(y, x)).abs() <= f64::EPSILON * f64::atan2(y, x),
-                "{y} {x}"
-            );
-        }
     }
 
     #[test]

@@ -10,15 +10,27 @@
 //! | `cell` | the pass over one cell, one thread each; also compiled for GPUs |
 //! | `copies` | what enters at walls and goes round periodic axes; also compiled for GPUs |
 //! | `covered`, `loads`, `sums` | the pass over a cell that solids cover, and the forces on them; also compiled for GPUs |
+//! | `balls` | the cover of the cells by balls; also compiled for GPUs |
+//! | `lists` | the lists of the covered cells; also compiled for GPUs |
+//! | `warp` | what the threads of a warp share; for GPUs alone |
 //! | `cover` | the cover of the cells on the GPU |
 //! | `moments` | the extreme values of rows, for the checks of a run; also compiled for GPUs |
 //! | `program` | a step of a slab as passes and copies |
 //! | `build.sh`, `ptx` | the command that compiles the kernels, and what it made |
 //!
 //! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at populations. Kernels are added
-//! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with MRT partially saturated cells. A GPU
-//! does not run several ranks, structures, eddies and openings yet ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
+//! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with TRT and MRT partially saturated cells;
+//! D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A GPU does not run several ranks, structures, eddies and openings yet
+//! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
+//!
+//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor follows when somebody
+//! looks. Of other bodies the processor finds the cells and sends them.
 
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "the host runs what a kernel does only to test it")
+)]
+pub(crate) mod balls;
 pub mod cell;
 pub mod copies;
 mod cover;
@@ -27,6 +39,7 @@ mod cover;
     expect(dead_code, reason = "the host runs what a kernel does only to test it")
 )]
 pub mod covered;
+mod lists;
 pub mod loads;
 pub mod moments;
 pub mod program;
@@ -35,11 +48,12 @@ use super::collision::Collision;
 use super::lanes::Stored;
 use super::populations::Parity;
 use super::saturation::Cover;
+use balls::BLOCK;
 use copies::Copies;
-use cover::OnGpu;
+use cover::{BYTES_BESIDE, Kernels, OnGpu};
 use cudarc::driver::{
-    CudaContext, CudaFunction, CudaSlice, CudaStream, DeviceRepr, DriverError, LaunchConfig,
-    PushKernelArg, sys,
+    CudaContext, CudaEvent, CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr,
+    DriverError, LaunchConfig, PushKernelArg, sys,
 };
 use cudarc::nvrtc::Ptx;
 use moments::{HalfForce, RowExtremes};
@@ -66,7 +80,7 @@ pub enum Device {
 }
 
 /// PTX by the name of its file.
-const KERNELS: [(&str, &str); 6] = [
+const KERNELS: [(&str, &str); 8] = [
     ("bgk", include_str!("gpu/ptx/bgk.ptx")),
     ("trt", include_str!("gpu/ptx/trt.ptx")),
     ("mrt", include_str!("gpu/ptx/mrt.ptx")),
@@ -74,6 +88,11 @@ const KERNELS: [(&str, &str); 6] = [
         "covers_mrt_d3q27",
         include_str!("gpu/ptx/covers_mrt_d3q27.ptx"),
     ),
+    (
+        "covers_trt_d3q27",
+        include_str!("gpu/ptx/covers_trt_d3q27.ptx"),
+    ),
+    ("balls", include_str!("gpu/ptx/balls.ptx")),
     ("looks", include_str!("gpu/ptx/looks.ptx")),
     ("copies", include_str!("gpu/ptx/copies.ptx")),
 ];
@@ -104,22 +123,15 @@ impl Kernel {
     /// Whether it was made for a storage: kernels are added when they have run on a GPU.
     #[must_use]
     pub fn exists(&self, stored: &str) -> bool {
-        let kind = if self.covered { "covered_" } else { "" };
+        let kind = if self.covered { "mixed_" } else { "" };
         ptx_of(&self.name(kind, stored)).is_some()
     }
 }
 
-/// Threads of a block. A thread of the pass has up to 230 registers, so that not many more fit.
-const BLOCK: u32 = 128;
-
-/// Blocks that share the numbers of a rectangle, at most.
-const BESIDE: u32 = 64;
-
-/// Lists of rectangles on the GPU.
+/// Rectangles on the GPU, one for each block.
 struct List {
     rectangles: CudaSlice<u8>,
-    /// Rectangles, and blocks that share each.
-    grid: [u32; 2],
+    count: u32,
 }
 
 /// A slab on a GPU.
@@ -249,9 +261,9 @@ impl Gpu {
         let name = context.name().map_err(failed)?;
         let (free, _) = context.mem_get_info().map_err(failed)?;
         let (stored, bytes) = (S::NAME, numbers * size_of::<S>());
-        let beside = cover
-            .as_ref()
-            .map_or(0, |cover| cover.cells().1.len() * Cover::BYTES);
+        let beside = cover.as_ref().map_or(0, |cover| {
+            cover.cells().1.len() * (Cover::BYTES + BYTES_BESIDE)
+        });
         if bytes + beside > free {
             return Err(format!(
                 "the lattice needs {:.1} GB and {name} has {:.1} GB free",
@@ -270,20 +282,21 @@ impl Gpu {
         let copy = function(&format!("copies_{stored}")).map_err(failed)?;
         let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
         let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
-        let stream = context.default_stream();
+        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory goes.
+        unsafe { context.disable_event_tracking() };
+        let stream = context.new_stream().map_err(failed)?;
         let cover = cover.map(|cover| {
+            let names = ["deep_", "mixed_"].map(|kind| kernel.name(kind, stored));
+            let kernels = Kernels::new(names, function)?;
             // SAFETY: promised by the caller.
-            unsafe { OnGpu::new(&stream, function(&kernel.name("covered_", stored))?, cover) }
+            unsafe { OnGpu::new(&context, kernels, cover, &program) }
         });
         let cover = cover.transpose().map_err(failed)?;
         let list = |copies: &Vec<Copies>| {
-            let most = copies.iter().map(Copies::count).max().unwrap_or(1);
+            let pieces: Vec<Copies> = copies.iter().flat_map(|all| all.pieces(BLOCK)).collect();
             Ok(List {
-                rectangles: stream.clone_htod(as_bytes(copies))?,
-                grid: [
-                    crate::number::to_u32(copies.len()),
-                    most.div_ceil(BLOCK).clamp(1, BESIDE),
-                ],
+                rectangles: stream.clone_htod(as_bytes(&pieces))?,
+                count: crate::number::to_u32(pieces.len()),
             })
         };
         let lists = |pass: &program::Pass| pass.copies.iter().map(list).collect();
@@ -327,7 +340,24 @@ impl Gpu {
         }
         self.stream
             .memcpy_htod(bytes, &mut self.numbers)
-            .map_err(failed)
+            .map_err(failed)?;
+        self.tell(|there| &there.ready)
+    }
+
+    /// Tells the stream of the bodies that the fluid is so far.
+    fn tell(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => so_far(there).record(&self.stream).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// What the fluid does from now on waits until the stream of the bodies is so far.
+    fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => self.stream.wait(so_far(there)).map_err(failed),
+            None => Ok(()),
+        }
     }
 
     /// Brings the numbers of the slab back.
@@ -340,17 +370,6 @@ impl Gpu {
             .memcpy_dtoh(&self.numbers, bytes)
             .and_then(|()| self.stream.synchronize())
             .map_err(failed)
-    }
-
-    /// The shape of a launch with one thread for each cell.
-    fn of_cells(&self) -> LaunchConfig {
-        let [planes, rows, length] = self.program.cells;
-        let width = length.next_multiple_of(32).min(BLOCK);
-        LaunchConfig {
-            grid_dim: (length.div_ceil(width), rows, planes),
-            block_dim: (width, 1, 1),
-            shared_mem_bytes: 0,
-        }
     }
 
     /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed, the largest size of
@@ -370,10 +389,17 @@ impl Gpu {
         let words = size_of::<RowExtremes>() / size_of::<u64>();
         let found = self.stream.alloc_zeros::<u64>(count * words);
         let found = found.map_err(failed)?;
+        self.wait_for(|there| &there.made)?;
+        let fraction = self.cover.as_ref().map_or(0, OnGpu::address_of_fractions);
         let mut launch = self.stream.launch_builder(&self.extremes);
-        launch.arg(&self.numbers).arg(&slab).arg(&half).arg(&found);
+        launch
+            .arg(&self.numbers)
+            .arg(&slab)
+            .arg(&half)
+            .arg(&fraction)
+            .arg(&found);
         // SAFETY: the kernel takes these arguments and writes one element for each row.
-        unsafe { launch.launch(self.of_cells()) }.map_err(failed)?;
+        unsafe { launch.launch(self.program.launch()) }.map_err(failed)?;
         let found = self.stream.clone_dtoh(&found).map_err(failed)?;
         self.stream.synchronize().map_err(failed)?;
         let rows = found.chunks_exact(words);
@@ -396,7 +422,7 @@ impl Gpu {
         let length = slab.0.cells as usize;
         let found = self.stream.alloc_zeros::<f64>(4 * length);
         let found = found.map_err(failed)?;
-        let mut shape = self.of_cells();
+        let mut shape = self.program.launch();
         (shape.grid_dim.1, shape.grid_dim.2) = (1, 1);
         let mut launch = self.stream.launch_builder(&self.moments);
         launch
@@ -437,53 +463,106 @@ impl Gpu {
         let slab = Argument(self.program.after(before).slab);
         let rates = Argument(operator.uniform::<f64>());
         let operator = Argument(operator);
-        let shape = self.of_cells();
-        let mut launch = self.stream.launch_builder(&self.pass);
-        launch
-            .arg(&mut self.numbers)
-            .arg(&slab)
-            .arg(&operator)
-            .arg(&rates);
+        let shape = self.program.launch();
+        let numbers = self.numbers.device_ptr(&self.stream).0;
         let Some(cover) = &self.cover else {
+            let mut launch = self.stream.launch_builder(&self.pass);
+            launch.arg(&numbers).arg(&slab).arg(&operator).arg(&rates);
             // SAFETY: the kernel takes these arguments; the program is that of the slab for which the room was made.
             return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
         };
+        // The covered cells first.
+        let beside = &cover.stream;
+        beside.wait(&cover.ready).map_err(failed)?;
         let view = Argument(cover.view);
-        launch.arg(&view);
-        // SAFETY: as above.
-        unsafe { launch.launch(shape) }.map_err(failed)?;
         let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
-        let mut launch = self.stream.launch_builder(&cover.covered);
+        let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
+        let bodies = cover.bodies;
+        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to do.
+        let of_all = launch_of(cover.covered.cells.div_ceil(BLOCK));
+        let mut launch = beside.launch_builder(&cover.kernels.mixed);
         launch
-            .arg(&mut self.numbers)
+            .arg(&numbers)
             .arg(&slab)
             .arg(&operator)
             .arg(&rates)
             .arg(&view)
             .arg(&omega)
-            .arg(&cover.loads);
+            .arg(&cells)
+            .arg(&loads)
+            .arg(&bodies);
         // SAFETY: as above.
-        unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed)
+        unsafe { launch.launch(of_all) }.map_err(failed)?;
+        let mut launch = beside.launch_builder(&cover.kernels.deep);
+        launch
+            .arg(&numbers)
+            .arg(&slab)
+            .arg(&view)
+            .arg(&cells)
+            .arg(&loads)
+            .arg(&bodies);
+        // SAFETY: as above.
+        unsafe { launch.launch(of_all) }.map_err(failed)?;
+        cover.passed.record(beside).map_err(failed)?;
+        self.wait_for(|there| &there.made)?;
+        let mut launch = self.stream.launch_builder(&self.pass);
+        launch
+            .arg(&numbers)
+            .arg(&slab)
+            .arg(&operator)
+            .arg(&rates)
+            .arg(&view);
+        // SAFETY: as above.
+        unsafe { launch.launch(shape) }.map_err(failed)?;
+        cover.done(&self.stream).map_err(failed)
     }
 
-    /// Tells the GPU what covers the cells, before a pass.
+    /// Tells the GPU what covers the cells, before a pass or a look at them.
     ///
     /// # Errors
     /// When the GPU fails.
     pub fn give_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
-            Some(there) => there.update(&self.stream, cover).map_err(failed),
+            Some(there) => {
+                let done = there.update(cover, &self.program);
+                done.map_err(failed)
+            }
             None => Ok(()),
         }
     }
 
-    /// Adds the forces of a pass to the sums of the cover.
+    /// Clears the forces on the bodies of the cover, before a pass.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), String> {
+        match &mut self.cover {
+            Some(there) => {
+                let cleared = there.clear_loads(cover.solids().len());
+                cleared.map_err(failed)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The fractions of the cells of a row of the cover that was given last, from a position on.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => there.fractions(first, fractions).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits for the forces of a pass, though not for the open cells, and adds them to the sums of the cover.
     ///
     /// # Errors
     /// When the GPU fails.
     pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
-            Some(there) => there.take_loads(&self.stream, cover).map_err(failed),
+            Some(there) => there.take_loads(cover).map_err(failed),
             None => Ok(()),
         }
     }
@@ -504,10 +583,10 @@ impl Gpu {
                 .memcpy_htod(&self.held, &mut self.factors)
                 .map_err(failed)?;
         }
+        self.wait_for(|there| &there.passed)?;
         for list in &self.lists[usize::from(before == Parity::Reversed)] {
-            let [rectangles, beside] = list.grid;
             let shape = LaunchConfig {
-                grid_dim: (rectangles, beside, 1),
+                grid_dim: (list.count, 1, 1),
                 block_dim: (BLOCK, 1, 1),
                 shared_mem_bytes: 0,
             };
@@ -519,7 +598,44 @@ impl Gpu {
             // SAFETY: as above; the rectangles lie within the slab.
             unsafe { launch.launch(shape) }.map_err(failed)?;
         }
-        Ok(())
+        self.tell(|there| &there.ready)
+    }
+}
+
+impl Drop for Gpu {
+    /// No work may use memory that goes.
+    fn drop(&mut self) {
+        let streams = [
+            Some(&self.stream),
+            self.cover.as_ref().map(|there| &there.stream),
+        ];
+        for stream in streams.into_iter().flatten() {
+            if let Err(error) = stream.synchronize() {
+                log::debug!("at the end of the fluid {}", failed(error));
+            }
+        }
+    }
+}
+
+/// The shape of a launch of this many blocks.
+fn launch_of(count: u32) -> LaunchConfig {
+    LaunchConfig {
+        grid_dim: (count, 1, 1),
+        block_dim: (BLOCK, 1, 1),
+        shared_mem_bytes: 0,
+    }
+}
+
+impl Program {
+    /// The shape of a launch with one thread for each cell.
+    fn launch(&self) -> LaunchConfig {
+        let [planes, rows, length] = self.cells;
+        let width = length.next_multiple_of(32).min(BLOCK);
+        LaunchConfig {
+            grid_dim: (length.div_ceil(width), rows, planes),
+            block_dim: (width, 1, 1),
+            shared_mem_bytes: 0,
+        }
     }
 }
 

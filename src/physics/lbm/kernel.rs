@@ -360,6 +360,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     } = *update;
     let velocity = shared.velocity;
     let cover = shared.cover;
+    let sums = cover.sums_of(worker);
     let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
     let mut rates = collision.uniform::<N>();
     let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| shared.first[i]);
@@ -405,7 +406,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 let place = Place {
                     cell: cell + k,
                     at: [plane, row, k],
-                    worker,
+                    sums,
                 };
                 // SAFETY: an interior cell.
                 let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };

@@ -9,6 +9,7 @@
 #[cfg(not(target_arch = "nvptx64"))]
 use bytemuck::Pod;
 // On a GPU no number is looked at as bytes.
+use crate::number;
 #[cfg(target_arch = "nvptx64")]
 use core::marker::Copy as Pod;
 use core::ops::{Add, Div, Mul, Sub};
@@ -109,23 +110,6 @@ pub trait EveryWidth: Memory<f64> {}
 #[cfg(not(target_arch = "x86_64"))]
 impl<S: Memory<f64>> EveryWidth for S {}
 
-/// Functions of one number that the standard library has and the core library does not yet.
-mod math {
-    #[cfg(target_arch = "nvptx64")]
-    pub(super) use core::{f64::math::mul_add, intrinsics::sqrtf64 as sqrt};
-
-    #[cfg(not(target_arch = "nvptx64"))]
-    #[inline(always)]
-    pub(super) fn mul_add(x: f64, a: f64, b: f64) -> f64 {
-        x.mul_add(a, b)
-    }
-    #[cfg(not(target_arch = "nvptx64"))]
-    #[inline(always)]
-    pub(super) fn sqrt(x: f64) -> f64 {
-        x.sqrt()
-    }
-}
-
 impl Lanes for f64 {
     const WIDTH: usize = 1;
     #[inline(always)]
@@ -138,15 +122,15 @@ impl Lanes for f64 {
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        math::mul_add(self, a, b)
+        number::mul_add(self, a, b)
     }
     #[inline(always)]
     fn neg_mul_add(self, a: Self, b: Self) -> Self {
-        math::mul_add(-self, a, b)
+        number::mul_add(-self, a, b)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        math::sqrt(self)
+        number::sqrt(self)
     }
     #[inline(always)]
     fn where_zero(self, a: Self, b: Self) -> Self {

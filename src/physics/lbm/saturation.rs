@@ -33,7 +33,7 @@ mod mixed;
 pub(crate) mod pass;
 pub(crate) mod solid;
 #[cfg(not(target_arch = "nvptx64"))]
-mod sums;
+pub(crate) mod sums;
 #[cfg(target_arch = "nvptx64")]
 pub(crate) use super::gpu::sums;
 mod weighting;

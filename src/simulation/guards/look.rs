@@ -80,6 +80,8 @@ impl Order {
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
+    /// How much of its cells bodies cover.
+    covered: Vec<f32>,
     /// The extreme values of each row.
     rows: Rows,
     /// Rows sorted by their extreme value.
@@ -98,7 +100,7 @@ impl Look {
         let rows = || self.rows.iter();
         for (row, found) in rows().enumerate() {
             if !found.finite {
-                go_through(flow, row, &mut self.row, &mut seen);
+                go_through(flow, row, (&mut self.row, &mut self.covered), &mut seen);
             }
         }
         let order = &mut self.order;
@@ -113,7 +115,7 @@ impl Look {
                 if size <= 0.0 || size < value || (size <= value && row > best) {
                     break;
                 }
-                go_through(flow, row, &mut self.row, &mut seen);
+                go_through(flow, row, (&mut self.row, &mut self.covered), &mut seen);
                 if known(&seen) != so_far {
                     best = row;
                 }
@@ -129,7 +131,7 @@ impl Look {
 fn go_through<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     row: usize,
-    moments: &mut [Vec<f64>; 4],
+    (moments, covered): (&mut [Vec<f64>; 4], &mut Vec<f32>),
     seen: &mut Seen,
 ) {
     let fluid = flow.fluid();
@@ -140,6 +142,8 @@ fn go_through<Sp: Space, S: Stored>(
     (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
     let first = populations.interior_cell(at);
     fluid.row_moments([at[slow], at[middle]], moments);
+    covered.resize(cells[fast], 0.0);
+    fluid.row_fractions(first, covered);
     let (half, water) = (fluid.half_force(), flow.balanced());
     let all = water.holds_all();
     let (order, start) = (Order::of(flow), fluid.start());
@@ -153,8 +157,7 @@ fn go_through<Sp: Space, S: Stored>(
             continue;
         }
         // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
-        let covered = fluid.cover().is_some_and(|c| c.fraction(first + k) >= 0.5);
-        if !covered && (all || water.holds(at)) {
+        if covered[k] < 0.5 && (all || water.holds(at)) {
             seen.fastest.raise(squared, place);
             if drho.abs() >= seen.squeezed.value.abs() && !flow.enclosed(at) {
                 seen.squeezed.raise(drho, place);

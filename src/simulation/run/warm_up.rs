@@ -51,7 +51,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
         step += 1;
         guards.check_warm_up(step, flow, particles, plan, domain)?;
         if step % LOOK_EVERY == 0 {
-            flow.fluid_mut().fetch().map_err(Error::Internal)?;
+            flow.fetch()?;
             let (mut moved, mut size) = (0.0_f64, 0.0_f64);
             for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {
                 let (_, u) = flow.fluid().state(cell);
@@ -71,12 +71,12 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
             let request = watch.ask(communicator);
             ask_at = step + watch.steps();
             if request != Request::None {
-                flow.fluid_mut().fetch().map_err(Error::Internal)?;
+                flow.fetch()?;
                 keep(step, &before, flow, particles, (watch, guards), request)?;
             }
         }
     }
-    flow.fluid_mut().fetch().map_err(Error::Internal)?;
+    flow.fetch()?;
     let short = if change < relative_change {
         String::new()
     } else {

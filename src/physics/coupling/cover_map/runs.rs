@@ -1,6 +1,7 @@
 //! The cells that a body covers, as runs along the rows of the lattice.
 
-use super::super::solid_fraction::{BallInCells, Beside, Form, Method, RowCells, Scratch};
+use super::super::solid_fraction::{BallInCells, Form, Method, RowCells, Scratch};
+use crate::ball::Beside;
 use crate::lbm::lanes::{Level, Work};
 use crate::lbm::saturation::DEEP;
 use crate::lbm::saturation::cover::Part;

@@ -220,3 +220,82 @@ fn workers_cover_planes_of_a_block() {
         }
     }
 }
+
+/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners, fractions and parts.
+#[test]
+fn a_gpu_finds_the_same_cells() {
+    use crate::lbm::gpu::balls::on_host;
+    use crate::random::SplitMix;
+    let mut several = 0;
+    for split in 0..3 {
+        let populations = populations(split);
+        let (mut map, mut cover) = map(&populations);
+        let origin = populations.cell([0; 3]);
+        let stride = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            to_i32(populations.cell(at) - origin)
+        };
+        let slab = (
+            to_u32(origin),
+            [stride(0), stride(1), stride(2)],
+            CELLS.map(to_i32),
+            populations.order().map(to_u32),
+        );
+        // A wall at rest on one side.
+        let mut walled = Vec::new();
+        for j in 0..CELLS[1] {
+            for k in 0..CELLS[2] {
+                walled.push(populations.cell([-1, j.cast_signed(), k.cast_signed()]));
+            }
+        }
+        cover.wall_off(walled.into_iter());
+        let mut draws = SplitMix::new(17 + split as u64);
+        for step in 0..12 {
+            let mut particles = Particles::<Volume>::new();
+            for id in 0..40 {
+                let radius = 0.02 + 0.3 * draws.uniform().powi(2);
+                let [x, y, z] = CELLS.map(|n| draws.uniform() * (0.1 * real(n) + 0.2) - 0.1);
+                // Some of them stay away for a while.
+                if (id + step) % 7 != 0 {
+                    particles.insert(
+                        Body::uniform::<Volume>((id * 7) % 41, radius, 1000.0, 0),
+                        at(x, y, z),
+                    );
+                }
+            }
+            map.place_bodies(&particles, &mut cover, 1.0, 1.0);
+            assert!(cover.balls().is_some());
+            let (before, _) = cover.cells();
+            let before = (before.to_vec(), vec![-1.0; before.len()]);
+            map.cover_cells(&mut cover);
+            let (owner, fraction, shared) = on_host(cover.solids(), before, slab);
+            let here = cover.shared().to_vec();
+            let (owners, fractions) = cover.cells();
+            for (position, held) in fractions.iter().enumerate() {
+                if owners[position] == u32::MAX - 1 {
+                    assert_eq!(owner[position], owners[position]);
+                    continue;
+                }
+                assert_eq!(
+                    held.to_bits(),
+                    fraction[position].to_bits(),
+                    "{split} {step} {position} {held} {}",
+                    fraction[position]
+                );
+                let parts = |owner: u32, lists: &[Vec<_>]| {
+                    let list = (owner >> 31 == 1 && owner != u32::MAX)
+                        .then(|| lists[(owner & !(1 << 31)) as usize].clone());
+                    (list.is_none().then_some(owner), list)
+                };
+                let (one, other) = (
+                    parts(owners[position], &here),
+                    parts(owner[position], &shared),
+                );
+                assert_eq!(one, other, "{split} {step} {position}");
+                several += usize::from(one.1.is_some_and(|list| list.len() > 2));
+            }
+        }
+    }
+    assert!(several > 300, "{several}");
+}

@@ -7,7 +7,7 @@
 //! 3 N² cells. Corners and fractions are computed a layer at a time. The loops along a row have neither branches nor calls, and rows are
 //! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
-use crate::darcy::overlap::{cap, edge, octant_of};
+use crate::ball::{Coordinate, edge, filled, octant_of};
 use crate::lbm::lanes::{Level, WIDEST, Work};
 use crate::number::real;
 
@@ -119,10 +119,8 @@ impl BallTable {
             axis.cap.clear();
             axis.cap.resize(padded, 0.0);
             for (k, x) in (lower[a]..).take(axis.count).enumerate() {
-                let at = ((f64::from(x) - centre[a]) / radius).clamp(-1.0, 1.0);
-                axis.size[k] = at.abs();
-                axis.sign[k] = at.signum();
-                axis.cap[k] = cap(at.abs());
+                let Coordinate { size, sign, cap } = Coordinate::of(x, centre[a], radius);
+                (axis.size[k], axis.sign[k], axis.cap[k]) = (size, sign, cap);
             }
         }
         for a in 0..3 {
@@ -285,8 +283,8 @@ fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     let (c0, c1, c2, c3) = (corner(0), corner(1), corner(2), corner(3));
     let (c4, c5, c6, c7) = (corner(4), corner(5), corner(6), corner(7));
     for k in 0..count {
-        let sum = 0.0 - c0[k] + c1[k] + c2[k] - c3[k] + c4[k] - c5[k] - c6[k] + c7[k];
-        fractions[k] = (sum * radius * radius * radius).clamp(0.0, 1.0);
+        let corners = [c0[k], c1[k], c2[k], c3[k], c4[k], c5[k], c6[k], c7[k]];
+        fractions[k] = filled(corners, radius);
     }
 }
 

@@ -3,8 +3,8 @@
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! [`round_row`](super::round_row).
 
-use super::{Beside, Row};
-use crate::number::floor_i32;
+use super::Row;
+use crate::ball::{Beside, around, chord, within};
 
 /// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,21 +31,6 @@ impl RowCells {
             deep: within(row.deep, 1, frame),
         }
     }
-}
-
-/// The cells that an interval in the raw frame touches.
-#[inline(always)]
-fn around([low, high]: [f64; 2], frame: i32) -> [i32; 2] {
-    [floor_i32(low) + frame, floor_i32(high) + 1 + frame]
-}
-
-/// The cells that lie, with this many cells on each side, within an interval in the raw frame.
-#[inline(always)]
-fn within([low, high]: [f64; 2], beside: i32, frame: i32) -> [i32; 2] {
-    [
-        floor_i32(low.ceil()) + beside + frame,
-        floor_i32(high) - beside + frame,
-    ]
 }
 
 /// The rows of the layers of a ball or disc; buffers reused.
@@ -89,18 +74,11 @@ impl RoundRows {
 
     #[inline(always)]
     fn ends<const N: usize>(&mut self, layer: f64, centre: f64, radius: f64, frame: i32) {
-        let squared = radius * radius;
         let beside = &self.beside[N][..];
         let count = beside.len();
         let (low, high) = (&mut self.low[N][..count], &mut self.high[N][..count]);
         for k in 0..count {
-            let left = squared - (layer + beside[k]);
-            let half = if left > 0.0 { left } else { 0.0 }.sqrt();
-            let (from, to) = if left > 0.0 {
-                (centre - half, centre + half)
-            } else {
-                (Row::EMPTY[0], Row::EMPTY[1])
-            };
+            let [from, to] = chord(centre, radius, layer + beside[k]);
             [low[k], high[k]] = match N {
                 0 => around([from, to], frame),
                 1 => within([from, to], 0, frame),

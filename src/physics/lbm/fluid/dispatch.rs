@@ -77,7 +77,7 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
     operator: C,
 ) {
     use crate::lbm::gpu::cell::{Place, collide};
-    use crate::lbm::gpu::covered::{collide_covered, collide_open};
+    use crate::lbm::gpu::covered::{collide_open, fill, kind, mix};
     let [planes, rows, length] = program.cells;
     let slab = &program.after(before).slab;
     let kernel = (&operator, &operator.uniform::<f64>());
@@ -93,8 +93,15 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
             match cover {
                 None => collide::<L, C, S, true, Q>(numbers, slab, place, kernel.0, kernel.1),
                 Some((view, omega)) => {
-                    collide_open::<L, C, S, Q>(numbers, slab, place, kernel, view);
-                    collide_covered::<L, C, S, Q>(numbers, slab, place, kernel, (view, omega));
+                    let of_worker = view.sums_of(0);
+                    match kind(slab, place, view) {
+                        [_, true] => fill::<L, S, Q>(numbers, slab, place, (view, of_worker)),
+                        [true, _] => {
+                            let site = (view, of_worker, omega);
+                            mix::<L, C, S, Q>(numbers, slab, place, kernel, site);
+                        }
+                        _ => collide_open::<L, C, S, Q>(numbers, slab, place, kernel, view),
+                    }
                 }
             }
         }

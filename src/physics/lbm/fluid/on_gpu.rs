@@ -11,18 +11,24 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::lattice::VelocitySet;
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::Cover;
-use crate::number::to_u32;
+use crate::number::{single, to_u32};
 use decomposition::Domain;
 
 /// What there is no kernel for.
-const KERNEL: &str = "this velocity set, collision operator and force";
+const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Whether there are kernels for an operator on a velocity set without eddies: with a body force, and where solids may cover cells.
+/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with a body force, and where
+/// solids may cover cells.
 #[must_use]
-pub fn kernel_exists(set: VelocitySet, operator: Operator, forced: bool, covered: bool) -> bool {
+pub fn kernel_exists(
+    set: VelocitySet,
+    operator: Operator,
+    stored: &str,
+    [forced, covered]: [bool; 2],
+) -> bool {
     let step = Choice::plain(operator, forced, covered).on::<f64>(set);
     step.kernel_on_gpu()
-        .is_some_and(|kernel| kernel.exists(f64::NAME))
+        .is_some_and(|kernel| kernel.exists(stored))
 }
 
 /// A GPU for a slab.
@@ -72,6 +78,7 @@ impl<S: Stored> Fluid<S> {
         for _ in 0..steps {
             if let Some(cover) = &mut self.cover {
                 gpu.give_cover(cover)?;
+                gpu.clear_loads(cover)?;
             }
             #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
             let (now, then) = (self.step as f64, (self.step + 1) as f64);
@@ -85,7 +92,51 @@ impl<S: Stored> Fluid<S> {
             self.populations.flip();
             self.step += 1;
         }
+        if self.cover.is_some() {
+            // The bodies move while the open cells collide.
+            return Ok(());
+        }
         gpu.wait()
+    }
+
+    /// Whether a GPU has the populations and finds the cells that bodies cover, so that nobody else has to.
+    #[must_use]
+    pub fn covers_on_gpu(&self) -> bool {
+        self.gpu.is_some()
+            && self.is_away()
+            && self
+                .cover
+                .as_ref()
+                .is_some_and(|cover| cover.balls().is_some())
+    }
+
+    /// Tells a GPU which cells the bodies cover from now on.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn give_cover(&mut self) -> Result<(), String> {
+        match (&mut self.gpu, &mut self.cover) {
+            (Some(gpu), Some(cover)) if self.populations.are_away() => gpu.give_cover(cover),
+            _ => Ok(()),
+        }
+    }
+
+    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where no cell can be covered.
+    pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
+        match (&self.gpu, &self.cover) {
+            (Some(gpu), Some(_)) if self.covers_on_gpu() => {
+                if let Err(error) = gpu.fractions(first, fractions) {
+                    log::error!("{error}");
+                }
+                fractions.iter_mut().for_each(|part| *part = part.min(1.0));
+            }
+            (_, Some(cover)) => {
+                for (fraction, position) in fractions.iter_mut().zip(first..) {
+                    *fraction = single(cover.fraction(position));
+                }
+            }
+            (_, None) => fractions.fill(0.0),
+        }
     }
 
     /// Whether the populations are on a GPU.

@@ -650,11 +650,19 @@ fn a_gpu_refuses_what_it_does_not_run() {
     cumulants.operator = Operator::Cumulant(cumulant::Parameters::default());
     assert!(reason(cumulants).contains("collision operator"));
     // A kernel that nobody has seen run on a GPU.
-    let other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
+    let mut other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
+    other.saturation = Some(Method {
+        operator: SolidOperator::Superposition,
+        weighting: Weighting::Viscous,
+    });
     assert!(reason(other).contains("velocity set"));
     let trt = Operator::Trt(trt::Parameters { magic: 0.1875 });
-    let exists = |set, forced, covered| kernel_exists_on_gpu(set, trt, forced, covered);
-    assert!(exists(VelocitySet::D3Q27, true, false) && !exists(VelocitySet::D3Q27, true, true));
+    let exists = |set, forced, covered| kernel_exists_on_gpu(set, trt, "f64", [forced, covered]);
+    let bgk = Operator::Bgk(bgk::Parameters {});
+    let flat = |stored| kernel_exists_on_gpu(VelocitySet::D2Q9, bgk, stored, [false; 2]);
+    assert!(flat("f64") && !flat("f32"));
+    assert!(exists(VelocitySet::D3Q19, true, false) && !exists(VelocitySet::D3Q19, true, true));
+    assert!(exists(VelocitySet::D3Q27, true, true));
     let mut auto = plain();
     auto.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     auto.device = Device::Auto;

@@ -19,7 +19,7 @@ flags=(--target nvptx64-nvidia-cuda --edition 2024 -C opt-level=3 -C panic=abort
 "$rustc" "${flags[@]}" --crate-type rlib --crate-name core -Zforce-unstable-if-unmarked -A warnings --emit=link="$built/libcore.rlib" "$core"
 "$rustc" "${flags[@]}" --crate-type rlib --crate-name compiler_builtins -Zforce-unstable-if-unmarked -A warnings \
   --emit=link="$built/libcompiler_builtins.rlib" - <<< '#![feature(compiler_builtins)] #![compiler_builtins] #![no_std]'
-for kernels in bgk trt mrt covers_mrt_d3q27 looks copies; do
+for kernels in bgk trt mrt covers_mrt_d3q27 covers_trt_d3q27 balls looks copies; do
   "$rustc" "${flags[@]}" --crate-type lib --crate-name gpu --cfg "kernels=\"$kernels\"" \
     --emit=asm="$built/$kernels.ptx",dep-info="$built/$kernels.d" gpu.rs
   sources=$(sed -n 's/^\(.*\.rs\):$/\1/p' "$built/$kernels.d" | sort)

@@ -32,6 +32,26 @@ impl Copies {
         self.counts[0] * self.counts[1]
     }
 
+    /// The same copies in rectangles of `most` at most: each is the work of a block.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub fn pieces(self, most: u32) -> impl Iterator<Item = Self> {
+        let [along, beyond] = self.counts;
+        let width = most.clamp(1, along.max(1));
+        let height = (most / width).max(1);
+        let starts = |count: u32, side: u32| (0..count.div_ceil(side)).map(move |n| n * side);
+        starts(beyond, height).flat_map(move |row| {
+            starts(along, width).map(move |place| {
+                let apart = place * self.strides[0] + row * self.strides[1];
+                Self {
+                    from: self.from + apart,
+                    to: self.to + apart,
+                    counts: [width.min(along - place), height.min(beyond - row)],
+                    ..self
+                }
+            })
+        })
+    }
+
     /// Copies number `n` of them.
     ///
     /// # Safety

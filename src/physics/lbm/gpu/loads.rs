@@ -4,6 +4,7 @@
 //! time. Upper and lower halves of each force are therefore summed apart, and moments are taken about a cell inside the body, whose
 //! arms are short: no sum over fewer than 2^18 cells of a body 2^11 cells across can overflow.
 
+use crate::lbm::lattice::unroll;
 use crate::lbm::saturation::solid::Solid;
 use core::sync::atomic::{AtomicU64, Ordering};
 
@@ -34,6 +35,12 @@ fn moments(at: [i64; 3], f: [i64; 3]) -> [i64; 3] {
 }
 
 impl BodyLoad {
+    /// How many numbers it has.
+    pub const WORDS: usize = 12;
+
+    /// Loads of each body, so that fewer threads wait for the same memory.
+    pub const COPIES: u32 = 4;
+
     /// From its parts as they lie in memory; what is missing is zero.
     #[must_use]
     pub fn of(parts: &[u64]) -> Self {
@@ -44,9 +51,13 @@ impl BodyLoad {
         load
     }
 
-    /// Adds a force in quanta at the middle of a cell of the raw frame of the body.
+    /// What a force in quanta at the middle of a cell of the raw frame of the body adds.
     #[inline(always)]
-    pub fn add<const D: usize>(&self, solid: &Solid, raw: [i32; 3], force: [i64; 3]) {
+    pub(crate) fn parts<const D: usize>(
+        solid: &Solid,
+        raw: [i32; 3],
+        force: [i64; 3],
+    ) -> [i64; 12] {
         let origin = origin(solid);
         let mut arm = [0; 3];
         let (mut lower, mut upper) = ([0; 3], [0; 3]);
@@ -56,17 +67,25 @@ impl BodyLoad {
             upper[a] = force[a] >> 32;
         }
         let turns = [moments(arm, lower), moments(arm, upper)];
-        let add = |part: usize, value: i64| {
-            self.parts[part].fetch_add(value.cast_unsigned(), Ordering::Relaxed);
-        };
-        for a in 0..D {
-            add(a, lower[a]);
-            add(3 + a, upper[a]);
-        }
-        for a in (if D == 2 { 2 } else { 0 })..3 {
-            add(6 + a, turns[0][a]);
-            add(9 + a, turns[1][a]);
-        }
+        let ([x, y, z], [p, q, r]) = (lower, upper);
+        let [[a, b, c], [d, e, f]] = turns;
+        [x, y, z, p, q, r, a, b, c, d, e, f]
+    }
+
+    /// Adds parts, or the sums of some.
+    #[inline(always)]
+    pub(crate) fn add_parts(&self, parts: [i64; 12]) {
+        unroll!(populations n < 12 => {
+            if parts[n] != 0 {
+                self.parts[n].fetch_add(parts[n].cast_unsigned(), Ordering::Relaxed);
+            }
+        });
+    }
+
+    /// Adds a force in quanta at the middle of a cell of the raw frame of the body.
+    #[inline(always)]
+    pub fn add<const D: usize>(&self, solid: &Solid, raw: [i32; 3], force: [i64; 3]) {
+        self.add_parts(Self::parts::<D>(solid, raw, force));
     }
 
     /// Force, and twice the moment about the origin of the raw frame, in quanta.

@@ -54,9 +54,10 @@ pub unsafe fn moments<L: Lattice<Q>, S: Stored, const Q: usize>(
 }
 
 impl RowExtremes {
-    /// Takes note of a cell of the row. Any order gives the same: sizes compare like their bits.
+    /// Takes note of a cell of the row, of which nothing counts but whether it is finite where it is no water. Any order gives the same: sizes
+    /// compare like their bits.
     #[inline(always)]
-    pub fn note(&self, drho: f64, momentum: [f64; 3], HalfForce(half): HalfForce) {
+    pub fn note(&self, drho: f64, momentum: [f64; 3], HalfForce(half): HalfForce, water: bool) {
         let m = [
             momentum[0] + half[0],
             momentum[1] + half[1],
@@ -67,6 +68,9 @@ impl RowExtremes {
         // A product with 0 is 0 for all numbers that are finite, and no number for the others.
         if 0.0 * squared != 0.0 {
             self.broken.store(1, Ordering::Relaxed);
+            return;
+        }
+        if !water {
             return;
         }
         for (value, most) in [(squared, &self.squared_speed), (size, &self.compression)] {

@@ -1,3 +1,4 @@
+use super::copies::Copies;
 use super::loads::BodyLoad;
 use crate::lbm::links::{Rigid, add_force};
 use crate::lbm::saturation::solid::Solid;
@@ -55,6 +56,37 @@ fn every_operation_of_the_ptx_is_rounded_to_nearest() {
         }
     }
     assert!(seen > 3000, "{seen}");
+}
+
+/// Each number once, whether a row is longer than a piece or several make one.
+#[test]
+fn pieces_are_the_copies_of_the_rectangle() {
+    for counts in [[1, 1], [5, 7], [7, 5], [100, 3], [3, 100], [64, 64]] {
+        let whole = Copies {
+            from: 3,
+            to: 100_000,
+            counts,
+            strides: [2, 1000],
+            factor: 1,
+            unused: 0,
+            term: 0.0,
+        };
+        let places = |copies: &Copies| {
+            let [along, beyond] = copies.counts.map(|count| 0..count);
+            let (from, [one, other]) = (copies.from, copies.strides);
+            let rows = beyond.map(move |row| from + row * other);
+            rows.flat_map(move |row| along.clone().map(move |place| row + place * one))
+                .collect::<Vec<u32>>()
+        };
+        for most in [1, 4, 32, 10_000] {
+            let pieces: Vec<Copies> = whole.pieces(most).collect();
+            assert!(pieces.iter().all(|piece| piece.count() <= most));
+            assert!(pieces.iter().all(|piece| piece.to - piece.from == 99_997));
+            let mut found: Vec<u32> = pieces.iter().flat_map(places).collect();
+            found.sort_unstable();
+            assert_eq!(found, places(&whole), "{counts:?} {most}");
+        }
+    }
 }
 
 /// Sums of halves about a cell of the body are those of whole numbers about the origin.

@@ -53,7 +53,7 @@ impl View {
         }
         // SAFETY: promised by the caller; slots were made by `Cover::make_room`.
         if sole.is_some_and(|slot| unsafe {
-            (*self.solids.add(slot as usize)).alone || self.lies_alone::<N, Q>(place.cell, slot)
+            (*self.solids.add(slot as usize)).alone || self.lies_alone::<L, N, Q>(place.cell, slot)
         }) {
             return;
         }
@@ -76,19 +76,30 @@ impl View {
         }
     }
 
+    /// From a cell to the neighbour along `c`.
+    #[inline(always)]
+    fn offset(&self, c: [i8; 3]) -> isize {
+        let [x, y, z] = c.map(isize::from);
+        x * self.strides[0] + y * self.strides[1] + z * self.strides[2]
+    }
+
     /// Whether `slot` alone covers what is beside `N::WIDTH` cells.
     ///
     /// # Safety
     /// As for [`Self::covers`].
     #[inline(always)]
-    unsafe fn lies_alone<N: Lanes, const Q: usize>(&self, cell: usize, slot: u32) -> bool {
+    unsafe fn lies_alone<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        cell: usize,
+        slot: u32,
+    ) -> bool {
         // One for each lane, so that the compiler compares a vector of owners at once.
         let mut others = [0; WIDEST];
         for i in 1..Q {
             let there = self
                 .owner
                 .wrapping_add(cell)
-                .wrapping_offset(self.offsets[i]);
+                .wrapping_offset(self.offset(L::C[i]));
             for (lane, other) in others.iter_mut().enumerate().take(N::WIDTH) {
                 // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
                 let owner = unsafe { there.add(lane).read() };
@@ -101,6 +112,8 @@ impl View {
 
     /// # Safety
     /// As for [`Self::mix`], of a covered cell.
+    // On a GPU a call would have a copy of the view in memory, for each thread.
+    #[cfg_attr(target_arch = "nvptx64", inline(always))]
     unsafe fn touch_one<L: Lattice<Q>, const Q: usize>(
         &self,
         place: Place,
@@ -115,7 +128,7 @@ impl View {
         let mut gained = [0.0; 3];
         let mut touches = false;
         for i in 1..Q {
-            let there = here.wrapping_add_signed(self.offsets[i]);
+            let there = here.wrapping_add_signed(self.offset(L::C[i]));
             // SAFETY: the neighbour of an interior cell is a cell of the slab or a ghost.
             let other = unsafe { self.owner.add(there).read() };
             // Most are the same body, or water.

@@ -31,12 +31,17 @@ pub struct Cover {
     pub(super) shares: Vec<Shares>,
     pub(super) solids: Vec<Solid>,
     pub(super) sums: Vec<Sums>,
-    /// From a cell to its neighbours.
-    pub(super) offsets: [isize; 27],
+    /// From a cell to the next one along each axis.
+    pub(super) strides: [isize; 3],
     /// Something changed since this was last asked.
     changed: AtomicBool,
     /// How often cells have changed.
     version: AtomicU64,
+    /// All bodies are balls, of which the fractions are exact and the cells are those of [`Solid`] alone.
+    balls: bool,
+    /// How often bodies have changed place, size or slot, and how often anything of them.
+    moves: u64,
+    motions: u64,
 }
 
 impl Cover {
@@ -50,10 +55,12 @@ impl Cover {
         workers: usize,
     ) -> Self {
         let positions = populations.cell_positions();
-        let mut offsets = [0; 27];
-        for i in 0..populations.velocities().q() {
-            offsets[i] = populations.offset(i);
-        }
+        let origin = populations.cell([0; 3]);
+        let stride = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            (populations.cell(at) - origin).cast_signed()
+        };
         Self {
             method,
             fluid: CoveredFluid {
@@ -69,10 +76,33 @@ impl Cover {
             shares: Vec::new(),
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
-            offsets,
+            strides: [stride(0), stride(1), stride(2)],
             changed: AtomicBool::new(true),
             version: AtomicU64::new(1),
+            balls: false,
+            moves: 0,
+            motions: 0,
         }
+    }
+
+    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the cells itself.
+    pub fn set_balls(&mut self, balls: bool) {
+        self.balls = balls;
+    }
+
+    /// If all bodies are balls that a GPU can map, how often they have moved.
+    pub(crate) fn balls(&self) -> Option<u64> {
+        self.balls.then_some(self.moves)
+    }
+
+    /// How often bodies have changed.
+    pub(crate) fn motions(&self) -> u64 {
+        self.motions
+    }
+
+    /// Axes from slowest to fastest.
+    pub(crate) fn order(&self) -> [usize; 3] {
+        self.order
     }
 
     /// Rises whenever cells change.
@@ -131,6 +161,8 @@ impl Cover {
 
     /// Room for bodies in these many slots.
     pub fn make_room(&mut self, slots: usize) {
+        self.moves += 1;
+        self.motions += 1;
         self.solids.resize(slots, Solid::default());
         for sums in &mut self.sums {
             sums.fit(slots);
@@ -141,6 +173,9 @@ impl Cover {
     pub fn set(&mut self, slot: u32, solid: Solid) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
             *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
+            let place = |solid: &Solid| (solid.motion.position, solid.motion.radius, solid.frame);
+            self.motions += u64::from(*there != solid);
+            self.moves += u64::from(place(there) != place(&solid) || there.name != solid.name);
             *there = solid;
         }
     }
@@ -402,7 +437,8 @@ impl Part<'_> {
         };
         let fraction = fraction.abs();
         if owner == NONE || owner == slot {
-            self.fraction[at] = sign * fraction;
+            // Not -0: a cell that is not covered has one form.
+            self.fraction[at] = sign * fraction + 0.0;
             self.owner[at] = if fraction > 0.0 { slot } else { NONE };
         } else {
             self.share(at, slot, sign, fraction);

@@ -22,7 +22,8 @@ pub(crate) struct View {
     pub(super) operator: SolidOperator,
     pub(super) fluid: CoveredFluid,
     pub(super) order: [usize; 3],
-    pub(super) offsets: [isize; 27],
+    /// From a cell to the next one along each axis.
+    pub(super) strides: [isize; 3],
 }
 
 /// Which cells a pass is at.
@@ -32,8 +33,8 @@ pub(crate) struct Place {
     pub(crate) cell: usize,
     /// Plane, row and place in the row of the first.
     pub(crate) at: [usize; 3],
-    /// Which of the sums is this worker's.
-    pub(crate) worker: usize,
+    /// The sums of this worker.
+    pub(crate) sums: *mut Sums,
 }
 
 /// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not compiled into the pass
@@ -145,7 +146,7 @@ impl View {
             antisymmetric: AntisymmetricRate::AsSymmetric,
         },
         order: [0; 3],
-        offsets: [0; 27],
+        strides: [0; 3],
     };
 
     /// What the coming pass sees of a cover.
@@ -165,7 +166,7 @@ impl View {
             operator: cover.method.operator,
             fluid: cover.fluid,
             order: cover.order,
-            offsets: cover.offsets,
+            strides: cover.strides,
         }
     }
 
@@ -186,8 +187,15 @@ impl View {
             operator: cover.method.operator,
             fluid: cover.fluid,
             order: cover.order,
-            offsets: cover.offsets,
+            strides: cover.strides,
         }
+    }
+
+    /// The bodies are at another address on the GPU.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn move_solids(&mut self, address: u64) {
+        let at = usize::try_from(address).unwrap_or(0);
+        self.solids = core::ptr::without_provenance(at);
     }
 
     /// The bodies.
@@ -196,11 +204,11 @@ impl View {
         self.solids
     }
 
-    /// The same with the sums of a thread.
-    #[cfg(target_arch = "nvptx64")]
+    /// The sums of a worker, of whom there must be so many.
+    #[cfg(not(target_arch = "nvptx64"))]
     #[inline(always)]
-    pub(crate) fn with_sums(self, sums: &mut Sums) -> Self {
-        Self { sums, ..self }
+    pub(crate) fn sums_of(&self, worker: usize) -> *mut Sums {
+        self.sums.wrapping_add(worker)
     }
 
     /// Whether any of `N::WIDTH` cells is covered.
@@ -242,7 +250,7 @@ impl View {
 
     /// Density and momentum of what came in.
     #[inline(always)]
-    fn moments<L: Lattice<Q>, N: Lanes, const Q: usize>(before: &[N; Q]) -> (N, [N; 3]) {
+    pub(crate) fn moments<L: Lattice<Q>, N: Lanes, const Q: usize>(before: &[N; Q]) -> (N, [N; 3]) {
         let mut drho = before[0];
         let mut m = [N::splat(0.0); 3];
         unroll!(pairs k < (Q - 1) / 2 => {
@@ -320,6 +328,27 @@ impl View {
         before: &[N; Q],
         fluid: &[N; Q],
         g: &mut [N; Q],
+        site: ([N; 3], N),
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let moments = Self::moments::<L, N, Q>(before);
+        // SAFETY: promised by the caller.
+        unsafe { self.mix_with_moments::<L, N, Q>(place, (before, moments), fluid, g, site) }
+    }
+
+    /// The same, where density and momentum of `before` are known.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`].
+    #[inline(always)]
+    pub(crate) unsafe fn mix_with_moments<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        (before, (drho, m)): (&[N; Q], (N, [N; 3])),
+        fluid: &[N; Q],
+        g: &mut [N; Q],
         (u, omega): ([N; 3], N),
     ) -> [N; 3]
     where
@@ -341,7 +370,6 @@ impl View {
         let shallow = fraction - N::splat(f64::from(DEEP));
         // SAFETY: promised by the caller.
         let sole = unsafe { self.sole::<N>(place.cell) };
-        let (drho, m) = Self::moments::<L, N, Q>(before);
         let mut cell = Cell {
             fraction: shallow.where_zero(one, fraction),
             drho,
@@ -432,7 +460,7 @@ impl View {
                     // SAFETY: promised by the caller; each worker has sums of its own.
                     unsafe {
                         let raw = (*self.solids.add(slot as usize)).raw(self.coordinates(place, 0));
-                        let sums = &mut *self.sums.add(place.worker);
+                        let sums = &mut *place.sums;
                         if L::DIMENSION == 2 {
                             sums.add_row::<2>(slot, raw, self.order[2], sum, weighted);
                         } else {
@@ -460,13 +488,19 @@ impl View {
         reason = "coordinates are far below 2^31"
     )]
     pub(super) fn coordinates(&self, place: Place, lane: usize) -> [i32; 3] {
-        let mut cell = [0; 3];
-        // An axis is below 3: a check of it could panic, for which a GPU has no function.
-        let [slow, middle, fast] = self.order;
-        cell[slow.min(2)] = place.at[0] as i32;
-        cell[middle.min(2)] = place.at[1] as i32;
-        cell[fast.min(2)] = (place.at[2] + lane) as i32;
-        cell
+        let [slow, middle, _] = self.order;
+        let [plane, row, place] = [place.at[0], place.at[1], place.at[2] + lane];
+        // No place in an array that depends on the order: a GPU has registers for those alone that it knows before.
+        let along = |axis: usize| {
+            if axis == slow {
+                plane as i32
+            } else if axis == middle {
+                row as i32
+            } else {
+                place as i32
+            }
+        };
+        [along(0), along(1), along(2)]
     }
 
     /// The bodies of a covered cell from its owner: one with all of it, or several with their parts.
@@ -607,7 +641,7 @@ impl View {
         let ((owner, shares), sums) = unsafe {
             (
                 self.shares(self.owner.add(place.cell + lane).read()),
-                &mut *self.sums.add(place.worker),
+                &mut *place.sums,
             )
         };
         let mut give = |slot: u32, part: f64| {

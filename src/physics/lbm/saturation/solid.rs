@@ -9,11 +9,11 @@ pub const DEEP: f32 = 2.0;
 pub(super) const BETWEEN: f32 = 1.5;
 
 /// No body.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 /// A ghost cell behind a wall at rest.
-pub(super) const STILL: u32 = u32::MAX - 1;
+pub(crate) const STILL: u32 = u32::MAX - 1;
 /// Cells of several bodies are numbered from here.
-pub(super) const SHARED: u32 = 1 << 31;
+pub(crate) const SHARED: u32 = 1 << 31;
 
 /// Id and image of a body. Compared in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,7 +32,7 @@ impl From<(u64, [i32; 3])> for Name {
 }
 
 /// A body as the cells know it. The same bytes on the host and on a GPU.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Solid {
     /// Id and image: they order the bodies of a cell.
@@ -87,7 +87,7 @@ pub(crate) struct Shares {
 
 impl Shares {
     /// These parts, for as long as they stay where they are.
-    pub(super) fn of(parts: &[Share]) -> Self {
+    pub(crate) fn of(parts: &[Share]) -> Self {
         Self {
             first: parts.as_ptr(),
             count: parts.len(),
@@ -105,7 +105,7 @@ impl Shares {
     /// # Safety
     /// They must be where they were.
     #[inline(always)]
-    pub(super) unsafe fn parts<'a>(self) -> &'a [Share] {
+    pub(crate) unsafe fn parts<'a>(self) -> &'a [Share] {
         // SAFETY: promised by the caller.
         unsafe { core::slice::from_raw_parts(self.first, self.count) }
     }
@@ -113,7 +113,7 @@ impl Shares {
 
 /// ε of a cell: the sum in the order of the bodies.
 #[inline(always)]
-pub(super) fn total(shares: &[Share]) -> f64 {
+pub(crate) fn total(shares: &[Share]) -> f64 {
     let mut sum = 0.0;
     for share in shares {
         sum += f64::from(share.fraction);

@@ -5,7 +5,7 @@ use crate::lbm::quanta::quanta;
 
 /// Sums of one worker.
 #[derive(Debug, Default)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     pub(super) loads: Vec<Load>,
     pub(super) touched: Vec<u32>,
     pub(super) known: Vec<bool>,
