@@ -1,7 +1,7 @@
 //! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
 pub use super::solid::Solid;
-use super::solid::{NONE, SHARED, STILL, Shares};
+use super::solid::{BETWEEN, DEEP, NONE, SHARED, STILL, Shares};
 use super::solid::{Share, total};
 use super::sums::Sums;
 use super::{CoveredFluid, Method};
@@ -354,6 +354,8 @@ impl Cover {
 pub(super) struct Lists {
     /// With their parts, in the order of their names.
     pub(super) shared: Vec<Vec<Share>>,
+    /// Those of them that have the cell deep inside.
+    deep: Vec<Vec<u32>>,
     /// Places to use again.
     unused: Vec<u32>,
 }
@@ -453,7 +455,11 @@ impl Part<'_> {
             return;
         }
         let mut lists = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
-        let Lists { shared, unused } = &mut *lists;
+        let Lists {
+            shared,
+            deep,
+            unused,
+        } = &mut *lists;
         let place = if owner & SHARED == 0 {
             let first = Share {
                 slot: owner,
@@ -461,16 +467,24 @@ impl Part<'_> {
             };
             let place = unused.pop().unwrap_or_else(|| {
                 shared.push(Vec::new());
+                deep.push(Vec::new());
                 number(shared.len() - 1)
             });
             shared[place as usize].push(first);
+            if held.abs() > BETWEEN {
+                deep[place as usize].push(owner);
+            }
             self.owner[at] = SHARED | place;
             place
         } else {
             owner & !SHARED
         };
         let solids = self.solids;
-        let shares = &mut shared[place as usize];
+        let (shares, deep) = (&mut shared[place as usize], &mut deep[place as usize]);
+        deep.retain(|&other| other != slot);
+        if fraction > BETWEEN {
+            deep.push(slot);
+        }
         match shares.iter().position(|share| share.slot == slot) {
             Some(at) if fraction > 0.0 => shares[at].fraction = fraction.min(1.0),
             Some(at) => {
@@ -488,7 +502,9 @@ impl Part<'_> {
             shares.clear();
             unused.push(place);
             self.owner[at] = only.slot;
-            self.fraction[at] = sign * only.fraction;
+            // As if it had been alone.
+            self.fraction[at] = sign * if deep.is_empty() { only.fraction } else { DEEP };
+            deep.clear();
         } else {
             self.fraction[at] = sign * rounded(total(shares).min(1.0));
         }

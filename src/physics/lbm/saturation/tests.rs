@@ -534,6 +534,34 @@ fn shares_do_not_depend_on_the_order() {
     assert!(results.iter().all(|r| *r == results[0]));
 }
 
+/// A cell deep inside a body is so again when another body has left it, whoever came first: the cover is a function of the positions.
+#[test]
+fn a_cell_stays_deep_inside_when_another_body_leaves() {
+    let bgk = Operator::Bgk(bgk::Parameters {});
+    let setup = setup(VelocitySet::D2Q9, bgk, 0.8, [4, 4, 1], METHODS[0]);
+    let mut fluid = serial(Axis::X, setup);
+    let position = fluid.populations().cell([1, 1, 0]);
+    let cover = fluid.cover_mut().unwrap();
+    cover.make_room(2);
+    for come in [[(0, DEEP), (1, 0.4)], [(1, 0.4), (0, DEEP)]] {
+        for (slot, fraction) in come {
+            cover.cover(position, slot, fraction);
+        }
+        assert_eq!(cover.held(position), 1.0);
+        cover.cover(position, 1, 0.0);
+        assert_eq!(cover.held(position), DEEP);
+        cover.cover(position, 0, 0.0);
+        assert_eq!(cover.held(position), 0.0);
+    }
+    // The deep one moves on, and the other stays.
+    cover.cover(position, 0, DEEP);
+    cover.cover(position, 1, 0.4);
+    cover.cover(position, 0, 0.7);
+    assert_eq!(cover.held(position), 1.0);
+    cover.cover(position, 1, 0.0);
+    assert_eq!(cover.held(position), 0.7);
+}
+
 solid_operators! {
     /// Solid collision operators of this test.
     Operators:
