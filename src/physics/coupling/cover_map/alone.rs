@@ -7,7 +7,9 @@
 
 use super::super::body_map::Grid;
 use super::super::solid_fraction::Method;
+use crate::lbm::lanes::{Level, Work};
 use crate::number::real;
+use std::cmp::Ordering;
 
 /// Distance that is found to spare, in cells.
 const SPARE: f64 = 0.25;
@@ -26,6 +28,65 @@ pub(super) struct Alone {
     alone: Vec<bool>,
     /// The spheres from low to high along an axis.
     order: Vec<u32>,
+    sorted: Sorted,
+}
+
+/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in one instruction.
+#[derive(Debug, Default)]
+struct Sorted {
+    centre: [Vec<f64>; 3],
+    radius: Vec<f64>,
+    /// Where each begins along the axis.
+    low: Vec<f64>,
+    /// 0 or 1: whether it is near another.
+    near: Vec<u64>,
+}
+
+/// Marks each sphere that is near another.
+struct Pairs<'a> {
+    sorted: &'a mut Sorted,
+    axis: usize,
+    reach: f64,
+}
+
+impl Work for Pairs<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            sorted,
+            axis,
+            reach,
+        } = self;
+        let Sorted {
+            centre: [x, y, z],
+            radius,
+            low,
+            near,
+        } = sorted;
+        let along = [&*x, &*y, &*z][axis];
+        for k in 0..radius.len() {
+            let end = along[k] + radius[k] + reach;
+            let beyond = k
+                + 1
+                + low[k + 1..]
+                    .partition_point(|low| low.partial_cmp(&end) != Some(Ordering::Greater));
+            let (own, size) = ([x[k], y[k], z[k]], radius[k] + reach);
+            let mut found = 0;
+            let count = beyond - (k + 1);
+            let (x, y, z) = (&x[k + 1..beyond], &y[k + 1..beyond], &z[k + 1..beyond]);
+            let radius = &radius[k + 1..beyond];
+            let others = &mut near[k + 1..beyond];
+            for n in 0..count {
+                let (dx, dy, dz) = (own[0] - x[n], own[1] - y[n], own[2] - z[n]);
+                let apart = size + radius[n];
+                // Also where a number is none.
+                let meets = u64::from(dx * dx + dy * dy + dz * dz > apart * apart) ^ 1;
+                others[n] |= meets;
+                found |= meets;
+            }
+            near[k] |= found;
+        }
+    }
 }
 
 impl Alone {
@@ -96,21 +157,36 @@ impl Alone {
         }
         // Nearly sorted but for the first time.
         self.order.sort_by(|a, b| low(a).total_cmp(&low(b)));
-        for (place, &k) in self.order.iter().enumerate() {
-            let one = &spheres[k as usize];
-            let end = one.centre[axis] + one.radius + reach;
-            for &other in &self.order[place + 1..] {
-                if low(&other) > end {
-                    break;
+        let Sorted {
+            centre,
+            radius,
+            low,
+            near,
+        } = &mut self.sorted;
+        for (a, centre) in centre.iter_mut().enumerate() {
+            centre.clear();
+            // What lies beyond the plane is of no account.
+            centre.extend(self.order.iter().map(|&k| {
+                if a < dimension {
+                    spheres[k as usize].centre[a]
+                } else {
+                    0.0
                 }
-                let two = &spheres[other as usize];
-                let distance: f64 = (0..dimension)
-                    .map(|a| (one.centre[a] - two.centre[a]).powi(2))
-                    .sum();
-                let apart = distance > (one.radius + two.radius + reach).powi(2);
-                self.alone[k as usize] &= apart;
-                self.alone[other as usize] &= apart;
-            }
+            }));
+        }
+        radius.clear();
+        radius.extend(self.order.iter().map(|&k| spheres[k as usize].radius));
+        low.clear();
+        low.extend(radius.iter().zip(&centre[axis]).map(|(r, x)| x - r));
+        near.clear();
+        near.resize(radius.len(), 0);
+        Level::best().run(Pairs {
+            sorted: &mut self.sorted,
+            axis,
+            reach,
+        });
+        for (&k, near) in self.order.iter().zip(&self.sorted.near) {
+            self.alone[k as usize] &= *near == 0;
         }
     }
 }
