@@ -180,7 +180,7 @@ impl Cover {
         }
     }
 
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`](super::DEEP); 0 takes it out. Of a ghost cell give the negative.
+    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         self.whole().cover(position, slot, fraction);
     }
