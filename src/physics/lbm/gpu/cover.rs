@@ -194,6 +194,10 @@ impl Room {
     /// Brings numbers back, and waits for them.
     fn take(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<&[u64], DriverError> {
         let bytes = count * size_of::<u64>();
+        if bytes == 0 {
+            stream.synchronize()?;
+            return Ok(&[]);
+        }
         let here = std::ptr::from_mut(self.here(bytes));
         // SAFETY: the bytes of before; each is a `Byte`.
         let to: &mut [Byte] = unsafe { &mut *(here as *mut [Byte]) };
@@ -423,6 +427,10 @@ impl OnGpu {
         self.bodies = to_u32(bodies);
         let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
         self.loads.of::<u8>(&self.stream, bytes)?;
+        // A driver refuses to set nothing.
+        if bytes == 0 {
+            return Ok(());
+        }
         let mut loads = self.loads.there.slice_mut(..bytes);
         self.stream.memset_zeros(&mut loads)
     }
