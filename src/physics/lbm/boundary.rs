@@ -42,7 +42,7 @@ pub mod wall;
 
 pub use super::quanta::{QUANTA, from_quanta, quanta};
 pub use flux::Flux;
-pub use links::{Crossing, FaceLink, Mirror};
+pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
 pub use model::{ImposedPressure, ImposedSpeed, Model};
 pub use nature::{Inflow, Nature, Strength, Surface};
 pub use rule::{Giver, Moment, Rule};
@@ -531,14 +531,14 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls of the planes
-    /// `given` have been given theirs.
+    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls
+    /// of other planes than `planes` have been given theirs.
     pub fn apply(
         &mut self,
         populations: &mut Populations<S>,
         step: f64,
         half_force: [f64; 3],
-        given: impl Iterator<Item = Range<usize>>,
+        planes: impl Iterator<Item = Range<usize>>,
     ) {
         let moment = Moment { step, half_force };
         // Pressure reads whole cells, so it goes before what is weaker; the others touch only their own two numbers.
@@ -546,12 +546,8 @@ impl<S: Stored> Boundaries<S> {
             self.patches[patch].rule.apply(populations, &moment);
         }
         let speed = |patch: usize| self.patches[patch].rule.factor(step);
-        let [slow, ..] = populations.order();
-        let planes = populations.cells()[slow];
-        let mut next = 0;
-        for given in given.chain(std::iter::once(planes..planes)) {
-            self.walls.apply(next..given.start, speed, populations);
-            next = given.end;
+        for planes in planes {
+            self.walls.apply(planes, speed, populations);
         }
         for patch in &mut self.patches {
             patch.rule.apply_over_walls(populations, &moment);
@@ -559,7 +555,11 @@ impl<S: Stored> Boundaries<S> {
     }
 
     /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell.
-    pub fn close_covered(&self, fraction: impl Fn(usize) -> f64, populations: &mut Populations<S>) {
+    pub fn close_covered(
+        &self,
+        fraction: impl Fn(usize) -> f64 + Sync,
+        populations: &mut Populations<S>,
+    ) {
         self.open.close(fraction, populations);
     }
 

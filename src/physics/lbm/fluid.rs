@@ -10,6 +10,7 @@ mod two_steps;
 pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
+use super::block::Block;
 use super::boundary::{Boundaries, Frame, Patch};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
@@ -53,6 +54,9 @@ pub struct Setup<S: Stored = f64> {
     pub device: Device,
 }
 
+/// Cells of a thread from which on it is worth waking.
+const CELLS_PER_THREAD: usize = 1000;
+
 /// The planes of worker t.
 fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     let begin = |t: usize| planes.start + planes.len() * t / threads;
@@ -63,6 +67,26 @@ fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
 fn inner(share: &Range<usize>) -> Range<usize> {
     let first = share.start + 1;
     first..(share.end - 1).max(first)
+}
+
+/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones of the shares of the
+/// planes between its ends.
+fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
+    let followed = move |t: usize| inner(&share(&between(planes), threads, t));
+    (0..=threads).map(move |t| {
+        let begin = t.checked_sub(1).map_or(0, |t| followed(t).end);
+        let end = if t == threads {
+            planes
+        } else {
+            followed(t).start
+        };
+        begin..end
+    })
+}
+
+/// The planes between the first and the last.
+fn between(planes: usize) -> Range<usize> {
+    1..planes.max(2) - 1
 }
 
 /// One slab of fluid.
@@ -303,10 +327,7 @@ impl<S: Stored> Fluid<S> {
         let [_, middle, fast] = self.populations.order();
         let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
         let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
-        self.run(&shared, force, 0..1);
-        if planes > 1 {
-            self.run(&shared, force, planes - 1..planes);
-        }
+        self.run_ends(&shared, force);
         if let Some(field) = &mut self.field {
             field.swap();
             field.exchange_start();
@@ -320,12 +341,8 @@ impl<S: Stored> Fluid<S> {
         }
         self.halo.start(&self.populations);
         let early = !round_middle && self.boundaries.walls_stand_alone();
-        let interior = 1..planes.max(2) - 1;
-        if planes > 2 && early {
-            self.run_with_walls(&shared, force, interior.clone(), time);
-        } else if planes > 2 {
-            self.run(&shared, force, interior.clone());
-        }
+        let interior = between(planes);
+        self.run_followed(&shared, force, interior.clone(), early.then_some(time));
         self.halo.finish(&mut self.populations);
         if reversed && round_middle {
             wrap(&mut self.populations, 1..last);
@@ -334,31 +351,34 @@ impl<S: Stored> Fluid<S> {
             wrap(&mut self.populations, -1..last + 2);
         }
         self.step += 1;
-        let threads = if early { self.workers(&interior) } else { 0 };
-        let given = (0..threads).map(|t| inner(&share(&interior, threads, t)));
+        let threads = self.workers(&interior);
         self.boundaries
             .measure(&self.populations, time, half, &self.communicator);
-        self.boundaries
-            .apply(&mut self.populations, time, half, given);
+        self.boundaries.apply(
+            &mut self.populations,
+            time,
+            half,
+            unfollowed(planes, if early { threads } else { 0 }),
+        );
         if let Some(cover) = &self.cover {
-            let fraction = |cell: usize| cover.fraction(cell);
             self.boundaries
-                .close_covered(fraction, &mut self.populations);
+                .close_covered(cover.fractions(), &mut self.populations);
         }
         if !self.closed.is_empty() {
             let fraction = |cell: usize| f64::from(u8::from(self.closed[cell]));
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
         }
-        self.complete_velocities();
+        self.complete_velocities(unfollowed(planes, threads));
     }
 
-    fn complete_velocities(&mut self) {
+    /// Fills the ghosts of the velocities that follow from the cells of some planes.
+    fn complete_velocities(&mut self, planes: impl Iterator<Item = Range<usize>>) {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = self.step as f64;
         if let Some(field) = &mut self.field {
             let boundaries = &self.boundaries;
-            field.complete(|patch| boundaries.velocity_factor(patch, time));
+            field.complete(planes, |patch| boundaries.velocity_factor(patch, time));
         }
     }
 
@@ -385,7 +405,8 @@ impl<S: Stored> Fluid<S> {
         if let Some(field) = &mut self.field {
             field.exchange_start();
         }
-        self.complete_velocities();
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        self.complete_velocities(std::iter::once(0..planes));
     }
 
     /// The velocities of the next eddy viscosity; none without turbulence model.
@@ -435,24 +456,69 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::run`]; the walls beside the [`inner`] planes of each share are given as soon as the planes round them are done, while their
-    /// numbers are in the cache: walking along the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
-    fn run_with_walls(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>, time: f64) {
+    /// Collides and streams the first and the last plane, the rows of both shared out to the threads.
+    fn run_ends(&self, shared: &Shared<S>, force: [f64; 3]) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        let rows = shared.rows();
+        let all = if planes > 1 { 2 * rows } else { rows };
+        let threads = self
+            .threads
+            .min(all * shared.cells() / CELLS_PER_THREAD)
+            .max(1);
+        thread_pool::each(threads, |t| {
+            let mine = share(&(0..all), threads, t);
+            for (plane, first) in [(0, 0), (planes - 1, rows)] {
+                let part = |row: usize| row.clamp(first, first + rows) - first;
+                let cells = Block {
+                    planes: plane..plane + 1,
+                    rows: part(mine.start)..part(mine.end),
+                };
+                // SAFETY: the shares of rows are disjoint, and each worker has one.
+                unsafe { self.pass.pass(shared, force, &cells, t) };
+            }
+        });
+    }
+
+    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the planes round them are done, while
+    /// their numbers are in the cache: velocities of the eddies beyond faces, and, where `walls` tells the time of the step, walls. Walking along
+    /// the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
+    fn run_followed(
+        &self,
+        shared: &Shared<S>,
+        force: [f64; 3],
+        planes: Range<usize>,
+        walls: Option<f64>,
+    ) {
+        if planes.is_empty() {
+            return;
+        }
+        let ghosts = self.field.as_ref().map(VelocityField::ghosts);
+        if walls.is_none() && ghosts.is_none() {
+            return self.run(shared, force, planes);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = (self.step + 1) as f64;
         let threads = self.workers(&planes);
         let parity = self.populations.parity();
         let (pass, boundaries) = (&self.pass, &self.boundaries);
         thread_pool::each(threads, |t| {
             let share = share(&planes, threads, t);
-            let walled = inner(&share);
+            let followed = inner(&share);
             for plane in share {
                 // SAFETY: the shares of planes are disjoint, and each worker has one.
                 unsafe { pass.pass(shared, force, &shared.planes(plane..plane + 1), t) };
-                if walled.contains(&(plane - 1)) {
+                if !followed.contains(&(plane - 1)) {
+                    continue;
+                }
+                let cells = shared.planes(plane - 1..plane);
+                if walls.is_some() {
                     // SAFETY: this worker has the planes on both sides too, and is done with them.
-                    unsafe {
-                        let cells = shared.planes(plane - 1..plane);
-                        boundaries.give_walls(&cells, time, parity, shared.numbers());
-                    }
+                    unsafe { boundaries.give_walls(&cells, time, parity, shared.numbers()) };
+                }
+                if let Some(ghosts) = &ghosts {
+                    let ramp = |patch| boundaries.velocity_factor(patch, time);
+                    // SAFETY: as above.
+                    unsafe { ghosts.follow(&cells, shared.velocity(), ramp) };
                 }
             }
         });

@@ -83,6 +83,11 @@ impl<S> Shared<S> {
         self.rows
     }
 
+    /// Cells of a row.
+    pub(crate) fn cells(&self) -> usize {
+        self.cells
+    }
+
     /// Some planes as a whole.
     pub(crate) fn planes(&self, planes: Range<usize>) -> Block {
         Block {

@@ -9,11 +9,13 @@
 //!
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else.
 
+use super::links::{LINKS_PER_THREAD, each_part};
 use super::outflow::{NATURE, Upstream};
 use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
+use crate::thread_pool;
 use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,29 +115,45 @@ impl<S: Stored> Rule<S> for Links {
 
     fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
         let parity = populations.parity();
-        let mut last = (usize::MAX, [0.0; 3]);
-        for (link, leaving) in self.links.iter().zip(&mut self.leaving) {
-            leaving.before = populations.numbers()[link.link.incoming(parity)].to_f64();
-            leaving.carried = self.speed.unwrap_or_else(|| {
-                // Links of one cell stand together.
-                if last.0 != leaving.cell {
-                    let (drho, momentum) = populations.moments(leaving.cell);
-                    let u = std::array::from_fn(|a| (momentum[a] + half_force[a]) / (1.0 + drho));
-                    last = (leaving.cell, u);
-                }
-                (self.outward * last.1[self.axis]).max(0.0)
-            });
-        }
+        let (axis, outward, speed) = (self.axis, self.outward, self.speed);
+        let count = self.links.len();
+        let pieces = thread_pool::threads().min(count / LINKS_PER_THREAD).max(1);
+        let shared = (
+            thread_pool::evenly(&mut self.links, pieces),
+            thread_pool::evenly(&mut self.leaving, pieces),
+        );
+        thread_pool::each_of(pieces, shared, |_, (links, leaving)| {
+            let mut last = (usize::MAX, 0.0);
+            for (link, leaving) in links.iter().zip(leaving) {
+                leaving.before = populations.numbers()[link.link.incoming(parity)].to_f64();
+                leaving.carried = speed.unwrap_or_else(|| {
+                    // Links of one cell stand together.
+                    if last.0 != leaving.cell {
+                        let (drho, momentum) = populations.moments(leaving.cell);
+                        let u = (momentum[axis] + half_force[axis]) / (1.0 + drho);
+                        last = (leaving.cell, u);
+                    }
+                    (outward * last.1).max(0.0)
+                });
+            }
+        });
     }
 
     fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
-        for (link, leaving) in self.links.iter().zip(&self.leaving) {
-            let upstream = numbers[leaving.upstream.at(parity)].to_f64();
-            let value = (leaving.before + leaving.carried * upstream) / (1.0 + leaving.carried);
-            numbers[link.link.incoming(parity)] = S::from_f64(value);
-        }
+        let count = self.links.len();
+        each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
+            for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
+                let (from, to) = (leaving.upstream.at(parity), link.link.incoming(parity));
+                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule gives nothing.
+                unsafe {
+                    let upstream = numbers.add(from).read().to_f64();
+                    let value =
+                        (leaving.before + leaving.carried * upstream) / (1.0 + leaving.carried);
+                    numbers.add(to).write(S::from_f64(value));
+                }
+            }
+        });
     }
 
     fn links(&self) -> &[FaceLink] {

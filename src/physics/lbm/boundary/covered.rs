@@ -7,8 +7,12 @@
 //!
 //! which closes the face before a full cell like a wall at rest. Moving walls are left as they are: nothing goes through them.
 
+use super::links::each_part;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Populations};
+
+/// Cells from which a thread pays.
+const CELLS_PER_THREAD: usize = 1000;
 
 /// A cell at open faces.
 #[derive(Clone, Copy, Debug)]
@@ -42,21 +46,27 @@ impl OpenCells {
     /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell.
     pub(super) fn close<S: Stored>(
         &self,
-        fraction: impl Fn(usize) -> f64,
+        fraction: impl Fn(usize) -> f64 + Sync,
         populations: &mut Populations<S>,
     ) {
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
-        for open in &self.cells {
-            let fraction = fraction(open.cell);
-            if fraction > 0.0 {
-                for link in &self.links[open.first..][..open.count] {
-                    let back = numbers[link.out(parity)].to_f64();
-                    let rule = numbers[link.incoming(parity)].to_f64();
-                    let value = fraction.mul_add(back - rule, rule);
-                    numbers[link.incoming(parity)] = S::from_f64(value);
+        let count = self.cells.len();
+        each_part(count, CELLS_PER_THREAD, populations, |part, numbers| {
+            for open in &self.cells[part] {
+                let fraction = fraction(open.cell);
+                if fraction > 0.0 {
+                    for link in &self.links[open.first..][..open.count] {
+                        // SAFETY: positions in the slab, of this link alone.
+                        unsafe {
+                            let back = numbers.add(link.out(parity)).read().to_f64();
+                            let number = numbers.add(link.incoming(parity));
+                            let rule = number.read().to_f64();
+                            let value = fraction.mul_add(back - rule, rule);
+                            number.write(S::from_f64(value));
+                        }
+                    }
                 }
             }
-        }
+        });
     }
 }

@@ -105,14 +105,14 @@ impl<S: Stored> Boundaries<S> {
             for kept in patch.rule.links() {
                 each(straight(n, kept.link, kept.direction));
             }
-            for m in patch.rule.mirrors() {
+            for m in patch.rule.mirrors().iter().flat_map(|run| run.mirrors()) {
                 let (from, to) = m.ends(parity);
                 each(Exchange {
                     patch: n,
-                    out: (numbers[from].to_f64(), m.leaves),
-                    into: (numbers[to].to_f64(), m.enters),
+                    out: (numbers[from].to_f64(), usize::from(m.leaves)),
+                    into: (numbers[to].to_f64(), usize::from(m.enters)),
                     // Two cells beside each other, of which a body may hold one.
-                    cells: m.cells,
+                    cells: m.cells(&velocities.opposite, &begins),
                 });
             }
         }

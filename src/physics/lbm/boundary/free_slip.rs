@@ -3,13 +3,15 @@
 //! The population entering x along j is the one that left the cell x - t along i, where i is j with the components
 //! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
 
-use super::{Crossing, Giver, Mirror, Model, Moment, Nature, Place, Rule, Strength, Surface};
+use super::links::{Counted, Mirror, MirrorRun};
+use super::{Crossing, Giver, Model, Moment, Nature, Place, Rule, Strength, Surface};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated cells, because
 /// bounce-back links along the plane do not see the mirror image of the body.
@@ -36,7 +38,11 @@ impl Model for FreeSlip {
 /// The populations that a patch mirrors.
 #[derive(Debug, Default)]
 pub struct Links {
-    mirrors: Vec<Mirror>,
+    runs: Vec<MirrorRun>,
+    /// The last run of each incoming direction: the only one that may go on.
+    last: HashMap<u8, usize>,
+    /// Made of the runs when the first step needs it.
+    counted: Option<Counted>,
 }
 
 impl<S: Stored> Rule<S> for Links {
@@ -45,24 +51,37 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
-        self.mirrors.push(Mirror::new(crossing));
+        let mirror = Mirror::new(crossing);
+        let last = self.last.get(&mirror.enters);
+        let run = last.and_then(|&run| self.runs.get_mut(run));
+        match run.and_then(|run| Some((run.with(&mirror)?, run))) {
+            Some((longer, run)) => *run = longer,
+            None => {
+                self.last.insert(mirror.enters, self.runs.len());
+                self.runs.push(MirrorRun::of(mirror));
+            }
+        }
         Giver::Rule
     }
 
     fn walls_stand_alone(&self) -> bool {
-        self.mirrors.is_empty()
+        self.runs.is_empty()
     }
 
     fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
-        for m in &self.mirrors {
-            let (from, to) = m.ends(parity);
-            numbers[to] = numbers[from];
-        }
+        let runs = &self.runs;
+        let counted = self
+            .counted
+            .get_or_insert_with(|| Counted::new(runs.iter().map(MirrorRun::count)));
+        counted.each(0..runs.len(), populations, |run, some, numbers| {
+            let row = runs[run].row(some, parity);
+            // SAFETY: both ends lie in the slab; what leaves is nowhere what enters, and enters once.
+            unsafe { row.give(0.0, numbers) };
+        });
     }
 
-    fn mirrors(&self) -> &[Mirror] {
-        &self.mirrors
+    fn mirrors(&self) -> &[MirrorRun] {
+        &self.runs
     }
 }

@@ -3,6 +3,7 @@
 //! First order; the pressure floats, so a domain needs its level from somewhere else (an inlet pressure, or the
 //! initial state). Waves reflect less than at a prescribed pressure.
 
+use super::links::{LINKS_PER_THREAD, each_part};
 use super::{
     Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Rule, Strength, Surface,
 };
@@ -94,10 +95,14 @@ impl<S: Stored> Rule<S> for Links {
 
     fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
-        for (link, upstream) in self.links.iter().zip(&self.upstream) {
-            numbers[link.link.incoming(parity)] = numbers[upstream.at(parity)];
-        }
+        let count = self.links.len();
+        each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
+            for (link, upstream) in self.links[part.clone()].iter().zip(&self.upstream[part]) {
+                let (from, to) = (upstream.at(parity), link.link.incoming(parity));
+                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule gives nothing.
+                unsafe { numbers.add(to).write(numbers.add(from).read()) };
+            }
+        });
     }
 
     fn links(&self) -> &[FaceLink] {

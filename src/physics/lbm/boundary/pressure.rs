@@ -16,6 +16,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
+use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave};
 use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
@@ -255,13 +256,16 @@ impl<S: Stored> Rule<S> for Links {
         let Some((wave, _)) = &self.sound else {
             return Sums::default();
         };
-        let mut squares = 0;
-        for cell in &self.cells {
-            let normal = self.normal(cell, populations, moment);
-            let returned = &self.returned[cell.first..][..cell.count];
-            let area: f64 = returned.iter().map(|returned| 6.0 * returned.weight).sum();
-            squares += i128::from(quanta(area * normal * normal));
-        }
+        let [squares] = sums(self.cells.len(), CELLS_PER_THREAD, |part| {
+            let mut squares = 0;
+            for cell in &self.cells[part] {
+                let normal = self.normal(cell, populations, moment);
+                let returned = &self.returned[cell.first..][..cell.count];
+                let area: f64 = returned.iter().map(|returned| 6.0 * returned.weight).sum();
+                squares += i128::from(quanta(area * normal * normal));
+            }
+            [squares]
+        });
         wave.measure(&self.links, squares, populations)
     }
 
@@ -308,10 +312,21 @@ impl<S: Stored> Rule<S> for Links {
                 }
             }
         });
-        let numbers = populations.numbers_mut();
-        for (link, value) in self.links.iter().zip(&entering) {
-            numbers[link.link.incoming(parity)] = S::from_f64(*value);
-        }
+        each_part(
+            entering.len(),
+            LINKS_PER_THREAD,
+            populations,
+            |part, numbers| {
+                for (link, value) in self.links[part.clone()].iter().zip(&entering[part]) {
+                    // SAFETY: a position in the slab, of this link alone.
+                    unsafe {
+                        numbers
+                            .add(link.link.incoming(parity))
+                            .write(S::from_f64(*value))
+                    };
+                }
+            },
+        );
         self.entering = entering;
     }
 

@@ -1,6 +1,6 @@
 //! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after every pass.
 
-use super::links::{Crossing, FaceLink, Mirror};
+use super::links::{Crossing, FaceLink, MirrorRun};
 use super::nature::Nature;
 use super::sound::Sums;
 use crate::lbm::lanes::Stored;
@@ -98,7 +98,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     }
 
     /// The populations that the rule mirrors.
-    fn mirrors(&self) -> &[Mirror] {
+    fn mirrors(&self) -> &[MirrorRun] {
         &[]
     }
 }

@@ -30,7 +30,7 @@
 //! σ = 0.278 damps the slowest wave between an opening that absorbs and one that does not most: the roots of
 //! -σ/(σ + z) = exp(z), z = 2 s L/c, meet at z = -1.278, a decay as exp(-0.639 c t/L).
 
-use super::links::FaceLink;
+use super::links::{FaceLink, LINKS_PER_THREAD, sums};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};
@@ -121,20 +121,23 @@ impl PlaneWave {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
         let begins = matches!((self.asks, self.memory), (Asks::Velocity, None));
-        let mut sums = [0, 0, third];
-        for FaceLink { link, direction } in links {
-            let area = 6.0 * velocities.w[*direction];
-            let value = if begins {
-                let back = velocities.opposite[*direction];
-                let cell = link.near as usize - populations.slot(0, back);
-                area * populations.outgoing_moments(cell).0
-            } else {
-                2.0 * numbers[link.out(parity)].to_f64()
-            };
-            sums[0] += i128::from(quanta(value));
-            sums[1] += i128::from(quanta(area));
-        }
-        sums
+        let [first, second] = sums(links.len(), LINKS_PER_THREAD, |part| {
+            let mut sums = [0; 2];
+            for FaceLink { link, direction } in &links[part] {
+                let area = 6.0 * velocities.w[*direction];
+                let value = if begins {
+                    let back = velocities.opposite[*direction];
+                    let cell = link.near as usize - populations.slot(0, back);
+                    area * populations.outgoing_moments(cell).0
+                } else {
+                    2.0 * numbers[link.out(parity)].to_f64()
+                };
+                sums[0] += i128::from(quanta(value));
+                sums[1] += i128::from(quanta(area));
+            }
+            sums
+        });
+        [first, second, third]
     }
 
     /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is the square of the

@@ -13,9 +13,11 @@
 //! Cost: the phase of a wave is a sum over the axes, so that cosines are taken once for rows and columns of the face and twice
 //! multiplied for each place where links cross; four or fewer of these come upon a cell, as its neighbours share them.
 
+use super::links::{LINKS_PER_THREAD, each_part};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Populations};
 use crate::lbm::synthetic::Modes;
+use crate::thread_pool;
 use std::collections::BTreeMap;
 
 /// What fluctuates at a face.
@@ -57,6 +59,9 @@ fn turn(angle: f64) -> Turn {
 fn product(a: Turn, b: Turn) -> Turn {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
+
+/// Places of a thread from which on it is worth waking.
+const PLACES_PER_THREAD: usize = 20;
 
 /// A patch with its links in a slab.
 #[derive(Debug)]
@@ -157,18 +162,25 @@ impl Inlet {
                 *now = product(fixed, present);
             }
         }
-        for n in 0..self.places.len() {
-            let [a, b] = self.places[n].at.map(|at| at * waves);
-            self.places[n].velocity = self.velocity(a, b).map(|u| u * factor);
-        }
+        let mut places = std::mem::take(&mut self.places);
+        thread_pool::each_item(&mut places, PLACES_PER_THREAD, |_, place| {
+            let [a, b] = place.at.map(|at| at * waves);
+            place.velocity = self.velocity(a, b).map(|u| u * factor);
+        });
+        self.places = places;
         let parity = populations.parity();
-        let numbers = populations.numbers_mut();
-        for link in &self.links {
-            let place = link.link.incoming(parity);
-            let ([x, y, z], u) = (link.term, self.places[link.place].velocity);
-            let value = numbers[place].to_f64() - (x * u[0] + y * u[1] + z * u[2]);
-            numbers[place] = S::from_f64(value);
-        }
+        let count = self.links.len();
+        each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
+            for link in &self.links[part] {
+                let ([x, y, z], u) = (link.term, self.places[link.place].velocity);
+                // SAFETY: a position in the slab, of this link alone.
+                unsafe {
+                    let number = numbers.add(link.link.incoming(parity));
+                    let value = number.read().to_f64() - (x * u[0] + y * u[1] + z * u[2]);
+                    number.write(S::from_f64(value));
+                }
+            }
+        });
     }
 
     /// u' where the waves of the first axis begin at `a` and those of the second at `b`.

@@ -5,6 +5,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
+use super::links::{LINKS_PER_THREAD, each_part};
 use super::profile::{Profile, ReadTable, VelocityProfile};
 use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
@@ -319,12 +320,26 @@ impl<S: Stored> Rule<S> for Links {
     fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &Moment) {
         if let Some(sound) = &self.sound {
             let parity = populations.parity();
-            for FaceLink { link, direction } in &sound.links {
-                let change = 6.0 * populations.velocities().w[*direction] * sound.wave.excess();
-                let place = link.incoming(parity);
-                let numbers = populations.numbers_mut();
-                numbers[place] = S::from_f64(numbers[place].to_f64() + change);
+            let mut weights = [0.0; 27];
+            for (weight, w) in weights.iter_mut().zip(&populations.velocities().w) {
+                *weight = *w;
             }
+            let (links, excess) = (&sound.links, sound.wave.excess());
+            each_part(
+                links.len(),
+                LINKS_PER_THREAD,
+                populations,
+                |part, numbers| {
+                    for FaceLink { link, direction } in &links[part] {
+                        let change = 6.0 * weights[*direction] * excess;
+                        // SAFETY: a position in the slab, of this link alone.
+                        unsafe {
+                            let number = numbers.add(link.incoming(parity));
+                            number.write(S::from_f64(number.read().to_f64() + change));
+                        }
+                    }
+                },
+            );
         }
         if let Some(inlet) = &mut self.inlet {
             inlet.apply(populations, moment.step, self.ramp.at(moment.step));

@@ -8,16 +8,14 @@
 //! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
 //! are still in the cache.
 
-use crate::lbm::block::Block;
+use super::links::{Counted, Row};
+use crate::lbm::block::{Block, Line};
 use crate::lbm::gpu::copies::Copies;
-use crate::lbm::lanes::{Stored, prefetch};
+use crate::lbm::lanes::Stored;
 use crate::lbm::populations::{Link, Parity, Populations};
 use crate::number::to_u32;
 use std::collections::HashMap;
 use std::ops::Range;
-
-/// Links ahead whose numbers are asked for where they do not stand together.
-const LINES_AHEAD: usize = 16;
 
 /// One link that ends at a wall.
 #[derive(Clone, Copy, Debug)]
@@ -36,25 +34,22 @@ pub(crate) struct WallLink {
 #[derive(Clone, Copy, Debug)]
 struct Run {
     first: WallLink,
-    count: u32,
-    stride: u32,
-    /// Whether each link is in the row after that of the link before it; else all are in one row.
-    down: bool,
+    line: Line,
 }
 
 impl Run {
     /// Its links.
     fn links(&self) -> impl Iterator<Item = WallLink> {
-        let (first, stride, down) = (self.first, self.stride, u32::from(self.down));
-        (0..self.count).map(move |k| {
+        let Self { first, line } = *self;
+        (0..line.count).map(move |k| {
             let Link { near, far } = first.link;
-            let beyond = k * stride;
+            let beyond = k * line.stride;
             WallLink {
                 link: Link {
                     near: near + beyond,
                     far: far + beyond,
                 },
-                row: first.row + k * down,
+                row: line.row(k),
                 ..first
             }
         })
@@ -62,45 +57,15 @@ impl Run {
 
     /// The run with one more link, where the link continues it.
     fn with(self, next: &WallLink) -> Option<Self> {
-        let Self {
-            first,
-            count,
-            stride,
-            down,
-        } = self;
+        let Self { first, line } = self;
         let apart = next.link.near.checked_sub(first.link.near)?;
-        let (stride, down) = if count == 1 {
-            (apart, next.row > first.row)
-        } else {
-            (stride, down)
-        };
         let far = next.link.far.checked_sub(first.link.far)?;
-        (stride > 0
-            && apart == far
-            && next.row == first.row + u32::from(down) * count
-            && Some(apart) == stride.checked_mul(count)
+        let line = line.with(next.row, apart)?;
+        (apart == far
             && first.term.to_bits() == next.term.to_bits()
             && (first.plane, first.patch, first.direction)
                 == (next.plane, next.patch, next.direction))
-            .then_some(Self {
-                first,
-                count: count + 1,
-                stride,
-                down,
-            })
-    }
-
-    /// Which of its links are in some rows.
-    fn within(&self, rows: &Range<usize>) -> Range<usize> {
-        let (first, count) = (self.first.row as usize, self.count as usize);
-        if self.down {
-            let end = rows.end.saturating_sub(first).min(count);
-            rows.start.saturating_sub(first).min(end)..end
-        } else if rows.contains(&first) {
-            0..count
-        } else {
-            0..0
-        }
+            .then_some(Self { first, line })
     }
 }
 
@@ -110,6 +75,7 @@ pub(crate) struct Walls {
     runs: Vec<Run>,
     /// Where the runs of each plane begin, and the end.
     begins: Vec<usize>,
+    counted: Counted,
 }
 
 impl Walls {
@@ -123,9 +89,7 @@ impl Walls {
                 (Some(run), Some(longer)) => *run = longer,
                 _ => runs.push(Run {
                     first: *link,
-                    count: 1,
-                    stride: 0,
-                    down: false,
+                    line: Line::of(link.row),
                 }),
             }
         }
@@ -133,7 +97,12 @@ impl Walls {
         let begins = (0..=planes)
             .map(|plane| runs.partition_point(|run| run.first.plane < plane))
             .collect();
-        Self { runs, begins }
+        let counted = Counted::new(runs.iter().map(|run| run.line.count));
+        Self {
+            runs,
+            begins,
+            counted,
+        }
     }
 
     /// Every link.
@@ -158,8 +127,8 @@ impl Walls {
             let copies = Copies {
                 from: to_u32(link.out(parity)),
                 to: to_u32(link.incoming(parity)),
-                counts: [run.count, 1],
-                strides: [run.stride, plane],
+                counts: [run.line.count, 1],
+                strides: [run.line.stride, plane],
                 factor: to_u32(run.first.patch),
                 unused: 0,
                 term: run.first.term,
@@ -173,7 +142,7 @@ impl Walls {
                 let alike = Copies {
                     from,
                     to,
-                    counts: [run.count, counts[1]],
+                    counts: [run.line.count, counts[1]],
                     ..copies
                 };
                 all[at] == alike
@@ -189,20 +158,22 @@ impl Walls {
         all
     }
 
-    /// Gives what comes back from the walls to the cells of some planes; `speed` is the factor of a patch.
+    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many; `speed` is the factor of a
+    /// patch.
     pub(super) fn apply<S: Stored>(
         &self,
         planes: Range<usize>,
-        speed: impl Fn(usize) -> f64,
+        speed: impl Fn(usize) -> f64 + Sync,
         populations: &mut Populations<S>,
     ) {
         let parity = populations.parity();
-        let cells = Block {
-            planes,
-            rows: 0..usize::MAX,
-        };
-        // SAFETY: the populations are borrowed alone.
-        unsafe { self.give(&cells, speed, parity, populations.base()) };
+        let runs = self.begins[planes.start]..self.begins[planes.end];
+        self.counted.each(runs, populations, |run, some, numbers| {
+            let run = &self.runs[run];
+            let term = run.term(&speed);
+            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has them.
+            unsafe { run.row(some, parity).give(term, numbers) };
+        });
     }
 
     /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
@@ -217,67 +188,37 @@ impl Walls {
         parity: Parity,
         numbers: *mut S,
     ) {
-        // Runs of one patch stand together: ask for the ramp only when the patch changes.
-        let mut patch = usize::MAX;
-        let mut factor = 0.0;
         for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
-            let links = run.within(rows);
-            if links.is_empty() {
-                continue;
+            let some = run.line.within(rows);
+            if !some.is_empty() {
+                let term = run.term(&speed);
+                // SAFETY: promised by the caller.
+                unsafe { run.row(some, parity).give(term, numbers) };
             }
-            if run.first.patch != patch {
-                patch = run.first.patch;
-                factor = speed(patch);
-            }
-            // SAFETY: forwarded from the caller.
-            unsafe { run.give(links, parity, run.first.term * factor, numbers) };
         }
     }
 }
 
 impl Run {
-    /// # Safety
-    /// As [`Walls::give`]; `links` must be some of the run.
-    unsafe fn give<S: Stored>(
-        &self,
-        links: Range<usize>,
-        parity: Parity,
-        term: f64,
-        numbers: *mut S,
-    ) {
-        let link = self.first.link;
-        let stride = self.stride as usize;
-        let skipped = links.start * stride;
-        let (from, to) = (link.out(parity) + skipped, link.incoming(parity) + skipped);
-        let count = links.len();
-        // SAFETY: links are positions in the numbers.
-        let (from, to) = unsafe { (numbers.add(from), numbers.add(to)) };
-        if stride > 1 {
-            // Each number lies in a line of its own.
-            let ask = |k: usize| {
-                prefetch(from.wrapping_add(k * stride));
-                prefetch(to.wrapping_add(k * stride));
-            };
-            (0..count.min(LINES_AHEAD)).for_each(ask);
-            for k in 0..count {
-                if k + LINES_AHEAD < count {
-                    ask(k + LINES_AHEAD);
-                }
-                // SAFETY: a link of the run.
-                unsafe {
-                    let value = (*from.add(k * stride)).to_f64() - term;
-                    *to.add(k * stride) = S::from_f64(value);
-                }
-            }
-        } else if term == 0.0 {
-            // SAFETY: the links of the run; where the two ends overlap, each number is one link's alone.
-            unsafe { from.copy_to(to, count) };
+    /// What its links lose, where `speed` is the factor of a patch.
+    fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
+        let WallLink { patch, term, .. } = self.first;
+        // Most walls are at rest.
+        if term == 0.0 {
+            0.0
         } else {
-            for k in 0..count {
-                // SAFETY: a link of the run.
-                unsafe { *to.add(k) = S::from_f64((*from.add(k)).to_f64() - term) };
-            }
+            term * speed(patch)
         }
+    }
+
+    /// The numbers of some of its links.
+    fn row(&self, some: Range<usize>, parity: Parity) -> Row {
+        let link = self.first.link;
+        Row::new(
+            (link.out(parity), link.incoming(parity)),
+            self.line.stride,
+            some,
+        )
     }
 }
 

@@ -13,13 +13,13 @@
 //! | p, y | even pass | nothing |
 //! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
 //! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
-//! | p - 3, y - 3 | walls of the second step | the odd pass beside |
+//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass beside |
 //!
 //! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are done. Every number is
 //! computed from the same numbers by the same operations as in two single steps, so that the bits are the same.
 
 use super::dispatch::Step;
-use super::{CoverView, Fluid, View, share};
+use super::{CoverView, Fluid, View, between, share};
 use crate::lbm::block::Block;
 use crate::lbm::boundary::Boundaries;
 use crate::lbm::kernel::Shared;
@@ -68,7 +68,7 @@ impl<S: Stored> Fluid<S> {
     #[inline(never)]
     pub fn advance_two(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
-        let interior = 1..planes.max(2) - 1;
+        let interior = between(planes);
         let threads = self.workers(&interior).max(1);
         if !self.may_advance_two() || interior.len() / threads < FEWEST_PLANES {
             self.advance();
@@ -97,8 +97,7 @@ impl<S: Stored> Fluid<S> {
 
         // End planes first: their populations travel during the sweep.
         let even = self.describe_pass();
-        self.run(&even, first.force, 0..1);
-        self.run(&even, first.force, planes - 1..planes);
+        self.run_ends(&even, first.force);
         self.populations.flip();
         if let Some(field) = &mut self.field {
             field.swap();
@@ -119,7 +118,10 @@ impl<S: Stored> Fluid<S> {
         });
         self.halo.finish(&mut self.populations);
         if let Some(field) = &mut self.field {
-            field.complete(|patch| sweep.boundaries.velocity_factor(patch, first.time));
+            let planes = (0..threads).flat_map(|t| rest(t, 1));
+            field.complete(planes, |patch| {
+                sweep.boundaries.velocity_factor(patch, first.time)
+            });
         }
         thread_pool::each(threads, |t| {
             for planes in rest(t, 1) {
@@ -141,7 +143,10 @@ impl<S: Stored> Fluid<S> {
         self.halo.start(&self.populations);
         self.halo.finish(&mut self.populations);
         if let Some(field) = &mut self.field {
-            field.complete(|patch| sweep.boundaries.velocity_factor(patch, second.time));
+            let planes = (0..threads).flat_map(|t| rest(t, 3));
+            field.complete(planes, |patch| {
+                sweep.boundaries.velocity_factor(patch, second.time)
+            });
         }
         thread_pool::each(threads, |t| {
             for planes in rest(t, 3) {
@@ -204,13 +209,14 @@ impl<S: Stored> Sweep<'_, S> {
                     }
                     if let Some(cells) = due(1) {
                         self.walls(0, &cells);
-                        self.velocities(&cells);
+                        self.velocities(0, &cells);
                     }
                     if let Some(cells) = due(2) {
                         self.pass(1, &cells, worker);
                     }
                     if let Some(cells) = due(3) {
                         self.walls(1, &cells);
+                        self.velocities(1, &cells);
                     }
                 }
             }
@@ -229,15 +235,18 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces beside some cells, which the second pass reads there.
+    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass reads there.
     ///
     /// # Safety
-    /// The first pass must be done there and beside, and nobody may work on these cells.
-    unsafe fn velocities(&self, cells: &Block) {
+    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    unsafe fn velocities(&self, which: usize, cells: &Block) {
         if let Some(ghosts) = &self.ghosts {
-            let ramp = |patch| self.boundaries.velocity_factor(patch, self.moments[0].time);
+            let ramp = |patch| {
+                self.boundaries
+                    .velocity_factor(patch, self.moments[which].time)
+            };
             // SAFETY: promised by the caller.
-            unsafe { ghosts.follow(cells, self.shared[0].velocity(), ramp) };
+            unsafe { ghosts.follow(cells, self.shared[which].velocity(), ramp) };
         }
     }
 

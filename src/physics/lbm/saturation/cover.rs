@@ -220,6 +220,12 @@ impl Cover {
         f64::from(self.fraction[position].min(1.0))
     }
 
+    /// The fractions of all cells, for several threads.
+    pub(crate) fn fractions(&self) -> impl Fn(usize) -> f64 + Sync {
+        let fraction = &self.fraction[..];
+        move |position| f64::from(fraction[position].min(1.0))
+    }
+
     /// The fraction as it is held: [`DEEP`] deep inside a body, negative in a ghost cell.
     #[cfg(test)]
     pub(crate) fn held(&self, position: usize) -> f32 {

@@ -16,12 +16,14 @@
 //! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
 //! each cell says where they stand, and only cells that have one leave the vector path.
 
-use crate::lbm::block::Block;
+use crate::lbm::block::{Block, Line};
 use crate::lbm::boundary::{Frame, Patch, Surface, holder};
 use crate::lbm::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
 use crate::lbm::populations::Populations;
+use crate::number::to_u32;
+use crate::thread_pool;
 use decomposition::{Domain, HaloBytes, HaloExchange};
 use std::ops::Range;
 use std::sync::Arc;
@@ -251,13 +253,12 @@ impl View {
     }
 }
 
-/// Velocity beyond a face: wall · ramp + inner · u_1 + second · u_2, by component.
-struct Ghost {
-    /// Row of the cell, counted through all planes.
-    row: usize,
-    ghost: usize,
-    first: usize,
-    second: usize,
+/// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, by component.
+#[derive(Clone, Copy, PartialEq)]
+struct Beyond {
+    /// Where u_1 and u_2 are, from the ghost on.
+    first: isize,
+    second: isize,
     wall: [f32; 3],
     inner: [f32; 3],
     outer: f32,
@@ -265,60 +266,127 @@ struct Ghost {
     patch: Option<usize>,
 }
 
-/// Velocity round a periodic axis within the slab.
-struct Wrap {
-    row: usize,
-    ghost: usize,
-    source: usize,
+/// What a ghost follows from.
+#[derive(Clone, Copy, PartialEq)]
+enum Follows {
+    /// The cells before a face.
+    Face(Beyond),
+    /// The cell so far away, round a periodic axis within the slab.
+    Round(isize),
 }
 
-/// The ghosts of a slab that follow from its own cells, by rising row.
+/// Ghosts of cells of a plane that follow in the same way, at equal distances.
+struct Run {
+    ghost: usize,
+    line: Line,
+    follows: Follows,
+}
+
+/// Ghosts of a thread from which on it is worth waking.
+const GHOSTS_PER_THREAD: usize = 500;
+
+/// Where the three components of a field start.
+struct Components([*mut f32; 3]);
+
+// SAFETY: who writes through it promises that no two threads touch the same number.
+unsafe impl Sync for Components {}
+
+impl Components {
+    fn get(&self) -> [*mut f32; 3] {
+        self.0
+    }
+}
+
+/// The ghosts of a slab that follow from its own cells.
 #[derive(Default)]
 pub(crate) struct Ghosts {
-    beyond: Vec<Ghost>,
-    wraps: Vec<Wrap>,
+    runs: Vec<Run>,
+    /// Where the runs of each plane begin, and the end.
+    begins: Vec<usize>,
     /// Rows of a plane.
     rows: usize,
 }
 
 impl Ghosts {
-    /// Fills the ghosts of the cells of some rows, in the field that starts at `numbers` for each component. `ramp` gives the factor of a patch.
+    /// Of the planes of a slab: the plane and row of the cell, the ghost, and what it follows from.
+    fn new(mut all: Vec<(usize, u32, usize, Follows)>, rows: usize, planes: usize) -> Self {
+        // Those of one kind one after the other: along each axis they lie at distances of their own.
+        let apart = |follows: &Follows| match follows {
+            Follows::Face(beyond) => beyond.first,
+            Follows::Round(source) => *source,
+        };
+        all.sort_unstable_by_key(|(plane, _, ghost, follows)| (*plane, apart(follows), *ghost));
+        let mut ghosts = Self {
+            rows,
+            ..Self::default()
+        };
+        let mut plane_of_last = 0;
+        for (plane, row, ghost, follows) in all {
+            let longer = ghosts.runs.last().and_then(|run| {
+                let apart = u32::try_from(ghost.checked_sub(run.ghost)?).ok()?;
+                let alike = plane == plane_of_last && run.follows == follows;
+                run.line.with(row, apart).filter(|_| alike)
+            });
+            match (ghosts.runs.last_mut(), longer) {
+                (Some(run), Some(longer)) => run.line = longer,
+                _ => {
+                    ghosts.begins.resize(plane + 1, ghosts.runs.len());
+                    ghosts.runs.push(Run {
+                        ghost,
+                        line: Line::of(row),
+                        follows,
+                    });
+                }
+            }
+            plane_of_last = plane;
+        }
+        ghosts.begins.resize(planes + 1, ghosts.runs.len());
+        ghosts
+    }
+
+    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component. `ramp` gives the factor of a
+    /// patch.
     ///
     /// # Safety
     /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the ghosts follow from.
-    unsafe fn fill(&self, rows: Range<usize>, numbers: [*mut f32; 3], ramp: impl Fn(usize) -> f64) {
-        let first = self.wraps.partition_point(|wrap| wrap.row < rows.start);
-        for wrap in self.wraps[first..]
-            .iter()
-            .take_while(|wrap| wrap.row < rows.end)
-        {
-            for component in numbers {
-                // SAFETY: both are positions in the field.
-                unsafe {
-                    component
-                        .add(wrap.ghost)
-                        .write(component.add(wrap.source).read())
-                };
+    unsafe fn fill(
+        &self,
+        Block { planes, rows }: &Block,
+        numbers: [*mut f32; 3],
+        ramp: impl Fn(usize) -> f64,
+    ) {
+        for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
+            let some = run.line.within(rows);
+            if !some.is_empty() {
+                // SAFETY: promised by the caller; the ghosts and what they follow from are positions in the field.
+                unsafe { run.fill(some, numbers, &ramp) };
             }
         }
-        let first = self.beyond.partition_point(|ghost| ghost.row < rows.start);
-        for g in self.beyond[first..]
-            .iter()
-            .take_while(|ghost| ghost.row < rows.end)
-        {
-            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
-            let factor = g.patch.map_or(0.0, &ramp) as f32;
-            for (a, component) in numbers.into_iter().enumerate() {
-                // SAFETY: all three are positions in the field.
-                unsafe {
-                    component.add(g.ghost).write(
-                        g.wall[a] * factor
-                            + g.inner[a] * component.add(g.first).read()
-                            + g.outer * component.add(g.second).read(),
-                    );
-                }
-            }
-        }
+    }
+
+    /// Fills the ghosts of the cells of some planes, by several threads where they are many.
+    ///
+    /// # Safety
+    /// As for [`Self::fill`].
+    unsafe fn fill_planes(
+        &self,
+        planes: Range<usize>,
+        components: &Components,
+        ramp: impl Fn(usize) -> f64 + Sync,
+    ) {
+        let runs = &self.runs[self.begins[planes.start]..self.begins[planes.end]];
+        let count: u32 = runs.iter().map(|run| run.line.count).sum();
+        let threads = thread_pool::threads().min(count as usize / GHOSTS_PER_THREAD);
+        let threads = threads.max(1);
+        thread_pool::each(threads, |thread| {
+            let bound = |t: usize| self.rows * t / threads;
+            let cells = Block {
+                planes: planes.clone(),
+                rows: bound(thread)..bound(thread + 1),
+            };
+            // SAFETY: promised by the caller; each ghost belongs to one row, and all follow from cells of the slab.
+            unsafe { self.fill(&cells, components.get(), &ramp) };
+        });
     }
 
     /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
@@ -326,18 +394,55 @@ impl Ghosts {
     /// # Safety
     /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody else may work on them.
     pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
-        for plane in cells.planes.clone() {
-            let first = plane * self.rows;
-            // SAFETY: promised by the caller.
-            unsafe {
-                self.fill(
-                    first + cells.rows.start..first + cells.rows.end,
-                    written.write,
-                    &ramp,
-                );
+        // SAFETY: promised by the caller.
+        unsafe { self.fill(cells, written.write, ramp) };
+    }
+}
+
+impl Run {
+    /// # Safety
+    /// As for [`Ghosts::fill`]; `some` must be of the run.
+    #[inline]
+    unsafe fn fill(&self, some: Range<usize>, numbers: [*mut f32; 3], ramp: impl Fn(usize) -> f64) {
+        let stride = self.line.stride as usize;
+        let (begin, count) = (self.ghost + some.start * stride, some.len());
+        match self.follows {
+            Follows::Round(source) => {
+                for component in numbers {
+                    for k in 0..count {
+                        // SAFETY: both are positions in the field.
+                        unsafe {
+                            let ghost = component.add(begin + k * stride);
+                            ghost.write(ghost.offset(source).read());
+                        }
+                    }
+                }
+            }
+            Follows::Face(beyond) => {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                let factor = beyond.patch.map_or(0.0, ramp) as f32;
+                let Beyond { first, second, .. } = beyond;
+                for (a, component) in numbers.into_iter().enumerate() {
+                    let (wall, inner) = (beyond.wall[a] * factor, beyond.inner[a]);
+                    for k in 0..count {
+                        // SAFETY: all three are positions in the field.
+                        unsafe {
+                            let ghost = component.add(begin + k * stride);
+                            ghost.write(
+                                wall + inner * ghost.offset(first).read()
+                                    + beyond.outer * ghost.offset(second).read(),
+                            );
+                        }
+                    }
+                }
             }
         }
     }
+}
+
+/// Where a cell is, from another on.
+fn position_from(from: usize, to: usize) -> isize {
+    to.cast_signed() - from.cast_signed()
 }
 
 /// The velocity field of a slab, for the gradient.
@@ -384,16 +489,13 @@ impl Field {
         let strides = [unit(0), unit(1), unit(2)];
         // Staggered, so that the six arrays do not meet in the same lines of the cache.
         let array = populations.cell_positions() + 208;
-        let mut ghosts = Ghosts {
-            rows: cells[middle],
-            ..Ghosts::default()
-        };
+        let mut ghosts = Vec::new();
         let mut plane = Vec::new();
         for (local, cell) in populations.interior() {
             if local[slow] == 0 {
                 plane.push(cell - zero);
             }
-            let row = local[slow] * cells[middle] + local[middle];
+            let (in_plane, row) = (local[slow], to_u32(local[middle]));
             for axis in 0..dimension {
                 let at = local[axis] + frame.start[axis];
                 for upper in [false, true] {
@@ -407,11 +509,8 @@ impl Field {
                     if frame.periodic[axis] {
                         if axis != slow {
                             let across = 1 - cells[axis].cast_signed();
-                            ghosts.wraps.push(Wrap {
-                                row,
-                                ghost: beyond(1),
-                                source: beyond(across),
-                            });
+                            let source = position_from(beyond(1), beyond(across));
+                            ghosts.push((in_plane, row, beyond(1), Follows::Round(source)));
                         }
                         continue;
                     }
@@ -447,20 +546,21 @@ impl Field {
                             };
                         }
                     }
-                    ghosts.beyond.push(Ghost {
-                        row,
-                        ghost: beyond(1),
-                        first: cell,
-                        second: if frame.cells[axis] == 1 {
-                            cell
-                        } else {
-                            beyond(-1)
-                        },
+                    let from_ghost = |cell| position_from(beyond(1), cell);
+                    let outer_cell = if frame.cells[axis] == 1 {
+                        cell
+                    } else {
+                        beyond(-1)
+                    };
+                    let face = Follows::Face(Beyond {
+                        first: from_ghost(cell),
+                        second: from_ghost(outer_cell),
                         wall,
                         inner,
                         outer,
                         patch,
                     });
+                    ghosts.push((in_plane, row, beyond(1), face));
                 }
             }
         }
@@ -479,7 +579,7 @@ impl Field {
             array,
             strides,
             dimension,
-            ghosts: Arc::new(ghosts),
+            ghosts: Arc::new(Ghosts::new(ghosts, cells[middle], cells[slow])),
             exchange,
             plane,
             planes: [
@@ -575,9 +675,13 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces. `ramp` gives the factor of a
-    /// patch at this time.
-    pub(crate) fn complete(&mut self, ramp: impl Fn(usize) -> f64) {
+    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the cells of some planes. `ramp`
+    /// gives the factor of a patch at this time.
+    pub(crate) fn complete(
+        &mut self,
+        planes: impl Iterator<Item = Range<usize>>,
+        ramp: impl Fn(usize) -> f64 + Sync,
+    ) {
         self.exchange.finish();
         let count = self.plane.len();
         let numbers = &mut self.numbers[self.old];
@@ -591,10 +695,13 @@ impl Field {
             }
         }
         let start = numbers.start();
-        // SAFETY: the memory holds three components of this length, nobody else has it, and all ghosts lie within.
-        unsafe {
-            let components = std::array::from_fn(|a| start.add(a * self.array));
-            self.ghosts.fill(0..usize::MAX, components, ramp);
+        // SAFETY: the memory holds three components of this length.
+        let components = Components(std::array::from_fn(|a| unsafe {
+            start.add(a * self.array)
+        }));
+        for planes in planes {
+            // SAFETY: the field is borrowed alone.
+            unsafe { self.ghosts.fill_planes(planes, &components, &ramp) };
         }
     }
 
