@@ -111,6 +111,13 @@ pub struct Cut<'a, T> {
 // SAFETY: parts do not overlap, and each is handed out once.
 unsafe impl<T: Send> Sync for Cut<'_, T> {}
 
+impl<T> Cut<'_, T> {
+    /// Where an item of the slice is.
+    fn item(&self, n: usize) -> *mut T {
+        self.start.wrapping_add(n)
+    }
+}
+
 /// Cuts a slice: part p goes from `bound(p)` to `bound(p + 1)`.
 ///
 /// # Panics
@@ -205,6 +212,39 @@ pub fn each_item_in_turn<T: Send>(
     each_of(runs, evenly(items, runs), |run, share| {
         for (n, item) in (count * run / runs..).zip(share) {
             work(n, item);
+        }
+    });
+}
+
+/// As [`each_item`], for items of very uneven work: a thread that is free takes the next `some` items. `rooms` has one for each thread.
+pub fn each_item_when_free<T: Send, R: Send + Default>(
+    items: &mut [T],
+    some: usize,
+    rooms: &mut Vec<R>,
+    work: impl Fn(&mut R, &mut T) + Sync,
+) {
+    let some = some.max(1);
+    let threads = threads().min(items.len().div_ceil(some)).max(1);
+    if rooms.len() < threads {
+        rooms.resize_with(threads, R::default);
+    }
+    let next = AtomicUsize::new(0);
+    let all = Cut {
+        start: items.as_mut_ptr(),
+        bounds: [0; MOST + 1],
+        slice: PhantomData,
+    };
+    let count = items.len();
+    each_item(&mut rooms[..threads], 1, |_, room| {
+        loop {
+            let first = next.fetch_add(some, Ordering::Relaxed);
+            if first >= count {
+                break;
+            }
+            for n in first..(first + some).min(count) {
+                // SAFETY: within the slice, and nobody else has taken this number.
+                work(room, unsafe { &mut *all.item(n) });
+            }
         }
     });
 }
@@ -379,6 +419,26 @@ mod tests {
                 each_item_in_turn(&mut items[..count], 10, |n, item| *item += n);
             }
             assert_eq!([runs(19, 10), runs(20, 10), runs(1000, 10)], [1, 64, 63]);
+        });
+    }
+
+    #[test]
+    fn free_threads_take_what_is_left() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+        pool.unwrap().install(|| {
+            let mut rooms: Vec<Vec<usize>> = Vec::new();
+            for (count, some) in [(0, 1), (1, 4), (7, 2), (1000, 8)] {
+                let mut items: Vec<usize> = (0..count).collect();
+                rooms.iter_mut().for_each(Vec::clear);
+                each_item_when_free(&mut items, some, &mut rooms, |room, item| {
+                    room.push(*item);
+                    *item += 1;
+                });
+                assert!(items.iter().enumerate().all(|(n, item)| n + 1 == *item));
+                let mut done: Vec<usize> = rooms.concat();
+                done.sort_unstable();
+                assert!(done.into_iter().eq(0..count));
+            }
         });
     }
 

@@ -121,12 +121,11 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
         self.told.clear();
         self.told.extend_from_slice(self.map.motion());
-        let links = self.map.links().iter().map(Vec::as_slice);
-        let bodies = links.zip(self.map.motion());
+        let (links, motion) = (self.map.links(), self.map.motion());
         if Sp::DIMENSION == 2 {
-            self.fluid.know_links::<2>(bodies);
+            self.fluid.know_links::<2>(links, motion);
         } else {
-            self.fluid.know_links::<3>(bodies);
+            self.fluid.know_links::<3>(links, motion);
         }
         if let Some(structures) = &self.structures {
             structures.tell_gradients(&mut self.fluid);

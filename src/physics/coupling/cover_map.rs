@@ -21,7 +21,6 @@ use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
 use crate::number::{floor_i32, real, to_i32, to_u32};
 use crate::thread_pool;
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -60,8 +59,8 @@ impl Mapped {
         }
     }
 
-    /// The planes of the slab that it may cover, cut for some threads. Of a ball all cells share tables, so that it stays whole.
-    fn cut(&self, rows: &Rows, frame: [i32; 3], threads: usize) -> Vec<Range<i32>> {
+    /// The planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share tables, so that it stays whole.
+    fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
         /// Fewer planes are not worth a piece.
         const FEWEST: i32 = 2;
         let slow = rows.order[0];
@@ -74,7 +73,7 @@ impl Mapped {
             floor_i32(pose.centre[slow] + pose.radius) + frame[slow] + 1,
         );
         let (low, high) = (low.max(all.start), high.min(all.end));
-        let count = to_i32(threads).min((high - low) / FEWEST).max(1);
+        let count = to_i32(most).min((high - low) / FEWEST).max(1);
         let cut = |k: i32| low + (high - low) * k / count;
         (0..count).map(|k| cut(k)..cut(k + 1)).collect()
     }
@@ -108,7 +107,7 @@ pub struct CoverMap {
     behind: bool,
     /// Room that is used again.
     pieces: Vec<Piece>,
-    scratch: Scratch,
+    scratch: Vec<Scratch>,
 }
 
 /// Up to this many bodies are shared out to threads by their planes, more of them whole.
@@ -151,7 +150,7 @@ impl CoverMap {
             closed: Vec::new(),
             behind: false,
             pieces: Vec::new(),
-            scratch: Scratch::default(),
+            scratch: Vec::new(),
         }
     }
 
@@ -173,9 +172,11 @@ impl CoverMap {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
     }
 
-    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out.
-    pub fn surface_cells(&self) -> impl Iterator<Item = usize> {
-        let cells = self.bodies.iter().flat_map(|body| body.cells.cells());
+    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share of a thread in those of
+    /// each body.
+    pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
+        let share = move |body| Runs::share(body, thread, threads);
+        let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
         cells
             .filter(|(_, part)| *part != 0.0 && part.abs() < DEEP)
             .map(|(position, _)| position)
@@ -278,30 +279,28 @@ impl CoverMap {
             look(scratch, body, all.clone(), &mut next);
             body.next = next;
         };
-        let threads = rayon::current_num_threads();
+        let threads = thread_pool::threads();
+        let mut scratch = std::mem::take(&mut self.scratch);
         if threads == 1 {
-            let mut scratch = std::mem::take(&mut self.scratch);
+            scratch.resize_with(1, Scratch::default);
             let mut part = cover.whole();
             for body in &mut self.bodies {
-                look_at_all(&mut scratch, body);
+                look_at_all(&mut scratch[0], body);
                 // At once: what was found is in the cache.
                 if body.moved {
                     body.next.tell(&mut part, body.slot, &body.cells);
                 }
             }
-            self.scratch = scratch;
         } else {
             if self.bodies.len() > FEW {
-                self.bodies
-                    .par_iter_mut()
-                    .with_min_len(8)
-                    .for_each_init(Scratch::default, look_at_all);
+                let bodies = &mut self.bodies;
+                thread_pool::each_item_when_free(bodies, 8, &mut scratch, look_at_all);
             } else {
                 // Each a few planes of a body.
                 let mut pieces = std::mem::take(&mut self.pieces);
                 let mut count = 0;
                 for (k, body) in self.bodies.iter().enumerate().filter(|(_, b)| b.moved) {
-                    for planes in body.cut(&rows, grid.frame(dimension, body.name.1), threads) {
+                    for planes in body.cut(&rows, grid.frame(dimension, body.name.1), 2 * threads) {
                         if count == pieces.len() {
                             pieces.push(Piece::default());
                         }
@@ -310,12 +309,16 @@ impl CoverMap {
                     }
                 }
                 let bodies = &self.bodies;
-                pieces[..count]
-                    .par_iter_mut()
-                    .for_each_init(Scratch::default, |scratch, piece| {
+                let pieces_of_bodies = &mut pieces[..count];
+                thread_pool::each_item_when_free(
+                    pieces_of_bodies,
+                    1,
+                    &mut scratch,
+                    |scratch, piece| {
                         let (body, planes) = (&bodies[piece.body], piece.planes.clone());
                         look(scratch, body, planes, &mut piece.found);
-                    });
+                    },
+                );
                 for body in self.bodies.iter_mut().filter(|body| body.moved) {
                     body.next.clear();
                 }
@@ -331,6 +334,7 @@ impl CoverMap {
                 }
             });
         }
+        self.scratch = scratch;
         for body in self.bodies.iter_mut().filter(|body| body.moved) {
             std::mem::swap(&mut body.cells, &mut body.next);
             body.moved = false;

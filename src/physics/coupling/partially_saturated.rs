@@ -237,11 +237,12 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         self.fluid.give_cover().map_err(Error::Internal)?;
         let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
         if changed && self.fluid.velocities().is_some() {
-            let surfaces = self.map.surface_cells();
+            let map = &self.map;
+            let surfaces = |thread, threads| map.surface_cells(thread, threads);
             if Sp::DIMENSION == 2 {
-                self.fluid.know_covered::<2>(surfaces);
+                self.fluid.know_covered::<2, _>(surfaces);
             } else {
-                self.fluid.know_covered::<3>(surfaces);
+                self.fluid.know_covered::<3, _>(surfaces);
             }
             if let Some(structures) = &self.structures {
                 structures.tell_gradients(&mut self.fluid);

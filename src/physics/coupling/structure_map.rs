@@ -148,11 +148,10 @@ impl StructureMap {
 
     /// Names the surfaces to the gradients of the eddy viscosity, beside what they know.
     pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
-        let links = self.links.iter().flatten();
         if self.dimension == 2 {
-            fluid.know_fixed_links::<2>(links);
+            fluid.know_fixed_links::<2>(&self.links);
         } else {
-            fluid.know_fixed_links::<3>(links);
+            fluid.know_fixed_links::<3>(&self.links);
         }
     }
 

@@ -361,8 +361,9 @@ impl<S: Stored> Fluid<S> {
             unfollowed(planes, if early { threads } else { 0 }),
         );
         if let Some(cover) = &self.cover {
+            let fraction = |cell: usize| cover.fraction(cell);
             self.boundaries
-                .close_covered(cover.fractions(), &mut self.populations);
+                .close_covered(fraction, &mut self.populations);
         }
         if !self.closed.is_empty() {
             let fraction = |cell: usize| f64::from(u8::from(self.closed[cell]));

@@ -57,10 +57,6 @@ impl Runs {
         })
     }
 
-    fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
-        self.some(0..self.runs.len())
-    }
-
     /// Where the fractions of a run begin.
     fn end_before(&self, run: usize) -> usize {
         let before = run.checked_sub(1);
@@ -76,9 +72,14 @@ impl Runs {
         before(positions.start)..before(positions.end)
     }
 
-    /// Positions of its cells and how much of each it fills.
-    pub(super) fn cells(&self) -> impl Iterator<Item = (usize, f32)> {
-        self.pieces().flat_map(|(run, parts)| {
+    /// Positions of its cells in the share of a thread in the rows, and how much of each it fills.
+    pub(super) fn share(
+        &self,
+        thread: usize,
+        threads: usize,
+    ) -> impl Iterator<Item = (usize, f32)> {
+        let [from, to] = [thread, thread + 1].map(|t| self.runs.len() * t / threads);
+        self.some(from..to).flat_map(|(run, parts)| {
             let row = run.row as usize;
             let cells = (run.first..).zip(parts);
             cells.map(move |(k, part)| (row.wrapping_add_signed(k as isize), *part))

@@ -44,6 +44,10 @@ pub struct Cover {
     motions: u64,
 }
 
+// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the cover alone, and what
+// changes besides is atomic or behind its lock.
+unsafe impl Sync for Cover {}
+
 impl Cover {
     /// No body over the cells of `populations`, for passes by this many `workers`.
     #[must_use]
@@ -218,12 +222,6 @@ impl Cover {
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(self.fraction[position].min(1.0))
-    }
-
-    /// The fractions of all cells, for several threads.
-    pub(crate) fn fractions(&self) -> impl Fn(usize) -> f64 + Sync {
-        let fraction = &self.fraction[..];
-        move |position| f64::from(fraction[position].min(1.0))
     }
 
     /// The fraction as it is held: [`DEEP`] deep inside a body, negative in a ghost cell.

@@ -440,6 +440,19 @@ impl Run {
     }
 }
 
+/// The surface of a body beside a cell of the slab.
+#[derive(Clone, Copy, Debug)]
+pub struct Wall {
+    /// Position of the cell.
+    pub cell: usize,
+    /// The axis along which the surface is, and whether at the upper side.
+    pub side: (usize, bool),
+    /// From the cell \[cells\].
+    pub distance: f64,
+    /// How the surface moves \[cells per step\].
+    pub velocity: [f64; 3],
+}
+
 /// Where a cell is, from another on.
 fn position_from(from: usize, to: usize) -> isize {
     to.cast_signed() - from.cast_signed()
@@ -464,6 +477,8 @@ pub struct Field {
     /// One more than the place in `beside` of each cell, 0 for most; empty before there is a body.
     places: Vec<u32>,
     beside: Vec<Beside>,
+    /// What each thread found of it: room that is used again.
+    found: Vec<Vec<Wall>>,
 }
 
 impl Field {
@@ -590,6 +605,7 @@ impl Field {
             ],
             places: Vec::new(),
             beside: Vec::new(),
+            found: Vec::new(),
         })
     }
 
@@ -601,15 +617,29 @@ impl Field {
         self.beside.clear();
     }
 
-    /// The surface of a body beside a cell of the slab: along an axis, at the upper side or the lower, at this distance \[cells\] and with this
-    /// velocity \[cells per step\].
-    pub fn wall(
-        &mut self,
-        cell: usize,
-        (axis, upper): (usize, bool),
-        distance: f64,
-        velocity: [f64; 3],
-    ) {
+    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and room for what it finds.
+    pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<Wall>) + Sync) {
+        let mut found = std::mem::take(&mut self.found);
+        let threads = thread_pool::threads();
+        found.resize_with(threads, Vec::new);
+        thread_pool::each_item(&mut found, 1, |thread, found| {
+            found.clear();
+            find(thread, threads, found);
+        });
+        for wall in found.iter().flatten() {
+            self.wall(wall);
+        }
+        self.found = found;
+    }
+
+    /// One surface of a body beside a cell.
+    fn wall(&mut self, wall: &Wall) {
+        let Wall {
+            cell,
+            side: (axis, upper),
+            distance,
+            velocity,
+        } = *wall;
         if self.places.is_empty() {
             // Rows have room for whole vectors.
             self.places = vec![0; self.array];
@@ -750,6 +780,7 @@ impl Field {
         2 * 3 * self.array * size_of::<f32>()
             + self.places.len() * size_of::<u32>()
             + self.beside.capacity() * size_of::<Beside>()
+            + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<Wall>()
     }
 }
 

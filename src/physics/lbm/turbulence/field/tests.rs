@@ -57,7 +57,11 @@ fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
     for (position, part) in &covered {
         cover.cover(*position, 0, *part);
     }
-    fluid.know_covered::<3>(covered.into_iter().map(|(position, _)| position));
+    let share = |thread: usize, threads: usize| {
+        let all = covered.iter().skip(thread).step_by(threads);
+        all.map(|(position, _)| *position)
+    };
+    fluid.know_covered::<3, _>(share);
 }
 
 /// Sets the velocity of all cells as a function of their centres, `below` for those under a height.
